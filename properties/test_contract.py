@@ -27,7 +27,7 @@ from sepv.schemes import Scheme, ask
 from sepv.schemes._guard import SchemeCrash, check_answer, raw_answer, require_unchanged
 from sepv.schemes._scheme import takes
 from sepv.verification import Case, Effort, Finding, Law, Measurement, Run, Verdict, require, searched
-from sepv.verification._cases.case import to_json, to_token
+from sepv.verification._cases.case import taken_by, to_json, to_token
 from sepv.verification._cases.users_problems import may_ask
 from sepv.verification._cases.without_solution import MADE, made, proof
 from sepv.verification._search import Check
@@ -67,7 +67,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     first = _keeps(scheme, problem, y, h, dW, (0.75, 0.5))
     keeps_states(scheme, problem, y, h / 8, dW / 8, APART)
     # Only a third of the cases, for time.
-    if np.any(problem.c * dW) and case.given == "bare functions":
+    if (np.any(problem.c * dW) or not problem.noises) and case.given == "bare functions":
         _forgets_problems(scheme, problem, y, h, dW, first)
     if scheme.batched:
         # Nearer to 0 and with less noise than the state itself, so that these steps have solutions too.
@@ -336,7 +336,8 @@ def _simplest(scheme: Scheme, cases: Sequence[Case]) -> Case:
 
 def _moves(scheme: Scheme, case: Case) -> bool:
     problem, y, h, dW = case.build()
-    return bool(np.any(problem.c * dW)) and not np.array_equal(ask(scheme, problem, y, h, dW), y)
+    noisy = bool(np.any(problem.c * dW)) or not problem.noises
+    return noisy and not np.array_equal(ask(scheme, problem, y, h, dW), y)
 
 
 def _step_seconds(scheme: Scheme, case: Case) -> float | None:
@@ -406,8 +407,8 @@ def _refused(scheme: Scheme, seed: int) -> list[Case]:
     """Steps without a solution of (2.1), where the scheme is for all systems of a class that has them."""
     if scheme.systems not in MADE or scheme.problems:
         return []
-    cases = [made(Random(f"{seed} {n}"), scheme.systems) for n in range(REFUSED)]
-    return [case for case in cases if takes(scheme, *case.build())]
+    cases = (made(Random(f"{seed} {n}"), scheme.systems) for n in range(REFUSED))
+    return [case for case in taken_by(scheme, cases) if takes(scheme, *case.build())]
 
 
 def _violated(law: Law, finding: Finding, case: Case, fault: SchemeFault) -> Finding:

@@ -11,6 +11,7 @@ from typing import Any
 from sepv.schemes import Scheme
 from sepv.schemes._order_claims import order_of
 from sepv.verification import Effort, Finding, Law, Run, require
+from sepv.verification._law import about_noise
 from sepv.verification._orders.local_example import weak_example
 from sepv.verification._orders.local_orders import judge, mean_slope
 
@@ -40,7 +41,7 @@ law = Law(
     source="§5",
     unit="slope",
     cost=0.1,
-    run=run,
+    run=about_noise(run),
     replay=replay,
 )
 

@@ -36,6 +36,7 @@ from sepv.verification import (
     state_ulp,
     step_residual,
 )
+from sepv.verification._cases.case import taken_by
 from sepv.verification._cases.without_solution import MADE, NoSolution, made, proof
 
 # Steps of a run before its random search, and those that a scheme is asked about which claims another equation. Few: an
@@ -142,8 +143,8 @@ def _returned(scheme: Scheme, seed: int) -> str:
     seen: Counter[str] = Counter()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the scheme's own warnings are not findings
-        for n in range(SHOWN):
-            problem, y, h, dW = made(Random(f"{seed} {n}"), scheme.systems).build()
+        steps = (made(Random(f"{seed} {n}"), scheme.systems) for n in range(SHOWN))
+        for problem, y, h, dW in (case.build() for case in taken_by(scheme, steps)):
             try:
                 seen[_named(problem, y, h, dW, ask(scheme, problem, y, h, dW))] += 1
             except StepFailure:

@@ -37,7 +37,7 @@ from sepv.solve import Status
 from sepv.verification import Effort, Finding, Law, Run, Verdict, energy_ulp, require
 from sepv.verification._cases.from_problem import describe
 from sepv.verification._cases.of_law import NOT_KEPT
-from sepv.verification._cases.users_problems import problems_of
+from sepv.verification._cases.users_problems import as_taken, problems_of
 from sepv.verification._failed_step import failed_step
 from sepv.verification._law import sparing
 from sepv.verification._quantiles import fishers_f, students_t
@@ -168,7 +168,8 @@ def runs_for(scheme: Scheme) -> list[tuple[Problem, float, int]]:
         raise Skipped(NOT_KEPT)
     if own is None:
         runs: dict[str, Any] = {Systems.NAMBU: NAMBU_RUNS, Systems.SEVERAL: SEVERAL_RUNS}
-        return [(problems.by_name(name), h, steps) for name, h, steps in runs.get(scheme.systems, RUNS)]
+        names, *lengths = zip(*runs.get(scheme.systems, RUNS), strict=True)
+        return list(zip(as_taken(scheme, map(problems.by_name, names)), *lengths, strict=True))
     share = max(1, -(-len(own) // 2))
     # Numbers of steps are the first checkpoint, doubled.
     long, short = (FIRST * 2 ** max(1, int(np.log2(steps / FIRST / share))) for steps in (256, 128))
@@ -208,7 +209,7 @@ def energy_walk(
     dW = bounded.seen(raw, h, scheme.truncation, scheme.increments, units_for(scheme, problem).time)
     y0 = np.array(problem.initial, dtype=np.float64)
     y = np.repeat(y0[:, None], paths, axis=1)
-    if scheme.problems and float(problem.c.sum()) < ALIKE * np.sqrt(h * steps):
+    if (scheme.problems or not problem.noises) and float(problem.c.sum()) < ALIKE * np.sqrt(h * steps):
         y = _spread(problem, y, units_of(problem).time)
     H0, unit = [exact.hamiltonian(exact.state(start)) for start in y.T], float(energy_ulp(problem, y0, y0))
     rows: list[np.ndarray] = []

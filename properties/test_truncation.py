@@ -27,6 +27,7 @@ from sepv.schemes._point_distributions import point_law
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.verification import Effort, Finding, Law, Run, Verdict, require
+from sepv.verification._law import about_noise
 from sepv.verification._orders.local_errors import problems_for
 from sepv.verification._orders.local_orders import CLEAR, FLOOR
 from sepv.verification._units import units_for
@@ -150,7 +151,7 @@ law = Law(
     unit="share",
     cost=0.1,
     steps=792,
-    run=run,
+    run=about_noise(run),
     replay=replay,
 )
 

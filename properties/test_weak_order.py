@@ -31,6 +31,7 @@ from sepv.schemes import Scheme
 from sepv.schemes._order_claims import order_of
 from sepv.schemes._point_distributions import point_law
 from sepv.verification import Effort, Finding, Law, Run, Verdict, require
+from sepv.verification._law import about_noise
 from sepv.verification._orders import local_orders
 from sepv.verification._orders.convergence import StrongErrors, above_floor, mean_square_order
 from sepv.verification._orders.means import Coefficient, decay, leading, moment_errors
@@ -116,7 +117,7 @@ law = Law(
     source="§5",
     unit="slope",
     cost=0.1,
-    run=run,
+    run=about_noise(run),
     replay=replay,
 )
 

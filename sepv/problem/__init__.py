@@ -3,7 +3,8 @@
 Read `_problem` first (the records and the classes of systems), then `_derived` (gradient, Hessian, B′ and averages,
 from the record of B and H), `_checks` (consistency of the parts), `_averaged_gradient` and `_fields` (formulas of B
 and H for batches). Wider classes than (1.1) are `_structures` (a structure for each noise) and `_hamiltonians` (a
-Hamiltonian for each noise), a narrower one `_nambu`. `_poisson` has Jacobi's identity, `_json` what is written.
+Hamiltonian for each noise), narrower ones `_nambu` and `_mechanics`. `_poisson` has Jacobi's identity, `_json` what is
+written.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ from sepv.problem._hamiltonians import hamiltonian_field as hamiltonian_field
 from sepv.problem._hamiltonians import ito_drift as ito_drift
 from sepv.problem._json import from_json as from_json
 from sepv.problem._json import to_json as to_json
+from sepv.problem._mechanics import Mechanics as Mechanics
+from sepv.problem._mechanics import mechanics as mechanics
 from sepv.problem._nambu import Nambu as Nambu
 from sepv.problem._poisson import is_poisson as is_poisson
 from sepv.problem._poisson import jacobi_defect as jacobi_defect

@@ -49,6 +49,8 @@ class Systems(StrEnum):
 
     canonical-separable
         (1.1) with H = T(p) + V(q), y = (p, q) and B = J⁻¹.
+    mechanical
+        (1.1) with H = ½ pᵀM⁻¹p + V(q), y = (q, p), positions first, and B = J: `sepv.problem.mechanics`.
     lie-poisson
         (1.1) with B linear in y.
     rigid-bodies
@@ -66,6 +68,7 @@ class Systems(StrEnum):
     SEVERAL = "several"
     HAMILTONIANS = "hamiltonians"
     CANONICAL_SEPARABLE = "canonical-separable"
+    MECHANICAL = "mechanical"
     LIE_POISSON = "lie-poisson"
     RIGID_BODIES = "rigid-bodies"
     SO3_HAMILTONIANS = "so3-hamiltonians"

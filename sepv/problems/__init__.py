@@ -16,6 +16,10 @@ from sepv.problems._lotka_volterra import lotka_volterra as lotka_volterra
 from sepv.problems._lotka_volterra import random_lotka_volterra as random_lotka_volterra
 from sepv.problems._maxwell_bloch import maxwell_bloch as maxwell_bloch
 from sepv.problems._maxwell_bloch import random_maxwell_bloch as random_maxwell_bloch
+from sepv.problems._mechanical import harmonic_trap as harmonic_trap
+from sepv.problems._mechanical import henon_heiles as henon_heiles
+from sepv.problems._mechanical import lennard_jones as lennard_jones
+from sepv.problems._mechanical import pendulum_chain as pendulum_chain
 from sepv.problems._nambu_system import nambu_system as nambu_system
 from sepv.problems._noisy_oscillators import noisy_henon_heiles as noisy_henon_heiles
 from sepv.problems._noisy_oscillators import pushed_henon_heiles as pushed_henon_heiles
@@ -45,8 +49,12 @@ def _listed(*factories: Callable[..., Problem]) -> dict[str, Callable[..., Probl
 PAPER = _listed(harmonic_oscillator, rigid_body, pendulum, lotka_volterra)
 # Problems beyond the paper; two of them serve the hard cases.
 EXTENSIONS = _listed(
+    harmonic_trap,
+    henon_heiles,
     kepler,
+    lennard_jones,
     maxwell_bloch,
+    pendulum_chain,
     toda,
 )
 # Problems with several structures or Hamiltonians.

@@ -33,10 +33,10 @@ def structure(y: Array) -> Array:
     return skew(y, ((i, n + i, -1.0) for i in range(n)))
 
 
-def canonical(dimension: int) -> Structure:
-    """The canonical structure as data."""
+def canonical(dimension: int, sign: float = -1.0) -> Structure:
+    """The canonical structure as data, for y = (p, q), or with the sign 1 for y = (q, p)."""
     n = dimension // 2
-    return tuple((k, n + k, poly.constant(dimension, -1.0)) for k in range(n))
+    return tuple((k, n + k, poly.constant(dimension, sign)) for k in range(n))
 
 
 def planes(dimension: int) -> Structure:

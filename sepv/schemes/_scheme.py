@@ -24,6 +24,10 @@ ASKS = ("", "areas", "halves", "space-time")
 REFUSALS = (ArithmeticError, np.linalg.LinAlgError)
 # Laws about paths, which do not apply to increments that only match some moments.
 PATHWISE = frozenset(("mean-square-order", "right-limit", "local-mean", "local-mean-square", "commutation"))
+# Classes in which each noise has a field of its own.
+OF_SEVERAL = frozenset((
+    Systems.SEVERAL, Systems.HAMILTONIANS, Systems.SO3_HAMILTONIANS, Systems.SEPARABLE_HAMILTONIANS, Systems.ADDITIVE,
+))  # fmt: skip
 # The contract (problem, y, h, dW) -> y_next, with a fifth argument for a scheme that asks for more.
 Step = Callable[..., Array]
 Solve = Callable[[Problem, Array, float, Array], Solution]
@@ -57,6 +61,11 @@ class Scheme:
         Claimed orders, in general or for each kind of noise: with the first, the laws "local-mean",
         "local-mean-square", "mean-square-order" and "right-limit" are claimed, with the second "local-weak" and
         "weak-order".
+    order : float, optional
+        Claimed order without noise, y1 − φ_h(y0) = O(h^(p+1)) for c = ().
+    noise : bool, optional
+        False for a scheme without noise, c = (): laws ask it for steps of length h = Δ with ``dW`` of shape (0,), and
+        laws about noise do not apply. Left out, it is False where `order` is claimed and no other order is.
     solve : callable (problem, y, h, dW) -> Solution, optional
         For implicit schemes: the same step for a batch, with residual, counts and status of each lane.
     solver_tolerance : float
@@ -108,6 +117,8 @@ class Scheme:
     source: str = ""
     mean_square_order: float | None = None
     weak_order: float | None = None
+    order: float | None = None
+    noise: bool | None = None
     solve: Solve | None = None
     solver_tolerance: float = 0.0
     truncation: int | None = 2
@@ -129,7 +140,7 @@ class Scheme:
             )
         orders = [
             order is None or (is_number(order) and order > 0)
-            for order in (self.mean_square_order, self.weak_order)
+            for order in (self.mean_square_order, self.weak_order, self.order)
         ]
         tolerance, k = self.solver_tolerance, self.truncation
         for right, expected, value in (
@@ -137,6 +148,8 @@ class Scheme:
             (isinstance(self.source, str), "source, a text", self.source),
             (orders[0], "mean_square_order, a number > 0", self.mean_square_order),
             (orders[1], "weak_order, a number > 0", self.weak_order),
+            (orders[2], "order, a number > 0", self.order),
+            (self.noise in (None, True, False), "noise, True or False", self.noise),
             (
                 is_number(tolerance) and 0 <= tolerance < 1,
                 "solver_tolerance, relative: from 0 to below 1",
@@ -172,6 +185,15 @@ class Scheme:
             claims |= {"weak-order", "local-weak"}
         require_one_of("systems", self.systems, tuple(Systems), "leave it out for a scheme for (1.1)")
         object.__setattr__(self, "systems", Systems(self.systems))
+        stochastic = [n for n in ("mean_square_order", "weak_order") if getattr(self, n) is not None]
+        if self.noise is False and (stochastic or self.systems in OF_SEVERAL):
+            raise UsageError(
+                expected="a scheme without noise (noise=False) to be for (1.1) and to claim `order` alone",
+                received=f"{stochastic[0]} = {getattr(self, stochastic[0])!r}"
+                if stochastic
+                else f"systems = {self.systems}",
+                remedy="leave noise out, or the other",
+            )
         if self.asks not in ASKS:
             raise UsageError(
                 expected='asks, "areas", "halves" or "space-time"',
@@ -191,6 +213,14 @@ class Scheme:
                 received=f"{type(self.step).__name__}: {self.step!r:.80}",
                 remedy="hand over the function itself",
             )
+
+    @property
+    def deterministic(self) -> bool:
+        """True if the scheme is for systems without noise, c = (), alone."""
+        if self.noise is not None:
+            return not self.noise
+        others = self.mean_square_order, self.weak_order
+        return self.order is not None and others == (None, None) and self.systems not in OF_SEVERAL
 
 
 def _is_positive(value: Any) -> bool:

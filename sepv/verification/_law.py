@@ -242,6 +242,18 @@ class Law:
 
 
 Measure = Callable[[Law, Scheme, Run], Finding]
+NO_NOISE = "the scheme is for systems without noise, c = ()"
+
+
+def about_noise(run: Measure) -> Measure:
+    """Make `run` of a law about noise inapplicable to schemes without it."""
+
+    def asked(law: Law, scheme: Scheme, own: Run) -> Finding:
+        if scheme.deterministic:
+            return law.finding(Verdict.NOT_APPLICABLE, message=NO_NOISE)
+        return run(law, scheme, own)
+
+    return asked
 
 
 def pathwise(run: Measure) -> Measure:
@@ -254,7 +266,7 @@ def pathwise(run: Measure) -> Measure:
         text = f"{points.name} increments are no path of a Wiener process: see the laws about weak orders"
         return law.finding(Verdict.NOT_APPLICABLE, message=text)
 
-    return asked
+    return about_noise(asked)
 
 
 _collected: ContextVar[tuple[list[Finding], Measure | None] | None] = ContextVar("collected", default=None)

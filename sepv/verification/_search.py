@@ -153,13 +153,16 @@ def searched(
     """
 
     def run(law: Law, scheme: Scheme, own: Run) -> Finding:
-        listed, known = sources(scheme), corpus.cases(name, scheme.systems)
-        asked = not_applicable(scheme) or (
-            cases.of_problems(listed) if listed else cases.of_class(scheme.systems)
-        )
+        listed = sources(scheme)
+        own_cases = cases.without_noise() if scheme.deterministic else cases
+        if why := not_applicable(scheme) or (own_cases if isinstance(own_cases, str) else ""):
+            return law.finding(Verdict.NOT_APPLICABLE, message=why)
+        assert isinstance(own_cases, Cases)
+        asked = own_cases.of_problems(listed) if listed else own_cases.of_class(scheme.systems)
         if isinstance(asked, str):
             return law.finding(Verdict.NOT_APPLICABLE, message=asked)
-        return _search(law, scheme, own.effort, _Asked(asked, check, faults_violate, () if listed else known))
+        known = () if listed else tuple(own_cases.all_adapted(corpus.cases(name, scheme.systems)))
+        return _search(law, scheme, own.effort, _Asked(asked, check, faults_violate, known))
 
     def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
         log, case = _Log(), cases_of.from_json(witness, objects_of(scheme))

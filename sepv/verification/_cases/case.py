@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import zlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -74,15 +74,41 @@ class Case:
 
 def with_noise(case: Case, c: tuple[float, ...], dW: tuple[float, ...]) -> Case:
     """A copy of the case with other noises."""
-    data = case.problem
+    return replace(case, problem=_with_coefficients(case.problem, c), dW=dW)
+
+
+def _with_coefficients(data: Description, c: tuple[float, ...]) -> Description:
     if isinstance(data, PolynomialSystem):
-        changed: Description = replace(data, noise=c)
-    elif isinstance(data, NamedProblem):
-        parameters = tuple((k, c if k == "noise" else v) for k, v in data.parameters)
-        changed = NamedProblem(data.name, parameters)
-    else:
-        changed = _other_noise(data, c)
-    return replace(case, problem=changed, dW=dW)
+        return replace(data, noise=c)
+    if isinstance(data, NamedProblem):
+        return NamedProblem(data.name, tuple((k, c if k == "noise" else v) for k, v in data.parameters))
+    return _other_noise(data, c)
+
+
+def quiet(case: Case) -> Case | None:
+    """The same step without noise, c = () and h = Δ; None where each noise has a field of its own."""
+    if not case.dW:
+        return case
+    problem, _, h, dW = case.build()
+    if is_several(problem):
+        return None
+    return replace(with_noise(case, (), ()), h=float(problem.random_step(h, dW)))
+
+
+def taken_by(scheme: Scheme, cases: Iterable[Case]) -> Iterator[Case]:
+    """The cases as the scheme takes them: for one without noise, those that have such a form, in this form."""
+    for case in cases:
+        taken = quiet(case) if scheme.deterministic else case
+        if taken is not None:
+            yield taken
+
+
+@lru_cache(maxsize=256)
+def quiet_problem(problem: Problem) -> Problem:
+    """The problem with c = (): the same object for the same problem."""
+    data = None if problem.data is None else _with_coefficients(problem.data, ())
+    assert not isinstance(data, GivenProblem)
+    return replace(problem, noise=(), data=data, check=False) if problem.noises else problem
 
 
 @lru_cache(maxsize=256)
@@ -216,7 +242,7 @@ def _describe_problem(data: Description) -> list[str]:
     if isinstance(data, GivenProblem):
         return [f"problem {data.target or data.problem.name}"]
     if isinstance(data, NamedProblem):
-        given = ", ".join(f"{k} = {_row(v) if len(v) > 1 else repr(v[0])}" for k, v in data.parameters)
+        given = ", ".join(f"{k} = {repr(v[0]) if len(v) == 1 else _row(v)}" for k, v in data.parameters)
         return [f"problem {data.name}: {given}"]
     lines = [f"H(y) = {data.hamiltonian}"]
     lines += [f"B{i + 1}{j + 1}(y) = {entry}" for i, j, entry in data.structure if entry.terms]

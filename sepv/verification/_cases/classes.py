@@ -85,6 +85,10 @@ CLASSES: dict[Systems, SystemsClass] = {
         _space(maker(families.canonical_separable, (2, 4, 6)), d=("2", "4–6"), **_SMALL),
         problems=("harmonic-oscillator", "pendulum"),
     ),
+    Systems.MECHANICAL: SystemsClass(
+        _space(maker(families.mechanical, (2, 4, 6)), strata.MASS, strata.POTENTIAL, d=("2", "4–6"), **_SMALL),
+        problems=("henon-heiles", "pendulum-chain"),
+    ),
     Systems.LIE_POISSON: SystemsClass(
         _space(maker(families.lie_poisson, (3, 6)), strata.ALGEBRA, d=("3", "4–6"), **_SMALL),
         problems=("rigid-body",),

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from itertools import combinations
+
+import numpy as np
+
 from sepv.problem import PolynomialSystem
 from sepv.problem._problem import Matrix, Structure
 from sepv.problems._common import HAT, canonical
@@ -21,6 +25,30 @@ def canonical_separable(parts: Parts) -> PolynomialSystem:
     potential = _of(range(n, 2 * n), parts, parts.degree)
     H = poly.add(kinetic, potential)
     return PolynomialSystem(parts.d, H, canonical(parts.d), parts.noise())
+
+
+def mechanical(parts: Parts) -> PolynomialSystem:
+    """H = ½ pᵀM⁻¹p + V(q) with y = (q, p) and B = J: q̇ = M⁻¹p, ṗ = −∇V.
+
+    M = LDLᵀ with powers of two in D and whole numbers in L, so that both M and M⁻¹ are exact. A potential that is
+    bounded below has even powers of the positions alone, with positive coefficients.
+    """
+    n, random, scale = parts.d // 2, parts.random, parts.unit**-2
+    weights = [scale * random.choice([1.0, 0.5, 2.0, 0.25, 4.0]) for _ in range(n)]
+    rows = np.eye(n)
+    if parts.levels["mass"].name == "full":
+        for i, j in combinations(range(n), 2):
+            rows[i, j] = random.choice([1.0, -1.0, 2.0] if j == i + 1 else [0.0, 1.0, -1.0])
+    forms = [poly.linear([0.0] * n + row) for row in rows.tolist()]
+    kinetic = [poly.scale(w / 2, poly.multiply(v, v)) for w, v in zip(weights, forms, strict=True)]
+    if parts.levels["V"].name == "any":
+        potential = _of(range(n), parts, parts.degree)
+    else:
+        half = -(-parts.degree // 2)
+        found = some.hamiltonian(n, half, min(parts.terms, monomials(n, half)), 1.0, random)
+        even = {tuple(2 * k for k in e): abs(c) * scale ** sum(e) for e, c in found.terms}
+        potential = some.embedded(poly.polynomial(n, even), parts.d, range(n))
+    return PolynomialSystem(parts.d, poly.add(*kinetic, potential), canonical(parts.d, 1.0), parts.noise())
 
 
 def _of(places: range, parts: Parts, degree: int, least: int = 1) -> Polynomial:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cache
+from dataclasses import dataclass, field, replace
+from functools import cache, partial
 from random import Random
 
 from hypothesis import strategies as st
@@ -12,11 +12,13 @@ from hypothesis import strategies as st
 from sepv import problems as named
 from sepv.errors import require_one_of
 from sepv.problem import Description, GivenProblem, HamiltoniansProblem, Problem, StructuresProblem, Systems
-from sepv.verification._cases.case import Case
+from sepv.verification._cases import strata
+from sepv.verification._cases.case import Case, quiet
 from sepv.verification._cases.classes import CLASSES
 from sepv.verification._cases.from_problem import near, of_case, start_of
 from sepv.verification._cases.strata import Space, Strata
 from sepv.verification._cases.users_problems import Item
+from sepv.verification._law import NO_NOISE
 
 # The adaptation of a case to a law: a case to which it applies, or None.
 Adapt = Callable[[Case], Case | None]
@@ -91,9 +93,9 @@ class Cases:
         additive = {Systems.ADDITIVE: self.not_of.get(Systems.HAMILTONIANS, "")}
         object.__setattr__(self, "not_of", {**additive, **self.not_of} if self.not_of else {})
         known = {axis.name: axis for own in CLASSES.values() for axis in own.space.axes}
-        for name, strata in (*self.where.items(), *self.blind.items()):
+        for name, named_strata in (*self.where.items(), *self.blind.items()):
             require_one_of("an axis of cases", name, known, "see `sepv verify --coverage`")
-            for stratum in strata:
+            for stratum in named_strata:
                 listed = [
                     s.name
                     for own in CLASSES.values()
@@ -116,6 +118,12 @@ class Cases:
             return None
         return self.adapt(case)
 
+    def without_noise(self) -> Cases | str:
+        """The cases for a scheme without noise: steps of the same lengths Δ; or the reason why there are none."""
+        if "0" not in self.where.get(strata.NOISES.name, ("0",)):
+            return NO_NOISE
+        return replace(self, adapt=partial(_adapted_quietly, self.adapt))
+
     def admits(self, case: Case) -> bool:
         """True if the law takes the case unchanged."""
         return self.adapted(case) == case
@@ -126,9 +134,11 @@ class Cases:
             return why
         if systems in self.made:
             count, make = self.made[systems]
-            drawn_alone = st.randoms(use_true_random=False).map(make)
+            drawn_alone = self._adapting(st.randoms(use_true_random=False).map(make))
             return Question(
-                lambda seed: [make(Random(f"{seed} {n}")) for n in range(count)], drawn_alone, self.admits
+                lambda seed: self.all_adapted(make(Random(f"{seed} {n}")) for n in range(count)),
+                drawn_alone,
+                self.admits,
             )
         source = self.instead.get(systems, systems)
         if not isinstance(source, Systems):
@@ -142,10 +152,10 @@ class Cases:
         drawn += [_present(st.randoms(use_true_random=False).map(f)) for f in own.more]
         listed = (*own.fixed(), *(self.fixed[systems]() if systems in self.fixed else ()))
         return Question(
-            lambda seed: self._all(case for _, case in space.cases(seed)),
+            lambda seed: self.all_adapted(case for _, case in space.cases(seed)),
             self._adapting(st.one_of(drawn)),
             self.admits,
-            tuple(self._all(listed)),
+            tuple(self.all_adapted(listed)),
         )
 
     def of_problems(self, items: Sequence[Item]) -> Question | str:
@@ -159,18 +169,24 @@ class Cases:
             return next((self.not_of[c] for c in classes if self.not_of.get(c)), self.why)
         drawn = st.one_of(*(item.values.flatmap(of_case) for item in usable))
         return Question(
-            lambda seed: self._all(case for item in usable for case in item.design(seed, self.where)),
+            lambda seed: self.all_adapted(case for item in usable for case in item.design(seed, self.where)),
             self._adapting(drawn),
             lambda _: False,
         )
 
-    def _all(self, cases: Iterable[Case]) -> list[Case]:
+    def all_adapted(self, cases: Iterable[Case]) -> list[Case]:
+        """Adapt each of the cases, and leave out those to which the law does not apply."""
         return [adapted for case in cases if (adapted := self.adapted(case)) is not None]
 
     def _adapting(self, drawn: Strategy) -> Strategy:
         if self.adapt is unchanged and not self.not_of:
             return drawn
         return _present(drawn.map(self.adapted))
+
+
+def _adapted_quietly(adapt: Adapt, case: Case) -> Case | None:
+    silent = quiet(case)
+    return None if silent is None else adapt(silent)
 
 
 EVERYTHING = Cases()

@@ -85,6 +85,8 @@ BATCH = _axis(
     "batch", "one state", ("2–9", 2, 9), ("33–129", 33, 129), ("500–2000", 500, 2000), ("4097–9000", 4097, 9000),
     usual=1,
 )  # fmt: skip
+MASS = _axis("mass", "diagonal", "full")
+POTENTIAL = _axis("V", "any", "bounded below")
 ALGEBRA = _axis("algebra", "so(3)", "sl(2)", "e(2)", "heisenberg", "e(3)")
 STRUCTURES = _axis("structures", "any", "common Casimir", "all are B", usual=2)
 CASIMIR_DEGREE = _axis("degree of C", ("1", 1, 1), ("2", 2, 2), ("3–4", 3, 4), ("5–6", 5, 6))
@@ -105,6 +107,7 @@ RULES = (
     Rule(("Casimirs", "state"), lambda casimirs, state: state.name == "0" and casimirs.name != "none", _MADE),
     Rule(("structures", "state"), lambda kind, state: state.name == "0" and kind.name != "any", _MADE),
     Rule(("algebra", "d"), lambda algebra, d: (algebra.name == "e(3)") == (d.high < 6), "the dimension of the algebra"),
+    Rule(("mass", "d"), lambda mass, d: mass.name == "full" and d.high < 4, "one degree of freedom has one mass"),
     Rule(("structures", "degree of B"), lambda kind, degree: kind.name == "common Casimir" and degree.high < 1,
          "B = Σ T_ijk v_k with v = Ay is linear at least"),
     Rule(("batch", "d"), lambda batch, d: d.high > {"500–2000": 6, "4097–9000": 3}.get(batch.name, 12),

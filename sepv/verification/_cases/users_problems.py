@@ -20,9 +20,10 @@ from sepv import problems as named
 from sepv._arguments import did_you_mean
 from sepv.errors import Skipped, UsageError
 from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem, Systems
+from sepv.problem._hamiltonians import is_several
 from sepv.schemes import load_problem
 from sepv.schemes._load_target import load_object
-from sepv.verification._cases.case import Case
+from sepv.verification._cases.case import Case, quiet_problem
 from sepv.verification._cases.classes import FAMILIES
 from sepv.verification._cases.from_problem import describe, of_case, start_of
 from sepv.verification._cases.strata import Space, Strata
@@ -153,7 +154,8 @@ def objects_of(scheme: Any) -> tuple[Problem, ...]:
 def problems_of(scheme: Any) -> tuple[Problem, ...] | None:
     """The scheme's problems with an initial state, each once, for laws about many steps; None for a whole class.
 
-    A problem that is named and also in a named family is one problem: a name always gives the same object.
+    A problem that is named and also in a named family is one problem: a name always gives the same object. A scheme
+    without noise gets those of (1.1) with c = ().
 
     Raises Skipped where none of them has an initial state.
     """
@@ -163,4 +165,17 @@ def problems_of(scheme: Any) -> tuple[Problem, ...] | None:
     found = {id(problem): problem for item in own for problem in item.problems}
     if not found:
         raise Skipped(NO_START)
-    return tuple(found.values())
+    return as_taken(scheme, found.values())
+
+
+def as_taken(scheme: Any, listed: Iterable[Problem]) -> tuple[Problem, ...]:
+    """The problems as the scheme takes them: without noise, c = (), where it is for such systems alone.
+
+    Raises Skipped where each of them has a field for each noise, and the scheme takes none.
+    """
+    found = tuple(listed)
+    if not scheme.deterministic:
+        return found
+    if single := tuple(quiet_problem(problem) for problem in found if not is_several(problem)):
+        return single
+    raise Skipped("the scheme is for c = (), and each noise of the problems has a field of its own")

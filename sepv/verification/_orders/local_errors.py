@@ -45,7 +45,7 @@ from sepv.schemes._guard import guarded
 from sepv.schemes._order_claims import order_of
 from sepv.schemes._point_distributions import point_law
 from sepv.simulate._batch import advance
-from sepv.verification._cases.users_problems import problems_of
+from sepv.verification._cases.users_problems import as_taken, problems_of
 from sepv.verification._failed_step import first_failed
 from sepv.verification._law import Run
 from sepv.verification._orders.gaussian import Rule, point_rule, rule_for
@@ -91,7 +91,7 @@ def cases(systems: Systems) -> tuple[Problem, ...]:
 def problems_for(scheme: Scheme) -> tuple[Problem, ...]:
     """The problems of the scheme's class, or its own; `Skipped` if none of these has an initial state."""
     own = problems_of(scheme)
-    return cases(scheme.systems) if own is None else own
+    return as_taken(scheme, cases(scheme.systems)) if own is None else own
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,150 @@
+"""Mechanical systems, H = ½ pᵀM⁻¹p + V(q) with a constant mass matrix M and B = J: their parts as libraries want them.
+
+    q̇ = M⁻¹p,  ṗ = −∇V(q);  with v = M⁻¹p:  q̇ = v,  Mv̇ = −∇V(q)
+
+The suite's random systems have y = (q, p), its older problems y = (p, q): B says which. `Mechanics.split` and `join`
+hide it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from sepv.errors import UsageError
+from sepv.problem._checks import sample_states
+from sepv.problem._fields import matvec
+from sepv.problem._problem import Array, PolynomialSystem, Problem
+from sepv.record._binary64 import EPS
+
+
+@dataclass(frozen=True, eq=False)
+class Mechanics:
+    """The parts of a mechanical system of n degrees of freedom; states are (2n,) or (2n, M), q, p and v (n,) or (n, M).
+
+    Attributes
+    ----------
+    mass, inverse_mass : (n, n)
+        M and M⁻¹, symmetric and positive definite.
+    positions_first : bool
+        True for y = (q, p), False for y = (p, q).
+
+    Examples
+    --------
+    Störmer and Verlet's method for any mechanical problem:
+
+    >>> import sepv
+    >>> from sepv.problem import mechanics
+    >>> def verlet(problem, y, h, dW):
+    ...     system, dt = mechanics(problem), problem.random_step(h, dW)
+    ...     q, p = system.split(y)
+    ...     p = p + dt / 2 * system.force(q)
+    ...     q = q + dt * system.velocity(p)
+    ...     return system.join(q, p + dt / 2 * system.force(q))
+    >>> scheme = sepv.Scheme("verlet", verlet, claims=["symplecticity", "symmetry"], systems="mechanical")
+    >>> sepv.verify(scheme, laws="symmetry").finding("symmetry").verdict.text
+    'holds'
+    """
+
+    problem: Problem
+    mass: Array
+    inverse_mass: Array
+    positions_first: bool
+
+    @property
+    def degrees(self) -> int:
+        """The number n of degrees of freedom."""
+        return len(self.mass)
+
+    def split(self, y: Array) -> tuple[Array, Array]:
+        """The positions and momenta (q, p) of a state y."""
+        first, second = y[: self.degrees], y[self.degrees :]
+        return (first, second) if self.positions_first else (second, first)
+
+    def join(self, q: Array, p: Array) -> Array:
+        """The state y of positions and momenta."""
+        return np.concatenate([q, p] if self.positions_first else [p, q])
+
+    def potential(self, q: Array) -> Array:
+        """V(q), with the constant of H."""
+        return self.problem.hamiltonian(self.join(q, np.zeros_like(q)))
+
+    def force(self, q: Array) -> Array:
+        """−∇V(q)."""
+        return -self.split(self.problem.gradient(self.join(q, np.zeros_like(q))))[0]
+
+    def velocity(self, p: Array) -> Array:
+        """v = M⁻¹p."""
+        return _product(self.inverse_mass, p)
+
+    def momentum(self, v: Array) -> Array:
+        """p = Mv."""
+        return _product(self.mass, v)
+
+
+def _product(A: Array, v: Array) -> Array:
+    """A v for v (n,) or (n, M), with the same bits for a state alone and in a batch."""
+    return matvec(A.reshape(*A.shape, *(1,) * (v.ndim - 1)), v)
+
+
+@lru_cache(maxsize=1024)
+def mechanics(problem: Problem) -> Mechanics:
+    """Take a mechanical problem apart: one record for each problem.
+
+    Noises c_j do not matter here: they act through the step Δ = h + Σ c_jΔW_j (`Problem.random_step`).
+
+    Raises
+    ------
+    UsageError
+        Where B is not ±J, or H is not ½ pᵀM⁻¹p + V(q). Polynomial data are read, functions compared at a few states.
+    """
+    d = problem.dimension
+    n, states = d // 2, [np.asarray(y, dtype=np.float64) for y in sample_states(problem)]
+    J = np.kron([[0.0, 1.0], [-1.0, 0.0]], np.eye(n))
+    B = [problem.structure(y) for y in states]
+    first = next(
+        (f for f, C in ((True, J), (False, -J)) if not d % 2 and all(np.array_equal(b, C) for b in B)), None
+    )
+    if first is None:
+        raise _not_mechanical(problem, "B = ((0, I), (−I, 0)) for y = (q, p), or its negative for y = (p, q)",
+                              f"B = {B[0].tolist()!r:.120} at y = {states[0].tolist()}")  # fmt: skip
+    p_at, q_at = (slice(n, d), slice(0, n)) if first else (slice(0, n), slice(n, d))
+    data = problem.data
+    if isinstance(data, PolynomialSystem):
+        for e, _ in data.hamiltonian.terms:
+            if sum(e[p_at]) and (sum(e[p_at]) != 2 or sum(e[q_at])):
+                raise _not_mechanical(
+                    problem, "each term of H in p alone and quadratic, or in q alone", f"{e}"
+                )
+    units = []
+    for k in range(*p_at.indices(d)):
+        y = states[0].copy()
+        y[p_at] = 0.0
+        y[k] = 1.0
+        units.append(problem.gradient(y)[p_at])
+    W = np.array(units)
+    if not (np.allclose(W, W.T, rtol=8 * EPS, atol=0.0) and np.all(np.linalg.eigvalsh(W) > 0)):
+        raise _not_mechanical(
+            problem, "∂H/∂p = M⁻¹p with M symmetric and positive definite", f"M⁻¹ = {W.tolist()}"
+        )
+    for y in states:
+        still = y.copy()
+        still[p_at] = 0.0
+        moving, resting, size = problem.gradient(y), problem.gradient(still), np.abs(W) @ np.abs(y[p_at])
+        apart = np.abs(moving[p_at] - W @ y[p_at]) - 64 * d * EPS * size
+        apart_q = np.abs(moving[q_at] - resting[q_at]) - 64 * d * EPS * np.max(np.abs(resting[q_at]))
+        if not (np.all(apart <= 0) and np.all(apart_q <= 0)):
+            raise _not_mechanical(
+                problem, "∇H = (∇V(q), M⁻¹p)", f"∇H = {moving.tolist()} at y = {y.tolist()}"
+            )
+    return Mechanics(problem, np.asarray(np.linalg.inv(W)), W, first)
+
+
+def _not_mechanical(problem: Problem, expected: str, received: str) -> UsageError:
+    return UsageError(
+        expected=f"a mechanical problem, H = ½ pᵀM⁻¹p + V(q): {expected}",
+        received=f"{problem.name}, {received}",
+        remedy="take problems of the family mechanical (-p mechanical), or raise sepv.Skipped for others",
+    )

@@ -1,0 +1,89 @@
+"""Mechanical systems: parts of a problem as libraries want them, and the named ones."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from sepv import problems
+from sepv.errors import UsageError
+from sepv.problem import PolynomialSystem, Problem, Systems, mechanics
+from sepv.problems._common import canonical
+from sepv.record import _polynomial as poly
+from sepv.verification._cases.classes import CLASSES
+
+NAMED = ("henon-heiles", "pendulum-chain", "lennard-jones", "harmonic-trap", "kepler", "pendulum", "toda")
+
+
+def agrees(problem: Problem, y: np.ndarray) -> None:
+    """The parts make H and the field again, for a state and a batch, and conversions are inverse to each other."""
+    m = mechanics(problem)
+    q, p = m.split(y)
+    v, f = m.velocity(p), m.force(q)
+    H = problem.hamiltonian(y)
+    assert 0.5 * np.sum(p * v, axis=0) + m.potential(q) == pytest.approx(H, rel=1e-13, abs=1e-300)
+    field = np.einsum("ij...,j...->i...", problem.structure(y), problem.gradient(y))
+    np.testing.assert_allclose(m.join(v, f), field, rtol=1e-12, atol=1e-13 * np.max(np.abs(field)))
+    np.testing.assert_allclose(m.momentum(v), p, rtol=1e-12, atol=1e-13 * np.max(np.abs(p)))
+    assert np.array_equal(m.join(q, p), y)
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_named_problems_come_apart(name: str) -> None:
+    problem = problems.by_name(name)
+    y = np.asarray(problem.initial)
+    agrees(problem, y)
+    agrees(problem, np.stack([y, y * 1.01], axis=1))
+
+
+def test_every_member_of_the_family_comes_apart_as_data_and_as_functions() -> None:
+    seen = set()
+    for _row, case in CLASSES[Systems.MECHANICAL].space.part().cases(5):
+        problem, y, *_ = case.build()
+        agrees(problem, y)
+        m = mechanics(problem)
+        assert m is mechanics(problem)
+        assert m.positions_first
+        assert np.array_equal(m.mass @ m.inverse_mass, np.eye(m.degrees)), "masses are exact"
+        seen.add((bool(np.count_nonzero(m.mass - np.diag(np.diag(m.mass)))), case.given))
+    assert len(seen) == 6, "diagonal and full masses, given in each way"
+
+
+def test_a_potential_bounded_below_is_so() -> None:
+    space = CLASSES[Systems.MECHANICAL].space.part({"V": ("bounded below",)})
+    for _, case in space.cases(1):
+        H = case.problem.hamiltonian  # type: ignore[union-attr]
+        n = H.dimension // 2
+        assert all(c > 0 and all(k % 2 == 0 for k in e) for e, c in H.terms if not any(e[n:]))
+
+
+def _system(*terms: tuple[tuple[int, int], float], sign: float = 1.0) -> Problem:
+    return problems.build(PolynomialSystem(2, poly.polynomial(2, dict(terms)), canonical(2, sign)))
+
+
+@pytest.mark.parametrize(
+    ("problem", "said"),
+    [
+        (problems.rigid_body(), "B = "),
+        (_system(((2, 0), 1.0), ((0, 2), 0.5), ((1, 1), 1.0)), "p alone"),
+        (_system(((2, 0), 1.0), ((0, 4), 0.5)), "p alone"),
+        (_system(((2, 0), 1.0), ((0, 2), -0.5)), "positive definite"),
+        (
+            Problem(2, lambda y: np.array([[0 * y[0], 1 + 0 * y[0]], [-1 + 0 * y[0], 0 * y[0]]]),
+                    lambda y: y[0] ** 2 + y[1] ** 2 * (1 + y[0] ** 2)),
+            "∇H",
+        ),
+    ],
+)  # fmt: skip
+def test_what_is_not_mechanical_is_refused_with_the_reason(problem: Problem, said: str) -> None:
+    with pytest.raises(UsageError, match="a mechanical problem") as refused:
+        mechanics(problem)
+    assert said in str(refused.value)
+
+
+def test_the_trap_has_its_closed_form() -> None:
+    import sepv
+
+    trap = problems.harmonic_trap((1.0, 3.0), noise=())
+    flow = sepv.exact_flow(trap, np.array([0.7]))
+    np.testing.assert_allclose(flow.y[:2, 0], [np.cos(0.7), np.cos(2.1) / 3], rtol=1e-12)
