@@ -86,7 +86,7 @@ def _with_coefficients(data: Description, c: tuple[float, ...]) -> Description:
 
 
 def quiet(case: Case) -> Case | None:
-    """The same step without noise, c = () and h = Δ; None where each noise has a field of its own."""
+    """A step of the same length without noise, c = () and h = Δ; None where each noise has a field of its own."""
     if not case.dW:
         return case
     problem, _, h, dW = case.build()
