@@ -109,7 +109,7 @@ def test_a_report_prints_as_its_table_and_is_a_page_in_a_notebook(report: sepv.R
     assert any(line.lstrip().startswith("identity") and "holds" in line for line in text.splitlines())
     assert repr(report) == "<Report of midpoint: 2 hold>"
     shown = report._repr_html_()
-    assert shown.startswith("<iframe sandbox")
+    assert shown.startswith("<iframe sandbox=")
     assert html.escape(report.html()) in shown
     hostile = sepv.verify(sepv.Scheme("<script>", heun), laws="identity", effort=Effort(examples=2))
     assert "<script>" not in hostile._repr_html_()

@@ -99,7 +99,7 @@ def as_text(report: Report) -> str:
 
 def in_notebook(report: Report) -> str:
     """The page of a report in a frame that runs no script, and the last line."""
-    frame = '<iframe sandbox style="width:100%;height:42rem;border:1px solid #8886"'
+    frame = '<iframe sandbox="allow-same-origin" style="width:100%;height:42rem;border:1px solid #8886"'
     return f'{frame} srcdoc="{escape(report.html())}"></iframe><p>{escape(summary(report).plain)}</p>'
 
 
