@@ -55,6 +55,8 @@ class ExactProblem:
     gradient: Callable[[Vector], Vector]
     structure: Callable[[Vector], Skew]
     mean_gradient: Callable[[Vector, Vector], Vector]
+    # Casimirs given as polynomials, in their order.
+    polynomial_casimirs: Callable[[Vector], Vector] = staticmethod(lambda _: [])
     # For B(y)v = g(y)(v × ∇C(y)) in dimension 3: g, C, and the average of ∇C.
     factor: Callable[[Vector], Number] | None = None
     casimir: Callable[[Vector], Number] | None = None
@@ -162,6 +164,8 @@ def _polynomial(self: ExactProblem, data: PolynomialSystem) -> None:
     self.structure = lambda y: [(*at, v) for at, v in zip(places, _values(parts, y, zero), strict=True)]
     self.gradient = gradient
     self.mean_gradient = lambda y0, y1: self.mean_gradient_by(rule, y0, y1)
+    others = [_monomials(self, C.terms) for C in data.polynomial_casimirs]
+    self.polynomial_casimirs = lambda y: _values(others, y, zero)
     if data.nambu is not None:
         _nambu(self, *data.nambu)
     if data.noise_structures:

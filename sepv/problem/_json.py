@@ -86,6 +86,7 @@ def problem_from_json(data: Any) -> PolynomialSystem | NamedProblem:
 
 def _polynomial_json(data: PolynomialSystem) -> dict[str, Any]:
     more = {
+        "polynomial_casimirs": [poly.to_json(C) for C in data.polynomial_casimirs],
         "nambu": [poly.to_json(p) for p in data.nambu or ()],
         "noise_structures": [_table(G) for G in data.noise_structures],
         "noise_hamiltonians": [poly.to_json(p) for p in data.noise_hamiltonians],
@@ -136,6 +137,10 @@ def _polynomial_system(data: dict[str, Any]) -> PolynomialSystem:
         noise=_doubles(data.get("noise", [1.0])),
         casimirs=tuple(tuple(map(_doubles, A)) for A in data.get("casimirs", [])),
         linear_casimirs=tuple(map(_doubles, data.get("linear_casimirs", []))),
+        polynomial_casimirs=tuple(
+            polynomial(f"polynomial_casimirs[{n}]", C)
+            for n, C in enumerate(data.get("polynomial_casimirs", []))
+        ),
         nambu=nambu,
         noise_structures=tuple(
             structure(G, f"noise_structures[{n}]") for n, G in enumerate(data.get("noise_structures", []))

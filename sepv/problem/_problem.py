@@ -55,8 +55,8 @@ class Systems(StrEnum):
         (1.1) with B linear in y.
     rigid-bodies
         §4.2 with random moments of inertia.
-    so3-hamiltonians
-        Several Hamiltonians with B of the rigid body.
+    matrix-hamiltonians
+        Several Hamiltonians with B of a Lie algebra of matrices: so(3), so(4) or su(3).
     separable-hamiltonians
         H_0 = ½|p|² + V(q), and noise that is additive in p.
     additive
@@ -71,7 +71,7 @@ class Systems(StrEnum):
     MECHANICAL = "mechanical"
     LIE_POISSON = "lie-poisson"
     RIGID_BODIES = "rigid-bodies"
-    SO3_HAMILTONIANS = "so3-hamiltonians"
+    MATRIX_HAMILTONIANS = "matrix-hamiltonians"
     SEPARABLE_HAMILTONIANS = "separable-hamiltonians"
     ADDITIVE = "additive"
 
@@ -88,6 +88,8 @@ class PolynomialSystem:
         C(y) = yᵀAy is a Casimir.
     linear_casimirs : tuple of vectors b
         C(y) = bᵀy is a Casimir.
+    polynomial_casimirs : tuple of polynomials
+        Casimirs of B of any degree; a linear or quadratic one listed above need not stand here too.
     nambu : (g, C), optional
         For d = 3, B(y)v = g(y)(v × ∇C(y)); `structure` must say the same. See `sepv.problems.nambu_system`.
     noise_structures : tuple of structures, optional
@@ -104,6 +106,7 @@ class PolynomialSystem:
     noise: tuple[float, ...] = (1.0,)
     casimirs: tuple[Matrix, ...] = ()
     linear_casimirs: tuple[tuple[float, ...], ...] = ()
+    polynomial_casimirs: tuple[Polynomial, ...] = ()
     nambu: tuple[Polynomial, Polynomial] | None = None
     noise_structures: tuple[Structure, ...] = ()
     noise_hamiltonians: tuple[Polynomial, ...] = ()

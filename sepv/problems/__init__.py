@@ -14,6 +14,9 @@ from sepv.problem import to_json as to_json
 from sepv.problems._kepler import kepler as kepler
 from sepv.problems._lotka_volterra import lotka_volterra as lotka_volterra
 from sepv.problems._lotka_volterra import random_lotka_volterra as random_lotka_volterra
+from sepv.problems._matrix_tops import manakov_top as manakov_top
+from sepv.problems._matrix_tops import su3_top as su3_top
+from sepv.problems._matrix_tops import zeitlin as zeitlin
 from sepv.problems._maxwell_bloch import maxwell_bloch as maxwell_bloch
 from sepv.problems._maxwell_bloch import random_maxwell_bloch as random_maxwell_bloch
 from sepv.problems._mechanical import harmonic_trap as harmonic_trap
@@ -63,8 +66,8 @@ SEVERAL = _listed(
 )
 # Problems with several Hamiltonians that do not commute.
 HAMILTONIANS = _listed(
-    commuting_twists, noisy_henon_heiles, point_vortices, pushed_henon_heiles, pushed_rigid_body, random_inertia,
-    random_lotka_volterra, random_maxwell_bloch, twisted_top, two_spins,
+    commuting_twists, manakov_top, noisy_henon_heiles, point_vortices, pushed_henon_heiles, pushed_rigid_body,
+    random_inertia, random_lotka_volterra, random_maxwell_bloch, su3_top, twisted_top, two_spins, zeitlin,
 )  # fmt: skip
 
 

@@ -35,7 +35,7 @@ def polynomial_problem(data: PolynomialSystem) -> Problem:
     Raises
     ------
     ProblemError
-        Where a matrix or vector is not a Casimir of B: the coefficients of ∇CᵀB are computed.
+        Where a matrix, vector or polynomial is not a Casimir of B: the coefficients of ∇CᵀB are computed.
     """
     d = data.dimension
     if d > MAX_DIMENSION:
@@ -47,8 +47,7 @@ def polynomial_problem(data: PolynomialSystem) -> Problem:
     _check_indices(data)
     _check_shapes(data)
     structure, derivative = _structure_maps(d, data.structure)
-    if data.casimirs or data.linear_casimirs:
-        _check_casimirs(d, data.structure, data.casimirs, data.linear_casimirs)
+    _check_casimirs(d, data.structure, data.casimirs, data.linear_casimirs, data.polynomial_casimirs)
     check_nambu(data)
     gradient = poly.gradient(data.hamiltonian)
     H = PolynomialMap((), (data.hamiltonian,))
@@ -131,8 +130,7 @@ def _with_more_noise(drift: Problem, data: PolynomialSystem) -> Problem:
         )
     for G in data.noise_structures:
         _check_indices(replace(data, structure=G))
-        if data.casimirs or data.linear_casimirs:
-            _check_casimirs(d, G, data.casimirs, data.linear_casimirs)
+        _check_casimirs(d, G, data.casimirs, data.linear_casimirs, data.polynomial_casimirs)
     maps = [_structure_maps(d, G) for G in data.noise_structures]
     return StructuresProblem(
         **_shared(drift),
@@ -226,6 +224,9 @@ def _check_shapes(data: PolynomialSystem) -> None:
     for n, b in enumerate(data.linear_casimirs):
         if len(b) != d:
             raise _of_another_dimension(f"linear_casimirs[{n}], a row of {d} numbers", f"{len(b)} numbers")
+    for n, C in enumerate(data.polynomial_casimirs):
+        if C.dimension != d:
+            raise _of_another_dimension(f"polynomial_casimirs[{n}] in {d} variables", f"one in {C.dimension}")
     if data.hamiltonian.dimension != d:
         raise _of_another_dimension(f"hamiltonian in {d} variables", f"one in {data.hamiltonian.dimension}")
 
@@ -236,8 +237,9 @@ def _of_another_dimension(expected: str, received: str) -> ProblemError:
 
 @lru_cache(maxsize=256)
 def _check_casimirs(
-    d: int, structure: Structure, casimirs: tuple[Matrix, ...], linear_casimirs: Matrix
-) -> None:
+    d: int, structure: Structure, casimirs: tuple[Matrix, ...], linear_casimirs: Matrix,
+    polynomial_casimirs: tuple[Polynomial, ...],
+) -> None:  # fmt: skip
     """Check that all coefficients of ∇CᵀB vanish, to the rounding of their own sums.
 
     They depend on B and the Casimirs alone, so systems that differ only in H share the check.
@@ -247,6 +249,8 @@ def _check_casimirs(
     slopes = {f"casimirs[{n}]": [poly.linear(row) for row in A] for n, A in enumerate(casimirs)}
     for n, b in enumerate(linear_casimirs):
         slopes[f"linear_casimirs[{n}]"] = [poly.constant(d, value) for value in b]
+    for n, C in enumerate(polynomial_casimirs):
+        slopes[f"polynomial_casimirs[{n}]"] = list(poly.gradient(C))
     for name, slope in slopes.items():
         products: list[list[Polynomial]] = [[] for _ in slope]
         for i, j, entry in structure:
@@ -258,5 +262,5 @@ def _check_casimirs(
                 raise ProblemError(
                     expected=f"{name} to be a Casimir: ∇CᵀB = 0 for all y",
                     received=f"(∇CᵀB)[{j}] ∝ {total}",
-                    remedy="correct the matrix (C(y) = yᵀAy) or B, or leave it out: no law then asks for it",
+                    remedy="correct C or B, or leave it out: no law then asks for it",
                 )

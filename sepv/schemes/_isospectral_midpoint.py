@@ -1,18 +1,21 @@
-"""The isospectral midpoint rule on n copies of so(3)*: a Poisson integrator without an exponential map.
+"""The isospectral midpoint rule on so(3)*ⁿ, so(n)* and su(n)*: a Poisson integrator without an exponential map.
 
 S. Ephrati, E. Jansson, A. Lang and E. Luesink, An exponential map free implicit midpoint method for stochastic
-Lie-Poisson systems (arXiv 2408.16701), after K. Modin and M. Viviani (Found. Comput. Math. 20, 2020). With X = hat(x)
-and M = hat(m), m = h∇H_0(x) + Σ c_j ΔŴ_j ∇H_j(x),
+Lie-Poisson systems (arXiv 2408.16701), after K. Modin and M. Viviani (Found. Comput. Math. 20, 2020). With the matrix W
+of y, W′ = [W, M] (`sepv.problems._matrix_algebras`), X of x and M of m = h∇H_0(x) + Σ c_j ΔŴ_j ∇H_j(x),
 
-    W_0 = (1 − ½M)X(1 + ½M),  W_1 = (1 + ½M)X(1 − ½M)
+    W_0 = (1 + ½M)X(1 − ½M),  W_1 = (1 − ½M)X(1 + ½M),
 
-up to the sign of M. hat(m)hat(x)hat(m) = −(mᵀx)hat(m) makes of this, with f = B(x)m and B(x)v = ±x × v,
+an equation for X and a formula for W_1. So W_1 = UW_0U⁻¹, U = (1 − ½M)(1 + ½M)⁻¹ unitary: all eigenvalues, and with
+them all Casimirs tr Wᵏ and the coadjoint orbit, are kept. Written for the solver,
 
-    y0 = x − ½f + ¼(mᵀx)m,   y1 = x + ½f + ¼(mᵀx)m,
+    X = W_0 + ½[X, M] + ¼MXM,   W_1 = W_0 + [X, M].
 
-an equation for x and a formula for y1. |y1| = |y0| in each copy, because f is orthogonal to x and m. The paper proves
-that the rule is a Poisson map, mean-square order ½ and weak order 1; where the noises commute the mean-square order is
-1, as y1 then lacks nothing of the order of h.
+On su(n) MXM has a trace, so that X needs one too, iτ, of which ∇H knows nothing: tr W_0 = 0 gives
+iτ(n − ¼ tr M²) = ¼ tr MX′M for its part X′ with trace zero, where tr M² ≤ 0.
+
+On so(3) hat(m)hat(x)hat(m) = −(mᵀx)hat(m). The paper proves that the rule is a Poisson map, mean-square order ½ and
+weak order 1; where the noises commute the mean-square order is 1, as y1 then lacks nothing of the order of h.
 """
 
 from __future__ import annotations
@@ -21,53 +24,43 @@ from dataclasses import replace
 
 import numpy as np
 
-from sepv.errors import Skipped
 from sepv.problem import Array, Problem, Systems
 from sepv.problem._hamiltonians import combined_gradient
 from sepv.problem._structures import each_noise
-from sepv.problems._common import HAT
+from sepv.problems._matrix_algebras import MatrixAlgebra, algebra_of
 from sepv.schemes._one_step import EVERY, Solved, no_jacobian, one_step
 from sepv.schemes._order_claims import Orders
 from sepv.solve import solve as solve_implicit
 from sepv.solve._solution import Increment, Solution, once
 
 
-def parts(problem: Problem, x: Array, step: Array) -> tuple[Array, Array]:
-    """The vectors f = B(x)m and (mᵀx)m, both (d, M), the second copy by copy."""
-    m = combined_gradient(problem, x, step)
-    f, bent = np.empty_like(x), np.empty_like(x)
-    for n in range(0, len(x), 3):
-        (a, b, c), (p, q, r) = x[n : n + 3], m[n : n + 3]
-        f[n : n + 3] = b * r - c * q, c * p - a * r, a * q - b * p
-        bent[n : n + 3] = (a * p + b * q + c * r) * m[n : n + 3]
-    return f, bent
-
-
-def increment(problem: Problem, y0: Array, x: Array, step: Array) -> Increment:  # noqa: ARG001 - as for all
-    """The right side ½f(x) − ¼(mᵀx)m of the equation for x; all gradients count as one evaluation."""
-    f, bent = parts(problem, x, step)
-    return once(0.5 * f - 0.25 * bent)
-
-
-def require_spins(problem: Problem, y: Array) -> None:
-    """Raise Skipped where the structure is not B(y)v = y × v in blocks of three."""
-    expected = np.zeros((len(y), len(y), y.shape[1]))
-    for n in range(0, len(y) - len(y) % 3, 3):
-        for i, j, k, sign in HAT:
-            expected[n + i, n + j] = sign * y[n + k]
-            expected[n + j, n + i] = -sign * y[n + k]
-    if len(y) % 3 or not np.array_equal(problem.structure(y), expected):
-        raise Skipped(
-            f"the structure of {problem.name} is not that of so(3) in blocks of three, B(y)v = y × v"
-        )
+def parts(algebra: MatrixAlgebra, problem: Problem, x: Array, step: Array) -> tuple[Array, Array]:
+    """The vectors of [X, M] and MXM, both (d, M)."""
+    X, M = algebra.matrix(x), algebra.dual_matrix(combined_gradient(problem, x, step))
+    XM = X @ M
+    bent = M @ XM
+    if algebra.name.startswith("su"):
+        square = M @ M
+        traces = np.trace(bent, axis1=1, axis2=2) / (4 * X.shape[1] - np.trace(square, axis1=1, axis2=2))
+        bent = bent + traces[:, None, None] * square
+    return algebra.coordinates(XM - M @ X), algebra.coordinates(bent)
 
 
 def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
-    """One step of a batch with residual (of the equation for x), counts and status of each lane."""
-    require_spins(problem, y)
+    """One step of a batch with residual (of the equation for x), counts and status of each lane.
+
+    Raises Skipped where the structure is that of none of these algebras.
+    """
+    algebra = algebra_of(problem, y)
+
+    def increment(problem: Problem, y0: Array, x: Array, step: Array) -> Increment:  # noqa: ARG001 - as for all
+        """The right side ½[X, M] + ¼MXM of the equation for x; all gradients count as one evaluation."""
+        f, bent = parts(algebra, problem, x, step)
+        return once(0.5 * f + 0.25 * bent)
+
     step = each_noise(problem, h, dW)
     found = solve_implicit(problem, y, step, increment, no_jacobian)
-    f, _ = parts(problem, found.value, step)
+    f, _ = parts(algebra, problem, found.value, step)
     # y1 − y0 = f, without the cancellation of the parts that y0 and y1 share.
     return replace(found, value=y + f, change=f)
 
@@ -75,9 +68,9 @@ def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
 scheme = one_step(
     "isospectral-midpoint",
     Solved(solve),
-    EVERY | {"identity", "casimir", "poisson-map", "symmetry", "noise-sum"},
+    EVERY | {"identity", "casimir", "any-casimir", "poisson-map", "symmetry", "noise-sum"},
     "Ephrati, Jansson, Lang and Luesink, arXiv 2408.16701",
     weak_order=1.0,
     mean_square_order=Orders(0.5, commutative=1.0),
-    systems=Systems.SO3_HAMILTONIANS,
+    systems=Systems.MATRIX_HAMILTONIANS,
 )

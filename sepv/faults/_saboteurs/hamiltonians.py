@@ -10,8 +10,8 @@ from sepv import schemes
 from sepv.faults._saboteurs.record import Family, imitating
 from sepv.problem import Array, Problem, hamiltonian_field
 from sepv.problem._structures import each_noise
+from sepv.problems._matrix_algebras import algebra_of
 from sepv.schemes._drift_preserving import pushed, quiet
-from sepv.schemes._isospectral_midpoint import require_spins
 from sepv.schemes._one_step import Implicit, implicit
 from sepv.schemes._scheme import as_lanes
 from sepv.solve import Increment
@@ -65,12 +65,12 @@ def lie_and_trotter(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 
 @SABOTEURS.like(
     schemes.isospectral_midpoint,
-    "¼(mᵀx)m is left out: all Casimirs and orders are kept, the structure is not",
-    ("poisson-map",),
+    "¼MXM is left out: quadratic Casimirs and orders are kept, others and the structure are not",
+    ("poisson-map", "any-casimir"),
 )
 def midpoint_as_isospectral(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """The midpoint rule, y0 = x − ½f and y1 = x + ½f."""
-    require_spins(problem, as_lanes(problem, y, h, dW)[0])
+    algebra_of(problem, as_lanes(problem, y, h, dW)[0])
     return schemes.stochastic_midpoint.step(problem, y, h, dW)
 
 

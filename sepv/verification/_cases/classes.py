@@ -97,9 +97,10 @@ CLASSES: dict[Systems, SystemsClass] = {
         _space(maker(families.rigid_body), d=("3",), degree_of_H=("1–2",), terms_of_H=("3–9",)),
         problems=("rigid-body",),
     ),
-    Systems.SO3_HAMILTONIANS: SystemsClass(
-        _space(maker(families.so3_hamiltonians, shows=False), d=("3",), m=_NOISY, **_SMALL),
-        problems=("random-inertia", "two-spins", "commuting-twists", "twisted-top"),
+    Systems.MATRIX_HAMILTONIANS: SystemsClass(
+        _space(maker(families.matrix_hamiltonians, (3, 6, 8), shows=False), strata.MATRICES, d=("3", "4–6", "7–9"),
+               m=_NOISY, **_SMALL),
+        problems=("random-inertia", "two-spins", "commuting-twists", "twisted-top", "su3-top"),
     ),
     Systems.SEPARABLE_HAMILTONIANS: SystemsClass(
         _space(maker(families.separable_hamiltonians, (2, 4), shows=False), d=("2", "4–6"), m=_NOISY, **_SMALL),

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from itertools import combinations
+from random import Random
 
 import numpy as np
 
 from sepv.problem import PolynomialSystem
 from sepv.problem._problem import Matrix, Structure
 from sepv.problems._common import HAT, canonical
+from sepv.problems._matrix_tops import matrix_system
 from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
 from sepv.verification._cases import random_parts as some
@@ -96,12 +98,20 @@ def rigid_body(parts: Parts) -> PolynomialSystem:
     return PolynomialSystem(d, poly.squares(weights), B, parts.noise(), quadratic, linear)
 
 
-def so3_hamiltonians(parts: Parts) -> PolynomialSystem | None:
-    """B of the rigid body, any H_0, …, H_m that do not all commute with H_0."""
-    d, B, quadratic, linear = algebra("so(3)")
+def matrix_hamiltonians(parts: Parts) -> PolynomialSystem | None:
+    """B of so(3), so(4) or su(3), any H_0, …, H_m that do not all commute with H_0."""
     H, c = parts.hamiltonian(), parts.noise()
     others = tuple(parts.further() for _ in c)
-    return general(PolynomialSystem(d, H, B, c, quadratic, linear, noise_hamiltonians=others))
+    return general(matrix_system(parts.levels["matrices"].name, H, c, others))
+
+
+def of_casimirs(d: int, random: Random) -> PolynomialSystem:
+    """B_ij = Σ ε_ijk… ∂_kC_1 …: a system of (1.1) with d − 2 Casimirs of degree one to four, some not quadratic."""
+    casimirs = [some.polynomial(d, 1, 4, 4, random) for _ in range(d - 3)]
+    casimirs.append(some.polynomial(d, 3, 4, 4, random))
+    B = some.contracted(d, [list(poly.gradient(C)) for C in casimirs], random)
+    H = some.polynomial(d, 2, 4, 6, random)
+    return PolynomialSystem(d, H, B, (1.0,), polynomial_casimirs=tuple(casimirs))
 
 
 def separable_hamiltonians(parts: Parts) -> PolynomialSystem:

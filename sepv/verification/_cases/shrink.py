@@ -101,6 +101,8 @@ def _simpler_systems(system: PolynomialSystem) -> Iterator[PolynomialSystem]:
     """Simpler systems of the same dimension with the same number of noises."""
     if system.casimirs or system.linear_casimirs:
         yield replace(system, casimirs=(), linear_casimirs=())
+    for n in range(len(system.polynomial_casimirs)):
+        yield replace(system, polynomial_casimirs=_put(system.polynomial_casimirs, n))
     for H in _simpler(system.hamiltonian):
         yield replace(system, hamiltonian=H)
     for n, other in enumerate(system.noise_hamiltonians):
@@ -158,6 +160,7 @@ def _without(system: PolynomialSystem, k: int) -> PolynomialSystem:
         structure=cut(system.structure),
         casimirs=tuple(tuple(_put(row, k) for row in _put(A, k)) for A in system.casimirs),
         linear_casimirs=tuple(_put(b, k) for b in system.linear_casimirs),
+        polynomial_casimirs=tuple(restricted(C) for C in system.polynomial_casimirs),
         noise_structures=tuple(cut(G) for G in system.noise_structures),
         noise_hamiltonians=tuple(restricted(H) for H in system.noise_hamiltonians),
         noise_vectors=tuple(_put(g, k) for g in system.noise_vectors),

@@ -88,6 +88,7 @@ BATCH = _axis(
 MASS = _axis("mass", "diagonal", "full")
 POTENTIAL = _axis("V", "any", "bounded below")
 ALGEBRA = _axis("algebra", "so(3)", "sl(2)", "e(2)", "heisenberg", "e(3)")
+MATRICES = _axis("matrices", "so(3)", "so(4)", "su(3)")
 STRUCTURES = _axis("structures", "any", "common Casimir", "all are B", usual=2)
 CASIMIR_DEGREE = _axis("degree of C", ("1", 1, 1), ("2", 2, 2), ("3–4", 3, 4), ("5–6", 5, 6))
 FACTOR = _axis("degree of g", ("0", 0, 0), ("1–2", 1, 2), ("3–4", 3, 4))
@@ -108,6 +109,8 @@ RULES = (
     Rule(("structures", "state"), lambda kind, state: state.name == "0" and kind.name != "any", _MADE),
     Rule(("algebra", "d"), lambda algebra, d: (algebra.name == "e(3)") == (d.high < 6), "the dimension of the algebra"),
     Rule(("mass", "d"), lambda mass, d: mass.name == "full" and d.high < 4, "one degree of freedom has one mass"),
+    Rule(("matrices", "d"), lambda matrices, d: {"so(3)": 3, "so(4)": 6, "su(3)": 9}[matrices.name] != d.high,
+         "the dimension of the algebra"),
     Rule(("structures", "degree of B"), lambda kind, degree: kind.name == "common Casimir" and degree.high < 1,
          "B = Σ T_ijk v_k with v = Ay is linear at least"),
     Rule(("batch", "d"), lambda batch, d: d.high > {"500–2000": 6, "4097–9000": 3}.get(batch.name, 12),

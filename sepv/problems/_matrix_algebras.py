@@ -1,0 +1,187 @@
+"""Lie algebras of matrices, so(n) and su(n), with coordinates in which B is linear with whole numbers.
+
+W = Σ y_a E_a, ⟨A, B⟩ = −½ tr AB and y_a = ⟨E*_a, W⟩. With M = Σ ∂H/∂y_b E*_b the system y′ = B(y)∇H is W′ = [W, M],
+B_ab(y) = ⟨E*_a, [W, E*_b]⟩. Its flow keeps the eigenvalues of W, so that every tr Wᵏ is a Casimir: for so(3) and so(4)
+all are functions of quadratic ones (|y|², and the Pfaffian of so(4)); su(n) has n − 1, tr W², …, tr Wⁿ.
+
+- so(3), n times: a matrix hat(y) for each, so that B(y)v = y × v in blocks of three.
+- so(n): y_jk = W_jk, j < k.
+- su(n): W = iP, P = P† with trace zero; y holds P_11, …, P_{n−1,n−1}, then the Re P_jk, then the Im P_jk, j < k.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from itertools import combinations
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from sepv.errors import Skipped
+from sepv.problem import Problem
+from sepv.problem._problem import Array, Matrix, Structure
+from sepv.problems._common import HAT
+from sepv.record import Polynomial
+from sepv.record import _polynomial as poly
+from sepv.record._binary64 import EPS
+
+
+class MatrixAlgebra(NamedTuple):
+    """A Lie algebra of n × n matrices, or `count` copies of it: its name, and the E_a and E*_a, (d, n, n) of one."""
+
+    name: str
+    basis: Any
+    dual: Any
+    count: int = 1
+
+    def matrix(self, y: Array) -> Any:
+        """W for y (count d, M), of shape (M count, n, n)."""
+        return np.tensordot(self._lanes(y), self.basis, axes=1)
+
+    def dual_matrix(self, m: Array) -> Any:
+        """M for m (count d, M), of shape (M count, n, n)."""
+        return np.tensordot(self._lanes(m), self.dual, axes=1)
+
+    def coordinates(self, W: Any) -> Array:
+        """y (count d, M) of matrices (M count, n, n); a part of W outside the algebra is left out."""
+        d = len(self.dual)
+        found = W.reshape(len(W), -1) @ self.dual.swapaxes(1, 2).reshape(d, -1).T
+        return np.ascontiguousarray(-0.5 * found.real.reshape(-1, self.count * d).T)
+
+    def _lanes(self, y: Array) -> Array:
+        """The coordinates of each matrix, (M count, d)."""
+        return y.T.reshape(-1, len(self.basis))
+
+
+@lru_cache(maxsize=16)
+def spins(count: int) -> MatrixAlgebra:
+    """so(3), `count` times, with B(y)v = y × v."""
+    basis = np.zeros((3, 3, 3))
+    for i, j, k, sign in HAT:
+        basis[k, i, j], basis[k, j, i] = sign, -sign
+    return MatrixAlgebra("so(3)" if count == 1 else f"{count} so(3)", basis, basis, count)
+
+
+@lru_cache(maxsize=16)
+def orthogonal(n: int) -> MatrixAlgebra:
+    """so(n)."""
+    pairs = list(combinations(range(n), 2))
+    basis = np.zeros((len(pairs), n, n))
+    for a, (j, k) in enumerate(pairs):
+        basis[a, j, k], basis[a, k, j] = 1.0, -1.0
+    return MatrixAlgebra(f"so({n})", basis, basis)
+
+
+@lru_cache(maxsize=16)
+def unitary(n: int) -> MatrixAlgebra:
+    """su(n)."""
+    pairs, d = list(combinations(range(n), 2)), n * n - 1
+    basis, dual = np.zeros((d, n, n), dtype=complex), np.zeros((d, n, n), dtype=complex)
+    for j in range(n - 1):
+        basis[j, j, j], basis[j, -1, -1] = 1j, -1j
+        dual[j] = -2j / n * np.eye(n)
+        dual[j, j, j] += 2j
+    for a, (j, k) in enumerate(pairs, n - 1):
+        basis[a, j, k] = basis[a, k, j] = 1j
+        basis[a + len(pairs), j, k], basis[a + len(pairs), k, j] = -1.0, 1.0
+    dual[n - 1 :] = basis[n - 1 :]
+    return MatrixAlgebra(f"su({n})", basis, dual)
+
+
+@lru_cache(maxsize=16)
+def constants(name: str) -> Array:
+    """The whole numbers c_abc with B_ab(y) = Σ_c c_abc y_c, (d, d, d)."""
+    _, E, D, count = named(name)
+    half = -0.5 * np.einsum("ajk,ckl,blj->abc", D, E, D, optimize=True).real
+    one, d = np.rint(half - half.swapaxes(0, 1)), len(E)
+    found = np.zeros((count * d, count * d, count * d))
+    for n in range(0, count * d, d):
+        found[n : n + d, n : n + d, n : n + d] = one
+    return found
+
+
+def named(name: str) -> MatrixAlgebra:
+    """The algebra of a name: so(4), su(3), 2 so(3)."""
+    count, _, rest = name.rpartition(" ")
+    kind, n = rest[:2], int(rest[3:-1])
+    if n == 3 and kind == "so":
+        return spins(int(count or 1))
+    return orthogonal(n) if kind == "so" else unitary(n)
+
+
+def candidates(d: int) -> list[str]:
+    """The names of the algebras of dimension d."""
+    found = [] if d % 3 else [spins(d // 3).name]
+    found += [f"so({n})" for n in range(4, d) if n * (n - 1) // 2 == d]
+    return found + [f"su({n})" for n in range(3, d) if n * n - 1 == d]
+
+
+def algebra_of(problem: Problem, y: Array) -> MatrixAlgebra:
+    """The algebra whose B the problem has at the states y (d, M). Raises Skipped where it is none of them."""
+    B = problem.structure(y)
+    for name in candidates(len(y)):
+        c = constants(name)
+        # Sums of a few terms, in any order.
+        if np.all(np.abs(np.tensordot(c, y, 1) - B) <= 8 * EPS * np.tensordot(np.abs(c), np.abs(y), 1)):
+            return named(name)
+    raise Skipped(
+        f"the structure of {problem.name} is not that of so(3) in blocks of three, so(n) or su(n), "
+        "in the coordinates of sepv.problems._matrix_algebras"
+    )
+
+
+@lru_cache(maxsize=16)
+def structure(name: str) -> Structure:
+    """B as data."""
+    c = constants(name)
+    entries = ((i, j, poly.linear(c[i, j].tolist())) for i, j in combinations(range(len(c)), 2))
+    return tuple(entry for entry in entries if entry[2].terms)
+
+
+@lru_cache(maxsize=16)
+def casimirs(name: str) -> tuple[tuple[Matrix, ...], tuple[Polynomial, ...]]:
+    """The quadratic Casimirs as matrices, and the others as polynomials.
+
+    −½ tr W² (of each block of so(3)), the Pfaffian of so(4), and tr Pᵏ, k = 3 … n, of su(n).
+    """
+    _, E, _, count = named(name)
+    n = E.shape[1]
+    if name.endswith("so(3)"):
+        return tuple(_rows(np.diag(block)) for block in np.eye(count).repeat(3, axis=1)), ()
+    matrices = [_rows(-0.5 * np.einsum("ajk,bkj->ab", E, E).real)]
+    if name == "so(4)":
+        matrices.append(_rows(0.5 * np.fliplr(np.diag([1.0, -1.0, 1.0, 1.0, -1.0, 1.0]))))
+    return tuple(matrices), tuple(power_trace(name, k) for k in range(3, n + 1) if name[:2] == "su")
+
+
+def _rows(A: Array) -> Matrix:
+    return tuple(map(tuple, A.tolist()))
+
+
+def power_trace(name: str, k: int) -> Polynomial:
+    """tr Pᵏ for su(n) with W = iP, by products of matrices of polynomials with real and imaginary parts."""
+    P = named(name).basis / 1j
+    d, n = P.shape[:2]
+    one = [
+        [tuple(poly.linear(part[:, j, k].tolist()) for part in (P.real, P.imag)) for k in range(n)]
+        for j in range(n)
+    ]
+    zero, power = poly.polynomial(d, {}), one
+    for _ in range(k - 1):
+        power = [
+            [_sum([_product(power[i][j], one[j][l]) for j in range(n)], zero) for l in range(n)]
+            for i in range(n)
+        ]
+    return poly.add(zero, *(power[i][i][0] for i in range(n)))
+
+
+Complex = tuple[Polynomial, ...]
+
+
+def _product(p: Complex, q: Complex) -> Complex:
+    real = poly.add(poly.multiply(p[0], q[0]), poly.scale(-1.0, poly.multiply(p[1], q[1])))
+    return real, poly.add(poly.multiply(p[0], q[1]), poly.multiply(p[1], q[0]))
+
+
+def _sum(parts: list[Complex], zero: Polynomial) -> Complex:
+    return tuple(poly.add(zero, *(p[n] for p in parts)) for n in (0, 1))
