@@ -487,10 +487,10 @@ def test_a_drift_that_is_not_constant_is_not_taken_for_one() -> None:
 
 
 @settings(max_examples=30)
-@given(drawn_systems(Systems.SO3_HAMILTONIANS))
+@given(drawn_systems(Systems.MATRIX_HAMILTONIANS))
 def test_balls_bound_all_hamiltonians(system: PolynomialSystem) -> None:
     problem = problems.build(system)
-    y = np.array([0.5, -0.25, 1.0])
+    y = np.resize([0.5, -0.25, 1.0], system.dimension)
     radius, r = contraction_ball(problem, y)
     for j in range(problem.noises):
         assert radius * np.max(np.abs(noise_field(problem, j, y))) <= r

@@ -100,7 +100,7 @@ CLASSES: dict[Systems, SystemsClass] = {
     Systems.MATRIX_HAMILTONIANS: SystemsClass(
         _space(maker(families.matrix_hamiltonians, (3, 6, 8), shows=False), strata.MATRICES, d=("3", "4–6", "7–9"),
                m=_NOISY, **_SMALL),
-        problems=("random-inertia", "two-spins", "commuting-twists", "twisted-top", "su3-top"),
+        problems=("random-inertia", "two-spins", "commuting-twists", "twisted-top"),
     ),
     Systems.SEPARABLE_HAMILTONIANS: SystemsClass(
         _space(maker(families.separable_hamiltonians, (2, 4), shows=False), d=("2", "4–6"), m=_NOISY, **_SMALL),
