@@ -27,29 +27,29 @@ from sepv.record._binary64 import EPS
 
 
 class MatrixAlgebra(NamedTuple):
-    """A Lie algebra of n × n matrices, or `count` copies of it: its name, and the E_a and E*_a, (d, n, n) of one."""
+    """A Lie algebra of n × n matrices, or several `copies` of it: its name, and the E_a and E*_a, (d, n, n) of one."""
 
     name: str
     basis: Any
     dual: Any
-    count: int = 1
+    copies: int = 1
 
     def matrix(self, y: Array) -> Any:
-        """W for y (count d, M), of shape (M count, n, n)."""
+        """W for y (copies d, M), of shape (M copies, n, n)."""
         return np.tensordot(self._lanes(y), self.basis, axes=1)
 
     def dual_matrix(self, m: Array) -> Any:
-        """M for m (count d, M), of shape (M count, n, n)."""
+        """M for m (copies d, M), of shape (M copies, n, n)."""
         return np.tensordot(self._lanes(m), self.dual, axes=1)
 
     def coordinates(self, W: Any) -> Array:
-        """y (count d, M) of matrices (M count, n, n); a part of W outside the algebra is left out."""
+        """y (copies d, M) of matrices (M copies, n, n); a part of W outside the algebra is left out."""
         d = len(self.dual)
         found = W.reshape(len(W), -1) @ self.dual.swapaxes(1, 2).reshape(d, -1).T
-        return np.ascontiguousarray(-0.5 * found.real.reshape(-1, self.count * d).T)
+        return np.ascontiguousarray(-0.5 * found.real.reshape(-1, self.copies * d).T)
 
     def _lanes(self, y: Array) -> Array:
-        """The coordinates of each matrix, (M count, d)."""
+        """The coordinates of each matrix, (M copies, d)."""
         return y.T.reshape(-1, len(self.basis))
 
 

@@ -43,7 +43,7 @@ def test_the_structures_satisfy_jacobis_identity_and_all_is_data(name: str) -> N
     problem = problems.by_name(name)
     assert is_poisson(problem, np.array(problem.initial))
     assert from_json(problem_json(problem)) == problem.data
-    assert algebras.algebra_of(problem, np.array(problem.initial)[:, None]).count == 1
+    assert algebras.algebra_of(problem, np.array(problem.initial)[:, None]).copies == 1
 
 
 def test_the_laplacian_of_zeitlins_truncation_has_the_eigenvalues_of_the_sphere() -> None:
