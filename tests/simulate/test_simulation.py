@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from fractions import Fraction
 from functools import partial
@@ -16,8 +17,8 @@ from sepv.errors import TruncationWarning
 from sepv.schemes import continued, divided
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
-from sepv.simulate._batch import CHUNK, Batch, advance, run_chunk
-from sepv.simulate._run_arguments import initial_state, prepared, step_count
+from sepv.simulate._batch import Batch, run_chunk
+from sepv.simulate._run_arguments import prepared, step_count
 from sepv.solve import Status
 from sepv.solve._solution import Solution
 
@@ -35,16 +36,9 @@ def test_a_path_of_an_ensemble_is_the_single_path() -> None:
     assert one.y.shape == (2, 33)
     assert many.gradient_evaluations > 0
     assert many.iterations >= 70 * 32
-    few = ensemble(schemes.energy_preserving, problem, h=1 / 32, T=1.0, paths=5, seed=9)
+    few = ensemble(schemes.energy_preserving, problem, h=1 / 32, T=1.0, paths=5, seed=9, chunk=2)
     assert np.array_equal(few.y, many.y[:, :5])
     assert np.array_equal(few.W, many.W[:, :5])
-
-
-def test_chunks_do_not_change_the_bits() -> None:
-    problem = problems.harmonic_oscillator()
-    many = ensemble(schemes.euler_heun, problem, h=0.25, T=1.0, paths=CHUNK + 3, seed=1)
-    few = ensemble(schemes.euler_heun, problem, h=0.25, T=1.0, paths=CHUNK, seed=1)
-    assert np.array_equal(many.y[:, :CHUNK], few.y)
 
 
 def test_invariants_are_kept_and_shown() -> None:
@@ -92,27 +86,25 @@ def test_one_lane_functions_can_be_run_as_ensembles() -> None:
     assert np.array_equal(slow.y, fast.y)
 
 
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"h": 0.0},
-        {"h": -0.1},
-        {"h": float("nan")},
-        {"h": 0.3},
-        {"T": float("inf")},
-        {"T": -1.0},
-        {"paths": 0},
-        {"paths": 2.5},
-        {"seed": -1},
-        {"h": 1.0},
-        {"y0": (1.0,)},
-        {"y0": (float("nan"), 0.0, 0.0)},
-    ],
-)
-def test_wrong_arguments_are_refused(wrong) -> None:
-    arguments = {"h": 0.25, "T": 1.0, "paths": 3, **wrong}
-    with pytest.raises(sepv.UsageError, match="Expected"):
-        ensemble(schemes.energy_preserving, problems.rigid_body(), **arguments)
+def test_wrong_arguments_are_refused() -> None:
+    nan = float("nan")
+    for wrong in (
+        {"h": 0.0}, {"h": -0.1}, {"h": nan}, {"h": 0.3}, {"h": 1.0}, {"T": math.inf}, {"T": -1.0}, {"paths": 0},
+        {"paths": 2.5}, {"seed": -1}, {"y0": (1.0,)}, {"y0": (nan, 0.0, 0.0)}, {"y0": np.zeros((3, 1))},
+    ):  # fmt: skip
+        arguments = {"h": 0.25, "T": 1.0, "paths": 3, **wrong}
+        with pytest.raises(sepv.UsageError, match="Expected"):
+            ensemble(schemes.energy_preserving, problems.rigid_body(), **arguments)
+    with pytest.raises(sepv.UsageError, match="an initial state"):
+        ensemble(schemes.midpoint, flat(2), h=0.25, T=1.0, paths=3)
+
+
+def test_whether_t_is_a_multiple_of_h_does_not_depend_on_the_unit_of_time() -> None:
+    """A relative rounding error is allowed, of T = N h as it is written in decimals, and no absolute one."""
+    for unit in (1e-15, 1.0, 1e15):
+        assert step_count(0.01 * unit, 0.57 * unit, None) == 57
+        with pytest.raises(sepv.UsageError, match="multiple"):
+            step_count(0.01 * unit, 0.5701 * unit, None)
 
 
 def test_wrong_arguments_of_a_path_are_refused() -> None:
@@ -122,32 +114,6 @@ def test_wrong_arguments_of_a_path_are_refused() -> None:
     ):  # fmt: skip
         with pytest.raises(sepv.UsageError, match="Expected"):
             sepv.integrate(schemes.midpoint, problems.rigid_body(), h=0.25, **wrong)
-
-
-def test_a_path_may_have_one_step_and_starts_where_it_is_told_to() -> None:
-    problem = problems.rigid_body()
-    once = sepv.integrate(schemes.midpoint, problem, h=0.25, steps=1)
-    same = sepv.integrate(schemes.midpoint, problem, h=0.25, T=0.25, seed=0, y0=problem.initial)
-    assert np.array_equal(once.y, same.y)
-    assert once.t.tolist() == [0.0, 0.25]
-
-
-def test_an_initial_state_has_a_number_for_each_component() -> None:
-    for y0 in ((np.nan, 0.0, 1.0), (0.0, 1.0), np.zeros((3, 1))):
-        with pytest.raises(sepv.UsageError, match="y0 finite, of shape"):
-            initial_state(problems.rigid_body(), y0)
-    given = np.array([0.1, 0.2, 0.3])
-    assert initial_state(problems.rigid_body(), given) is not given
-    with pytest.raises(sepv.UsageError, match="an initial state"):
-        initial_state(flat(2), None)
-
-
-def test_whether_t_is_a_multiple_of_h_does_not_depend_on_the_unit_of_time() -> None:
-    """A relative rounding error is allowed, of T = N h as it is written in decimals, and no absolute one."""
-    for unit in (1e-15, 1.0, 1e15):
-        assert step_count(0.01 * unit, 0.57 * unit, None) == 57
-        with pytest.raises(sepv.UsageError, match="multiple"):
-            step_count(0.01 * unit, 0.5701 * unit, None)
 
 
 def test_paths_of_explicit_schemes_are_those_of_their_ensembles() -> None:
@@ -190,32 +156,10 @@ def test_work_is_the_sum_of_the_work_of_the_steps(remedy) -> None:
             found = (path.gradient_evaluations, path.divisions, path.continuations)
             assert found == tuple(counts[key] for key in (keys[0], *keys[3:]))
     assert {key: getattr(solved, key) for key in keys} == total
-    start = np.repeat(np.asarray(problem.initial)[:, None], 3, axis=1)
-    value, status, cost, _ = advance(scheme, problem, start, 1 / 8, dW[0])
-    once = scheme.solve(problem, start, 1 / 8, dW[0])
-    assert np.array_equal(value, once.value)
-    assert np.array_equal(status, once.status)
-    assert cost[:3].tolist() == [getattr(once, key).sum() for key in keys[:3]]
+
     assert {s.name for s in map(Status, solved.status)} == {"CONVERGED"} or scheme is not divided
     assert (total["divisions"] > 0) == (remedy is divided)
     assert (total["continuations"] > 0) == (remedy is continued)
-
-
-def test_a_chunk_is_the_ensemble_of_its_increments() -> None:
-    problem = problems.rigid_body()
-    dW = wiener.increments(2, T=1.0, steps=8, noises=1, paths=4)
-    chunk = run_chunk(schemes.midpoint, problem, np.asarray(problem.initial), 1 / 8, dW, 2)
-    ends = ensemble(schemes.midpoint, problem, h=1 / 8, T=1.0, paths=4, seed=2)
-    for key in ("y", "status", "failed_step", "energy_defect", "casimir_defect"):
-        assert np.array_equal(getattr(chunk, key), getattr(ends, key))
-    assert chunk.W.shape == (1, 4)
-    assert (
-        np.max(np.abs(chunk.W - dW.sum(axis=0))) <= 8 * EPS * np.abs(dW).sum(axis=0).max()
-    )  # two orders of a sum
-    blind = run_chunk(schemes.midpoint, problem, np.asarray(problem.initial), 1 / 8, dW, 2, track=False)
-    assert np.array_equal(blind.y, chunk.y)
-    assert not blind.energy_defect.any()
-    assert chunk.energy_defect.all()
 
 
 def given_increments(name: str = "given", **known: Any) -> sepv.Scheme:
