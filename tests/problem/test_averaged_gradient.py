@@ -15,7 +15,6 @@ from sepv.problem._averaged_gradient import (
     _adaptive,
     _quadratures,
     _size,
-    argument_rounding,
     gauss_legendre,
 )
 from sepv.record import _polynomial as poly
@@ -80,26 +79,6 @@ def test_polynomials_take_the_fewest_nodes_that_are_exact(degree: int) -> None:
     assert np.all(np.abs(many - np.tile(exact, 100)) <= 1e-14 * degree**2 * np.tile(scale, 100))
 
 
-def test_the_size_of_a_sum_is_that_of_its_terms_lane_by_lane() -> None:
-    """∇H = (y, 0) from −1 to 1: the sum cancels, its terms Σ w|2τ − 1| do not; the lanes are apart by 10³."""
-    problem = problems.harmonic_oscillator()
-    y1 = np.array([[1.0, 1000.0], [0.0, 0.0]])
-    ((value, terms),) = _quadratures(problem, -y1, y1, 4)
-    size = _size(terms)
-    tau, weights = gauss_legendre(4)
-    assert np.all(np.abs(value) <= EPS * size)
-    assert size == pytest.approx(np.array([1.0, 1000.0]) * (weights @ np.abs(2 * tau - 1)), rel=1e-15, abs=0)
-
-
-def test_a_closed_form_is_one_evaluation_without_error() -> None:
-    problem = problems.pendulum()
-    found = average_gradient(problem, Y0, Y1)
-    assert found.evaluations.tolist() == [1, 1, 1]
-    assert found.error.tolist() == [0.0, 0.0, 0.0]
-    assert found.reliable.tolist() == [True] * 3
-    assert found.reliable.dtype == bool
-
-
 def steep(*widths: float) -> tuple[Problem, np.ndarray, np.ndarray]:
     """∇H = (1/(y1 + y2), 0) with y2 = w and y1 from 0 to 1, a lane for each w: the nearer the pole, the more nodes."""
     w = np.array(widths)
@@ -138,27 +117,6 @@ def test_the_ladder_climbs_as_far_as_a_lane_needs_and_counts_its_rungs() -> None
         assert alone.value[0, 0] == found.value[0, k]
         assert alone.evaluations[0] == found.evaluations[k]
         assert alone.error[0] == found.error[k]
-
-
-def test_a_rounding_of_the_argument_is_eps_times_the_slope_along_y() -> None:
-    """|H″ y| eps: for sin q at q = 10⁸ that is 10⁸|cos q|; the larger end counts, NaN does not, lanes stay apart."""
-    problem = problems.pendulum()
-    states = np.array([[0.5, 0.5, 2.0], [1e8, 3.0, -1e8]]), np.array([[1.0, 0.25, 3.0], [2e8, -1.0, np.nan]])
-    found = argument_rounding(problem, *states)
-    assert found.shape == (3,)
-
-    def by_hand(q: float) -> float:
-        """The difference has a relative step of 2⁻²⁶: at 10⁸ that is 1.5 and no derivative, but of the same size."""
-        return EPS * 2.0**26 * abs(np.sin(q * (1 + 2.0**-26)) - np.sin(q))
-
-    slope = EPS * 3.0 * abs(np.cos(3.0))  # above 0.5 of p, and above 1·cos 1 of the other state
-    expected = [max(by_hand(1e8), by_hand(2e8)), slope, by_hand(-1e8)]
-    assert found == pytest.approx(np.array(expected), rel=1e-6, abs=0)
-    still = np.array([[1e-3], [2e-3]])  # the larger of two slopes far below 1
-    assert argument_rounding(problem, still) == pytest.approx(np.array([2e-3 * EPS]), rel=1e-5, abs=0)
-    steep = replace(problem, gradient=np.exp, check=False)  # ∞ − ∞, and no warning
-    assert argument_rounding(steep, np.array([[1e3], [1.0]])) == 0
-    assert argument_rounding(problem, states[0][:, 1:2]) == pytest.approx(np.array([slope]), rel=1e-6, abs=0)
 
 
 def test_rules_that_differ_by_the_rounding_of_their_argument_agree_and_a_kink_does_not() -> None:

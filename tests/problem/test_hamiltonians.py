@@ -27,7 +27,6 @@ from sepv.problem import (
     Problem,
     StructuresProblem,
     Systems,
-    check_problem,
     column,
     commutes,
     ito_drift,
@@ -36,7 +35,6 @@ from sepv.problem._fields import matvec
 from sepv.problem._hamiltonians import bracket, combined_field, noise_field, noise_slope
 from sepv.problem._structures import each_noise
 from sepv.problems._polynomial_system import drift_of_energy
-from sepv.record import _polynomial as poly
 from sepv.schemes import Orders, Scheme, ask
 from sepv.schemes._further_increments import as_matrix, as_rows, rows_of_any_path
 from sepv.schemes._order_claims import order_of
@@ -50,7 +48,6 @@ from sepv.verification._contraction import contraction_ball
 from sepv.verification._orders.gaussian import rule_for
 from sepv.verification._orders.local_errors import local_errors
 from sepv.verification._orders.local_moments import exponents
-from sepv.verification._sequential import setups
 
 QUICK = Effort(examples=4, shrink_checks=0)
 KEPT = (
@@ -59,14 +56,12 @@ KEPT = (
     ("stochastic-splitting", "poisson-map,positivity"),
     ("isospectral-midpoint", "casimir,poisson-map"),
     ("darboux-lie", "any-casimir,poisson-map,positivity"),
-    ("drift-preserving", "energy-drift"),
 )
 
 
 @pytest.mark.parametrize("name", [*problems.HAMILTONIANS, "kubo-oscillator"])
-def test_problems_agree_with_themselves_and_their_flows_with_their_fields(name: str) -> None:
+def test_flows_of_problems_are_those_of_their_fields(name: str) -> None:
     problem = problems.by_name(name)
-    check_problem(problem)
     y, t = np.asarray(problem.initial), 1e-5
     for j, flow in enumerate(getattr(problem, "noise_flows", ())):
         slope = (flow(y, np.array(t)) - flow(y, np.array(-t))) / (2 * t)
@@ -339,23 +334,6 @@ def test_random_species_stay_positive_or_not() -> None:
     assert not np.all(euler(case.build()[0], *case.build()[1:]) > 0)
 
 
-def test_paths_of_the_class_are_of_problems_with_a_gradient_for_each_noise() -> None:
-    for setup in setups(Systems.HAMILTONIANS):
-        problem = setup.build()
-        assert isinstance(problem, HamiltoniansProblem)
-        named = problems.by_name(setup.problem)
-        y = np.random.default_rng(1).uniform(0.5, 1.0, (problem.dimension, 3))
-        for j in range(problem.noises):
-            expected = noise_field(named, j, y)
-            found = matvec(problem.structure(y), problem.noise_gradients[j](y))
-            assert np.allclose(found, expected, rtol=1e-13)
-            assert np.allclose(
-                matvec(problem.structure(y), named.noise_gradients[j](y)), expected, rtol=1e-13
-            )
-    with pytest.raises(AttributeError, match="several structures"):
-        _ = problems.noncommuting_tops().noise_gradients
-
-
 def _explicit(problem: Problem, y: Array, h: float, dW: Array, share: float) -> Array:
     """A Runge-Kutta method of two stages: the explicit midpoint rule for a share of ½, Heun's for 1."""
     state, noise = as_lanes(problem, y, h, dW)
@@ -446,40 +424,6 @@ def test_the_midpoint_rule_of_one_hamiltonian_is_the_midpoint_rule() -> None:
 # The trace formula.
 
 
-@settings(max_examples=30)
-@given(drawn_systems(Systems.SEPARABLE_HAMILTONIANS, d=("2",)))
-def test_additive_noise_along_a_quadratic_energy_makes_it_grow_at_a_constant_rate(
-    system: PolynomialSystem,
-) -> None:
-    rate = drift_of_energy(system)
-    assert rate is not None
-    y = np.full(system.dimension, 0.375)
-    series = moments(
-        system, tuple(y.tolist()), exponents(system.dimension, max(system.hamiltonian.degree, 1)), 2
-    )
-    names = exponents(system.dimension, max(system.hamiltonian.degree, 1))
-    # H(y0 + x) by its Taylor coefficients, E of each monomial by the generator: h σ and nothing of h².
-    problem = problems.build(system)
-    shifted = _taylor(problem, system, y)
-    first, second = (
-        sum(shifted[a] * float(row[k]) for a, row in zip(names, series, strict=True)) for k in (1, 2)
-    )
-    assert first == pytest.approx(rate, rel=1e-12)
-    assert second == pytest.approx(0.0, abs=1e-10 * (1 + abs(rate)))
-
-
-def _taylor(problem: Problem, system: PolynomialSystem, y: Array) -> dict[tuple[int, ...], float]:
-    del problem
-    found: dict[tuple[int, ...], float] = {}
-    for alpha in exponents(system.dimension, max(system.hamiltonian.degree, 1)):
-        p, factor = system.hamiltonian, 1.0
-        for i, k in enumerate(alpha):
-            for n in range(k):
-                p, factor = poly.differentiate(p, i), factor * (n + 1)
-        found[alpha] = float(np.sum([c * np.prod(y ** np.array(e)) for e, c in p.terms])) / factor
-    return found
-
-
 def test_a_drift_that_is_not_constant_is_not_taken_for_one() -> None:
     data = problems.random_inertia().data
     assert isinstance(data, PolynomialSystem)
@@ -505,15 +449,6 @@ def test_the_contract_holds_with_and_without_areas() -> None:
     # No area is the midpoint rule; some is not.
     assert np.allclose(with_rows, schemes.stochastic_midpoint.step(problem, y, 0.1, dW), atol=1e-15)
     assert np.max(np.abs(without - with_rows)) > 1e-5
-
-
-@pytest.mark.parametrize("name", schemes.HAMILTONIANS)
-def test_each_scheme_of_the_class_says_what_it_is(name: str) -> None:
-    scheme = schemes.by_name(name)
-    assert scheme.source
-    assert scheme.mean_square_order is not None
-    assert scheme.weak_order is not None
-    assert scheme.truncation is None or scheme.truncation >= 2 * scheme.mean_square_order
 
 
 def test_areas_are_drawn_with_their_law_or_not_at_all() -> None:

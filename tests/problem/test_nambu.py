@@ -12,11 +12,9 @@ from sepv.reference.steps import reference_step
 import sepv
 from sepv import problems, schemes
 from sepv.errors import ProblemError, Skipped, UsageError
-from sepv.problem import Nambu, PolynomialSystem, Systems
+from sepv.problem import PolynomialSystem, Systems
 from sepv.record import _polynomial as poly
-from sepv.schemes._both_invariants import step as both
 from sepv.verification import Case, state_ulp
-from sepv.verification._cases.case import from_json, to_json
 
 
 @given(steps(Systems.NAMBU))
@@ -68,11 +66,6 @@ def test_other_problems_are_skipped_by_name() -> None:
         schemes.both_invariants.step(problems.pendulum(), np.array([0.2, 1.0]), 0.1, np.zeros(2))
 
 
-@given(steps(Systems.NAMBU))
-def test_cases_travel_as_json(case: Case) -> None:
-    assert from_json(to_json(case)) == case
-
-
 def test_wrong_descriptions_are_refused() -> None:
     one, two = poly.constant(3, 1.0), poly.constant(2, 1.0)
     with pytest.raises(ProblemError, match="3 variables"):
@@ -86,21 +79,3 @@ def test_wrong_descriptions_are_refused() -> None:
 def test_an_unknown_class_of_systems_is_an_error() -> None:
     with pytest.raises(UsageError, match="single, nambu"):
         sepv.Scheme("mine", lambda problem, y, h, dW: y, systems="double")
-
-
-@pytest.mark.parametrize("rough", ["gradient", "casimir"])
-def test_what_no_quadrature_resolves_is_reported_for_either_factor(rough: str) -> None:
-    """H = |y1| + … or C = |y1| + …: one average that never settles is enough."""
-    smooth = lambda y: np.stack([y[0], y[1], 2 * y[2]])  # noqa: E731
-    kink = lambda y: np.stack([np.sign(y[0]), y[1], 2 * y[2]])  # noqa: E731
-    nambu = Nambu(
-        factor=lambda y: np.ones_like(y[0]), casimir=lambda y: y[0],
-        gradient=kink if rough == "casimir" else smooth, hessian=lambda y: np.zeros((3, 3, *y.shape[1:])),
-    )  # fmt: skip
-    problem = sepv.Problem(
-        dimension=3, structure=lambda y: np.zeros((3, 3, *y.shape[1:])), hamiltonian=lambda y: y[0],
-        gradient=kink if rough == "gradient" else lambda y: np.stack([y[1], y[0], y[2]]), nambu=nambu, check=False,
-    )  # fmt: skip
-    y = np.array([[0.1, 1.1], [1.0, 1.0], [0.2, 0.2]])
-    ends = both.increment(problem, y, y - np.array([[0.3], [0.1], [0.0]]), np.array([[0.5, 0.5]]))
-    assert ends.reliable.tolist() == [False, True]

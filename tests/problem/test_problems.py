@@ -8,27 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 
 import sepv
 from sepv import problems
 from sepv.errors import ProblemError
-from sepv.problem import PolynomialSystem, average_gradient, check_problem
-from sepv.problem._checks import sample_states
+from sepv.problem import PolynomialSystem, check_problem
 from sepv.verification import strategies
 from sepv.verification._cases import case as cases
-
-
-@pytest.mark.parametrize("name", problems.PAPER)
-def test_the_papers_problems_agree_with_themselves(name: str) -> None:
-    problem = problems.by_name(name)
-    check_problem(problem)
-    for y in sample_states(problem):
-        y1 = y * 1.01
-        mean = average_gradient(problem, y[:, None], y1[:, None]).value[:, 0]
-        change = problem.hamiltonian(y1) - problem.hamiltonian(y)
-        # The fundamental theorem of calculus; H has size 10 at most here.
-        assert abs(mean @ (y1 - y) - change) < 1e-14
 
 
 def test_parameters_are_the_papers() -> None:
@@ -49,6 +36,7 @@ def test_the_casimir_of_lotka_volterra_is_one() -> None:
     assert np.max(np.abs(slope @ problem.structure(y))) < 1e-15
 
 
+@settings(max_examples=12)
 @given(strategies.casimir_systems())
 def test_casimirs_by_construction_are_casimirs(data: PolynomialSystem) -> None:
     check_problem(problems.polynomial_problem(data))

@@ -24,13 +24,11 @@ from sepv.problem import (
     Systems,
     commuting_hamiltonians,
 )
-from sepv.problem._structures import combined, combined_slope, noise_structures
 from sepv.problems._several import closed_form, commuting_actions
 from sepv.record import _polynomial as poly
 from sepv.record._binary64 import EPS, TINY
 from sepv.solve import Status
 from sepv.verification import Case
-from sepv.verification._cases.case import from_json, to_json
 from sepv.verification._cases.commuting import commuting_step, critical_step
 from sepv.verification._cases.of_law import EVERYTHING, Question
 
@@ -125,11 +123,6 @@ def test_ensembles_take_several_structures() -> None:
     assert ends.energy_defect.max() < 32 * EPS
 
 
-@given(_SEVERAL.strategy)
-def test_cases_travel_as_json(case: Case) -> None:
-    assert from_json(to_json(case)) == case
-
-
 def test_wrong_structures_are_refused() -> None:
     drift = problems.rigid_body()
     keys = {
@@ -153,53 +146,6 @@ def test_wrong_structures_are_refused() -> None:
         StructuresProblem(**keys, noise=(1.0, 2.0), noise_structures=(drift.structure,))
     with pytest.raises(ProblemError, match="Casimir"):
         StructuresProblem(**keys, casimirs=drift.casimirs, noise=(1.0,), noise_structures=(other,))
-
-
-def two_noises() -> StructuresProblem:
-    """B, G_1 and G_2 of degrees 1, 2 and 0 in the plane, with c = (0.5, 2)."""
-    one = poly.constant(2, 1.0)
-    entry = poly.polynomial(2, {(1, 0): 1.0, (0, 1): -3.0})
-    system = PolynomialSystem(
-        2, poly.polynomial(2, {(2, 0): 0.5, (0, 2): 0.5}), ((0, 1, entry),), (0.5, 2.0),
-        noise_structures=(((0, 1, poly.multiply(entry, entry)),), ((0, 1, one),)),
-    )  # fmt: skip
-    problem = problems.polynomial_problem(system)
-    assert isinstance(problem, StructuresProblem)
-    return problem
-
-
-def test_a_step_sees_the_sum_of_its_structures() -> None:
-    """h B + Σ c_j ΔW_j G_j at (2, 1), where B12 = −1, G_1 has 1 and G_2 has 1; and its derivative."""
-    y, parts = np.array([[2.0, 0.0], [1.0, 1.0]]), np.array([[0.5, 0.5], [10.0, 0.0], [-300.0, 1.0]])
-    total = combined(two_noises(), y, parts)
-    assert total[0, 1].tolist() == [-0.5 + 10 - 300, -1.5 + 1]
-    assert np.array_equal(total, -total.swapaxes(0, 1))
-    slope = combined_slope(two_noises(), y, parts)
-    assert slope is not None
-    # ∂B12 = (1, −3) and ∂G12 = 2 B12 (1, −3).
-    assert slope[0, 1].tolist() == [[0.5 + 10 * -2, 0.5], [-1.5 + 10 * 6, -1.5]]
-    assert np.array_equal(slope, -slope.swapaxes(0, 1))
-
-
-def test_a_single_structure_is_that_of_the_noise_too() -> None:
-    problem = problems.rigid_body(noise=(1.0, 0.5))
-    y, parts = np.array([[0.3], [-0.7], [0.5]]), np.array([[0.5], [10.0], [-3.0]])
-    assert list(noise_structures(problem)) == [problem.structure] * 2
-    several = two_noises()
-    assert noise_structures(several) is several.noise_structures
-    assert np.allclose(combined(problem, y, parts), 7.5 * problem.structure(y), rtol=4 * EPS, atol=0)
-    slope = combined_slope(problem, y, parts)
-    assert np.allclose(slope, 7.5 * problem.structure_derivative(y), rtol=4 * EPS, atol=0)
-
-
-def test_without_one_of_the_derivatives_there_is_no_slope() -> None:
-    problem, y, parts = two_noises(), np.ones((2, 1)), np.ones((3, 1))
-    for key in ("structure_derivative", "noise_structure_derivatives"):
-        assert combined_slope(replace(problem, check=False, **{key: None}), y, parts) is None
-    assert (
-        combined_slope(replace(problems.rigid_body(), structure_derivative=None, check=False), y, parts)
-        is None
-    )
 
 
 A, b = np.diag([1.0, -0.5, 2.0, 0.25]), np.array([0.125, 0.5, -0.25, 0.0])
@@ -336,7 +282,7 @@ def test_an_ensemble_says_of_each_lane_whether_its_structure_is_defined() -> Non
     assert ends.failed_step.tolist() == [0] * 3
 
 
-@pytest.mark.parametrize("distance", [0.0, 1e-9, 1e-4])
+@pytest.mark.parametrize("distance", [0.0, 1e-4])
 def test_next_to_a_curved_set_of_critical_points_no_wrong_step_passes(distance: float) -> None:
     """S_1∇̄H_0 turns by two thirds of the angle there, whatever h: no path of 64 gets through with status 0."""
     problem, y0 = critical_circle(), (np.sqrt(2.0) + distance, 0.0)
@@ -377,74 +323,15 @@ def test_a_third_partys_scheme_meets_no_number_where_there_is_no_structure() -> 
     assert np.isfinite(found[:, :, 1]).all()
 
 
-class Map:
-    """A gradient that knows a majorant ten times its size."""
-
-    def __init__(self, function: Callable[[np.ndarray], np.ndarray]) -> None:
-        self.function = function
-
-    def __call__(self, y: np.ndarray) -> np.ndarray:
-        return self.function(y)
-
-    def majorant(self, y: np.ndarray) -> np.ndarray:
-        return 10 * np.abs(self.function(y))
-
-
-@pytest.mark.parametrize("unit", [1.0, 2.0**-6])
-def test_roundings_of_a_commuting_structure_are_relative_to_its_terms(unit: float) -> None:
+def test_roundings_of_a_commuting_structure_are_relative_to_its_terms() -> None:
     """2(M_v M_gᵀ + M_g M_vᵀ)/|w|² by hand: H_0 = |y|²/2 and H_1 = 25/2 |y|² at (3, −4), v = B∇H_1 = 25(−4, −3)."""
     turn = lambda y: np.array([[0.0, -1.0], [1.0, 0.0]])  # noqa: E731
-    y = unit * np.array([3.0, -4.0])
+    y = np.array([3.0, -4.0])
     plain = CommutingStructure(turn, lambda y: y, lambda y: 25 * y)
     # M_v = 25(4, 3), M_g = (3, 4), |w|² = 25.
     expected = 2 * np.array([[2 * 12, 9 + 16], [9 + 16, 2 * 12]])
     assert np.allclose(plain.majorant(y), expected, rtol=4 * EPS, atol=0)
     assert np.all(np.abs(plain(y)) <= plain.majorant(y))
-    for known in (
-        CommutingStructure(turn, Map(lambda y: y), lambda y: 25 * y),
-        CommutingStructure(turn, lambda y: y, Map(lambda y: 25 * y)),
-        CommutingStructure(Map(turn), lambda y: y, lambda y: 25 * y),
-    ):
-        assert np.allclose(known.majorant(y), 10 * expected, rtol=4 * EPS, atol=0)
-        assert np.array_equal(known(y), plain(y))
-
-
-def test_a_problem_with_several_hamiltonians_is_put_together_from_its_parts() -> None:
-    drift = problems.rigid_body()
-    H_1, exact = (
-        (lambda y: 2 * drift.hamiltonian(y) * drift.gradient(y)),
-        (lambda y0, T, W: y0[:, None] + 0 * W),
-    )
-    plain = commuting_hamiltonians(drift, [H_1, drift.gradient])
-    assert plain.c.tolist() == [1.0, 1.0]
-    assert plain.name == "rigid-body with 2 noise Hamiltonians"
-    assert plain.closed_form is None
-    assert plain.data is None
-    told = commuting_hamiltonians(
-        drift, [H_1, drift.gradient], noise=(0.5, 0.0), closed_form=exact, name="mine", data=drift.data
-    )
-    assert told.c.tolist() == [0.5, 0.0]
-    assert told.name == "mine"
-    assert told.closed_form is exact
-    assert told.data is drift.data
-    for key in (
-        "hamiltonian",
-        "gradient",
-        "hessian",
-        "structure_derivative",
-        "mean_gradient",
-        "degree",
-        "domain",
-    ):
-        assert getattr(told, key) is getattr(drift, key)
-    assert np.array_equal(told.initial, drift.initial)
-    assert len(told.casimirs) == 1
-    # S = G = B up to a multiple where H_1 is a function of H_0: y = S∇H_0 is 2H_0 f.
-    y = np.array([[0.3, 0.1], [-0.7, 0.2], [0.5, 0.9]])
-    f = np.cross(y.T, drift.gradient(y).T).T
-    assert np.allclose(
-        np.einsum("ijm,jm->im", told.noise_structures[1](y), drift.gradient(y)), f, rtol=0, atol=16 * EPS
-    )  # |f| < 1
 
 
 def oscillator(**known: object) -> sepv.Problem:

@@ -46,7 +46,8 @@ def test_every_built_in_scheme_says_what_it_is() -> None:
     """Where it comes from, its orders, k ≥ 2p (Remark 2.1), and only laws that there are."""
     laws = {law.name for law in load_laws()}
     families = [family(s) for family in (schemes.collocation, schemes.gauss) for s in range(1, 7)]
-    for scheme in [*schemes.PAPER.values(), *schemes.EXTENSIONS.values(), *families]:
+    several = map(schemes.by_name, schemes.HAMILTONIANS)
+    for scheme in [*schemes.PAPER.values(), *schemes.EXTENSIONS.values(), *several, *families]:
         assert scheme.claims <= laws
         assert scheme.source
         assert scheme.mean_square_order is not None

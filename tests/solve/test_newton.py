@@ -12,7 +12,7 @@ from sepv.errors import StepFailure
 from sepv.solve import Increment, Status
 from sepv.solve import _damped as damped
 from sepv.solve import _newton as implicit
-from sepv.solve._newton import iterate
+from sepv.solve._newton import MAX_HALVINGS, into_domain, iterate
 from sepv.solve._solution import Equations, Evaluation, Solution, require_converged
 
 EPS = 2.0**-52
@@ -327,6 +327,19 @@ def test_steps_are_cut_at_the_boundary_of_the_domain(bound: float) -> None:
     assert solution.status.tolist() == [Status.CONVERGED]
     assert z < bound
     assert abs(z - 2 - np.log1p(-z / bound)) <= 40 * EPS
+
+
+def test_into_the_domain_by_the_fewest_halvings_lane_by_lane() -> None:
+    limits = np.array([1.0, 8.0, 0.25, 3.0])
+    equations = Equations(
+        np.ones((1, 4)), lambda z, lanes: pytest.fail("nothing to evaluate"),
+        inside=lambda z, lanes: (np.abs(z) <= limits[lanes]).all(axis=0),
+    )  # fmt: skip
+    z, lanes = np.array([[0.0, 0.0, 0.0, 2.0]]), np.arange(4)
+    moved, inside = into_domain(equations, z, np.full((1, 4), 4.0), lanes)
+    assert (moved.tolist(), inside.tolist()) == ([[-1.0, -4.0, -0.25, -2.0]], [True] * 4)
+    moved, inside = into_domain(equations, np.array([[1.0, 2.5]]), np.array([[-4.0, -4.0]]), lanes[2:])
+    assert (moved.tolist(), inside.tolist()) == ([[1 + 4 * 0.5**MAX_HALVINGS, 3.0]], [False, True])
 
 
 def test_the_first_lane_that_failed_is_the_failure() -> None:
