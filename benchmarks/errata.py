@@ -11,7 +11,7 @@ from pathlib import Path
 import click
 
 from benchmarks import start
-from sepv.studies._reproduce.errata import ENTRIES, errata
+from sepv.studies._reproduce.errata import ENTRIES, Erratum, errata
 
 # Letters that a formula, and an omission, may have between two quoted pieces.
 FORMULA, OMISSION = 250, 3000
@@ -25,12 +25,21 @@ def to_markdown() -> str:
         "D. Cohen and G. Dujardin, *Energy-preserving integrators for stochastic Poisson systems* (2014). Each entry",
         "quotes the sentence with its neighbours. The evidence is computed and decides; it satisfies what the passage",
         "assumes. Each entry says what becomes of the conclusion. `sepv reproduce --errata` computes and prints them;",
-        "this page is its output as Markdown.",
+        "this page is its output as Markdown. A sentence that an entry above quotes is left out: […].",
     ]
+    quoted: set[str] = set()
     for entry, measured in errata():
-        lines += ["", f"## {entry.place}", "", f"> {entry.quote}", "", f"- decided on: {entry.printed}"]
-        lines += [f"- instead: {entry.right}", f"- evidence: {measured}", f"- hypotheses: {entry.hypotheses}"]
-        lines += [f"- holds where: {entry.criterion}", f"- command: `{entry.command}`"]
+        sentences = re.split(r"(?<=[a-z]\.) (?=[A-Z])", entry.quote)
+        quote = " ".join("[…]" if sentence in quoted else sentence for sentence in sentences)
+        quoted |= {*sentences}
+        command = "" if entry.command == Erratum.command else f" (`{entry.command}`)"
+        lines += ["", f"## {entry.place}", "", f"> {quote.replace('[…] […]', '[…]')}", ""]
+        lines += [
+            f"- decided on: {entry.printed}",
+            f"- instead: {entry.right}",
+            f"- evidence: {measured}{command}",
+        ]
+        lines += [f"- hypotheses: {entry.hypotheses}", f"- holds where: {entry.criterion}"]
     return "\n".join(lines) + "\n"
 
 

@@ -33,7 +33,9 @@ def head(law: Law) -> str:
         "Every scheme claims it." if law.always_claimed else "",
         f"[Saboteurs](../teeth.md): {saboteurs}." if names else "",
     ]
-    return f"# {law.name}\n\n{law.statement}.\n\n{' '.join(filter(None, facts))}\n\n"
+    text = law.statement
+    text = text[0].upper() + text[1:] if re.match(r"[a-z]{2,} ", text) else text  # y1 stays
+    return f"# {law.name}\n\n{text}.\n\n{' '.join(filter(None, facts))}\n\n"
 
 
 def page(law: Law, text: str) -> str:

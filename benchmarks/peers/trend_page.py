@@ -67,10 +67,7 @@ def _library(records: Sequence[Record]) -> Iterator[str]:
         yield "No verdict changed."
     shown = deviations(records)
     if shown:
-        yield (
-            "**Where a measurement differs from its documentation** (its own notes about it are quoted in "
-            "[compliance](compliance.md))"
-        )
+        yield "**Where a measurement differs from its documentation** ([its own notes](deviations.md))"
         yield markdown(
             ["script", "statement", "seen in", "mended in"],
             [

@@ -27,11 +27,23 @@ ALL = sorted(
     for folder in ("docs", "docs/laws")
     for p in (ROOT / folder).glob("*.md")
 )
-PAGES = ("ten-minutes", "teeth", "choosing", "ci", "extending", "beyond", "hard-cases", "speed")
+PAGES = (
+    "ten-minutes",
+    "teeth",
+    "choosing",
+    "ci",
+    "extending",
+    "beyond",
+    "higher-order",
+    "hard-cases",
+    "solvability",
+    "speed",
+)
 
 
 # Pages whose blocks are run elsewhere, by what; or are output, and shown to be so.
 ELSEWHERE = {
+    "long-times": "",  # printed by `sepv growth`, which takes minutes
     "clusters": "test_cluster_docs.py",
     "protocol": "test_examples.py",
     "vectors": "test_vectors.py",
@@ -54,7 +66,7 @@ def blocks(page: str, language: str | None = None) -> list[tuple[str, str]]:
 
 
 # Blocks whose command takes minutes, or is the block itself; that of docs/protocol.md is held by test_examples.py.
-SHOWN_ELSEWHERE = ("beyond", "protocol", "speed")
+SHOWN_ELSEWHERE = ("protocol", "speed")
 
 
 def fewer(words: list[str]) -> list[str]:

@@ -43,7 +43,7 @@ def test_clipping_alone_moves_the_end_as_far_as_it_says(problem: problems.Proble
 
 
 def test_what_clipping_costs_on_the_rigid_body() -> None:
-    """The figures of docs/beyond.md, by the formula at a glance: |f|² = 0.43 to 0.55 on the way, T = c = 1."""
+    """The figures of docs/higher-order.md, by the formula at a glance: |f|² = 0.43 to 0.55 on the way, T = c = 1."""
     body = problems.rigid_body()
     for steps, k, expected in ((128, 2, 7.0e-4), (128, 4, 3.4e-6), (128, 6, 2.0e-8), (8, 8, 1.5e-5)):
         found = clipping_error(body, T=1.0, steps=steps, k=k)
