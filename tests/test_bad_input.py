@@ -287,7 +287,3 @@ def test_bad_input_ends_in_an_error_of_ours_or_a_right_result(
     # What came in has an end: no time limit of sepv's is left to go off later, and nobody went to another folder.
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
     assert Path.cwd() == tmp_path.resolve()
-
-
-def test_there_are_at_least_a_hundred_classes() -> None:
-    assert len(CLASSES) >= 100

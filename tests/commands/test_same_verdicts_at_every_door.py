@@ -30,12 +30,8 @@ SOON = 30.0
 def at_home() -> dict[str, str]:
     """The Euler-Heun scheme through ``sepv.verify``."""
     report = verify("euler-heun", effort=EFFORT)
+    assert [f.law for f in report.findings] == list(LAWS)
     return {f.law: f.verdict.text for f in report.findings}
-
-
-def test_there_is_something_to_compare(at_home: dict[str, str]) -> None:
-    assert list(at_home) == list(LAWS)
-    assert set(at_home.values()) >= {"holds", "violated"}
 
 
 def test_the_command_line_says_the_same(at_home: dict[str, str], tmp_path: Path) -> None:
@@ -127,10 +123,3 @@ def test_ctrl_c_keeps_what_was_decided(tmp_path: Path) -> None:
     assert sum(report["counts"].values()) == len(report["laws"])
     assert (tmp_path / "r.xml").exists()
     assert (tmp_path / "b.json").exists()
-
-
-def test_laws_are_listed_with_commas_as_claims_are() -> None:
-    result = CliRunner().invoke(
-        main, ["verify", "midpoint", "--law", "identity,casimir", "--law", "truncation"]
-    )
-    assert "3 laws: 3 hold;" in result.output
