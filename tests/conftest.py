@@ -8,16 +8,20 @@ And two fixtures: an alarm, and a reader who types what documents show.
 from __future__ import annotations
 
 import os
+import shlex
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from click.testing import CliRunner, Result
 from hypothesis import HealthCheck, settings
 from reader import Reader
+
+from sepv.commands._cli import main
 
 # Cases are large by nature: too slow a draw is no finding here.
 _COMMON = {"deadline": None, "database": None, "suppress_health_check": [HealthCheck.too_slow]}
@@ -106,3 +110,18 @@ def reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Reader:
     # Of the run that we are in, and not of those that a reader begins.
     monkeypatch.delenv("PYTEST_ADDOPTS", raising=False)
     return Reader(tmp_path)
+
+
+@pytest.fixture
+def call(reader: Reader) -> Callable[..., Result]:
+    """A function that runs a command line in an empty folder, where `code` is the module `mine`."""
+
+    def run(arguments: str, code: str = "") -> Result:
+        head = (
+            "import numpy as np\nimport sepv\nfrom sepv.schemes._energy_preserving import step as correct\n"
+        )
+        (reader.folder / "mine.py").write_text(head + code)
+        sys.modules.pop("mine", None)
+        return CliRunner().invoke(main, shlex.split(arguments))
+
+    return run

@@ -54,6 +54,12 @@ def scheme(
     return cli(f"verify mine:step {options}", code, *words, files={"mine.py": text.encode()})
 
 
+def module(arguments: str, code: int, *words: str, text: str = "") -> Check:
+    """A command about the module `mine`, which has this text."""
+    mine = f"import numpy as np\nimport sepv\nfrom sepv.schemes._energy_preserving import step as correct\n{text}\n"
+    return cli(arguments, code, *words, files={"mine.py": mine.encode()})
+
+
 def program(body: str, *words: str) -> Check:
     """`sepv verify --exec` of a Python program with this body: an error in words, exit code 3."""
 
@@ -70,6 +76,7 @@ def program(body: str, *words: str) -> Check:
 
 
 VERIFY = "verify energy-preserving --law identity --examples 2"
+QUICK, STEP = "--steps 4,8 --paths 32 --repeats 1", "def step(problem, y, h, dW):"
 FILES: dict[str, Check] = {
     "expected: missing": cli(f"{VERIFY} --expected no.toml", 2, "no.toml"),
     "expected: empty": cli(f"{VERIFY} --expected e.toml", 0, files={"e.toml": b""}),
@@ -188,10 +195,29 @@ SCHEMES: dict[str, Check] = {
     "step: sets NumPy's error state": scheme(
         "np.seterr(all='raise')\n    return y.copy()", 1, "NumPy's error handling"
     ),
-    "step: wrong arguments": cli(
-        "verify mine:step", 3, "(problem, y, h, dW)", files={"mine.py": b"def step(y): return y"}
+    "step: wrong arguments": module(
+        "verify mine:step", 3, "(problem, y, h, dW)", "(y, h)", text="def step(y, h): pass"
     ),
-    "module: does not parse": cli("verify mine:step", 3, "SyntaxError", files={"mine.py": b"def step(:"}),
+    "module: does not parse": module("verify mine:step", 3, "SyntaxError", text="def step(:"),
+    "module: raises": module(
+        "verify mine:step", 3, "RuntimeError", "broken", text="raise RuntimeError('broken')"
+    ),
+    "module: lacks a library": module(
+        "verify mine:step", 3, "install nosuchlibrary", text="import nosuchlibrary"
+    ),
+    "module: not there": cli("verify no.such.module:step", 3, "no module named 'no'", "Remedy"),
+    "module: a file": module("verify mine.py:step", 3, "mine:step", text="step = correct"),
+    "module: a path": module(
+        "verify ./mine.py", 3, "name it as mine:mine", text="def mine(problem, y, h, dW): return y"
+    ),
+    "module: alone": module("verify mine", 3, "name it as mine:step", text="step = correct"),
+    "attribute: not there": module("verify mine:nosuch", 3, "attribute 'nosuch'", "correct"),
+    "attribute: misspelt": module("verify mine:stp", 3, "did you mean 'step'", text="step = correct"),
+    "attribute: a number": module("verify mine:step", 3, "step(problem, y, h, dW)", "int", text="step = 3"),
+    "attribute: a class": module("verify mine:Step", 3, "a class", text="class Step: pass"),
+    "attribute: a Scheme of a number": module(
+        "verify mine:step", 3, "Scheme(step=…)", text="step = sepv.Scheme(name='x', step=5)"
+    ),
     "module: exits when imported": cli(
         "verify mine:step", 3, "SystemExit", files={"mine.py": b"import sys; sys.exit(0)"}
     ),
@@ -203,17 +229,52 @@ PROGRAMS: dict[str, Check] = {
     "program: nothing": cli("verify --exec '' --law contract", 2),
     "program: unbalanced quotes": cli("""verify --exec '"./a' --law contract""", 2, "quot"),
     "program: exits at once": program("sys.exit(7)", "7"),
-    "program: is killed": program("os.kill(os.getpid(), 9)"),
-    "program: speaks no JSON": program("print('hello', flush=True); time.sleep(60)", "hello"),
-    "program: an endless line": program("sys.stdout.write('x' * 10**7); sys.stdout.flush(); time.sleep(60)"),
-    "program: JSON of another kind": program("print('[]', flush=True); time.sleep(60)"),
-    "program: bytes that are no text": program(
-        "sys.stdout.buffer.write(b'\\xff\\xfe\\n'); sys.stdout.flush(); time.sleep(60)"
-    ),
-    "program: JSON a hundred thousand deep": program("print('[' * 10**5, flush=True); time.sleep(60)"),
 }
 
 COMMANDS: dict[str, Check] = {
+    "verify: no target": cli("verify", 2, "TARGET"),
+    "verify: unknown scheme": cli("verify nosuch", 3, "built-in scheme", "nosuch"),
+    "verify: a misspelt scheme": cli("verify midpiont", 3, "did you mean 'midpoint'"),
+    "verify: a misspelt law": cli("verify midpoint --law enrgy", 2, "a law, one of", "did you mean 'energy'"),
+    "verify: an unknown claim": cli("verify midpoint --claim nosuch", 2, "a law, one of", "nosuch"),
+    "verify: a replay of no law": cli("verify midpoint --replay xyz", 2, "one --law"),
+    "verify: a file for two": cli("verify energy-preserving midpoint --json x.json", 2, "one TARGET"),
+    "verify: no examples": cli("verify energy-preserving --examples 0", 2, "--examples"),
+    "bench: no scheme": cli("bench", 2, "a scheme, or a program"),
+    "bench: unknown scheme": cli("bench nosuch", 3, "built-in scheme"),
+    "bench: unknown case": cli("bench energy-preserving --case nosuch", 2, "a case, one of"),
+    "bench: records that are not there": cli("bench midpoint --against no.json", 2, "--save", "no.json"),
+    "bench: two others": cli("bench midpoint --against a --against-ref .", 2, "one of"),
+    "compare: no scheme": cli("compare", 2, "a SCHEME, --exec or --peers"),
+    "compare: unknown scheme": cli("compare nosuch", 3, "built-in scheme"),
+    "compare: a misspelt problem": cli(
+        "compare midpoint -p rigid-bdy", 2, "a problem, one of", "did you mean 'rigid-body'"
+    ),
+    "compare: a problem that is a number": module(
+        "compare midpoint -p mine:h", 2, "a sepv.Problem", "float", text="h = 1.0"
+    ),
+    "compare: fewer steps": cli("compare midpoint --steps 8,4", 2, "each dividing the last"),
+    "compare: steps that do not divide": cli("compare midpoint --steps 8,12", 2, "each dividing the last"),
+    "compare: no steps": cli("compare midpoint --steps 0", 2, "each dividing the last"),
+    "compare: steps of words": cli("compare midpoint --steps 8,x", 2, "commas"),
+    "compare: few paths": cli("compare midpoint --paths 8", 2, "--paths"),
+    "compare: picture of unknown kind": cli("compare midpoint --picture c.gif", 2, ".svg, .png, .pdf"),
+    "compare: a step of another shape": module(
+        f"compare mine:step {QUICK}", 3, "shape", text=f"{STEP} return y[:1]"
+    ),
+    "compare: a step that raises later": module(
+        f"compare mine:step {QUICK}",
+        3,
+        "AttributeError",
+        text=f"{STEP} return y + 0 * (y.nosuch() if h > 0.01 else 0)",
+    ),
+    "compare: another initial state": cli(f"compare midpoint {QUICK} --initial 1,2", 2, "shape"),
+    "solvability: unknown problem": cli("solvability nosuch", 2, "nosuch"),
+    "solvability: no range": cli("solvability rigid-body --range 0", 2, "--range"),
+    "solvability: another scheme": cli("solvability rigid-body --scheme discrete-gradient", 2, "Δ alone"),
+    "solvability: another initial state": cli("solvability rigid-body --initial 1,2", 2, "(3,)"),
+    "solvability: negative noise": cli("solvability rigid-body --noise=-1", 2, "≥ 0"),
+    "command: misspelt": cli("compair midpoint", 2, "did you mean 'compare'", "solvability, teeth"),
     "command: unknown": cli("validate", 2, "validate"),
     "option: unknown": cli("verify energy-preserving --fast", 2, "--fast"),
     "number: a word": cli("verify energy-preserving --examples many", 2, "many"),

@@ -162,9 +162,8 @@ def test_where_all_fail_there_is_nothing_to_compare(folder: Path) -> None:
     assert "no noise, please" in done.output
 
 
-@pytest.mark.parametrize("command", ["run", "bench"])
-def test_neither_a_scheme_nor_a_program_is_refused(folder: Path, command: str) -> None:
-    done = sepv_(command)
+def test_neither_a_scheme_nor_a_program_is_refused(folder: Path) -> None:
+    done = sepv_("run")
     assert done.exit_code == 2
     assert "a scheme, or a program with --exec" in done.output
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import shlex
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -12,11 +10,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import Result
 
 import sepv
 from sepv import schemes
-from sepv.commands._cli import main
 from sepv.errors import StepFailure, TargetError, UsageError
 from sepv.files import json_text
 from sepv.problem import Array, Problem
@@ -218,24 +215,11 @@ def test_two_checkouts_take_turns(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 MODULE = "from sepv.schemes._energy_preserving import scheme\nfrom sepv.schemes._euler_heun import step\n"
 
 
-@pytest.fixture
-def call(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Result]:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.syspath_prepend(str(tmp_path))
-
-    def run(arguments: str, code: str = MODULE) -> Result:
-        (tmp_path / "mine.py").write_text(code)
-        monkeypatch.delitem(sys.modules, "mine", raising=False)
-        return CliRunner().invoke(main, shlex.split(arguments))
-
-    return run
-
-
 def test_a_third_party_saves_and_compares(call: Callable[..., Result], tmp_path: Path) -> None:
-    saved = call("bench mine:step --case rigid-body --save base.json")
+    saved = call("bench mine:step --case rigid-body --save base.json", MODULE)
     assert saved.exit_code == 0, saved.output
     assert "16384" in saved.output  # two evaluations, 512 paths, 16 steps
-    again = call("bench mine:step --against base.json")
+    again = call("bench mine:step --against base.json", MODULE)
     assert again.exit_code == 0, again.output
     assert "9 checks: 9 same." in again.output
     wasteful = MODULE + (
@@ -255,7 +239,7 @@ def test_another_checkout_is_measured_with_its_own_code(call: Callable[..., Resu
         MODULE + "midpoint = step\ndef step(problem, y, h, dW):\n"
         "    print('noise on stdout')\n    problem.gradient(y)\n    return midpoint(problem, y, h, dW)\n"
     )
-    result = call("bench mine:step --against-ref other --case rigid-body --batches 4")
+    result = call("bench mine:step --against-ref other --case rigid-body --batches 4", MODULE)
     assert "gradient better  24576 → 16384 (-8192)" in result.output, result.output
     assert "processor time" in result.output
     assert "clock time" in result.output
@@ -264,32 +248,10 @@ def test_another_checkout_is_measured_with_its_own_code(call: Callable[..., Resu
 def test_a_checkout_without_the_target_is_refused(call: Callable[..., Result], tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     for target in ("energy-preserving", "mine:scheme"):
-        result = call(f"bench {target} --against-ref empty --case rigid-body")
+        result = call(f"bench {target} --against-ref empty --case rigid-body", MODULE)
         assert result.exit_code in (2, 3), result.output
         assert "Traceback" not in result.output
         assert "checkout" in result.output
-
-
-@pytest.mark.parametrize(
-    ("arguments", "exit_code", "words"),
-    [
-        ("bench", 2, ["a scheme, or a program"]),
-        ("bench nosuch", 3, ["built-in scheme"]),
-        ("bench energy-preserving --case nosuch", 2, ["a case, one of"]),
-        ("bench energy-preserving --against nosuch.json", 2, ["--save", "nosuch.json"]),
-        ("bench energy-preserving --against mine.py", 2, ["--save"]),
-        ("bench energy-preserving --against a --against-ref .", 2, ["one of"]),
-        ("bench energy-preserving --save nosuch/b.json", 2, ["a folder that exists"]),
-    ],
-)
-def test_mistakes_get_one_clear_message(
-    call: Callable[..., Result], arguments: str, exit_code: int, words: list[str]
-) -> None:
-    result = call(arguments)
-    assert result.exit_code == exit_code, result.output
-    for word in words:
-        assert word in result.output
-    assert "Traceback" not in result.output
 
 
 def test_files_that_were_tampered_with_are_refused(base: dict[str, Any], tmp_path: Path) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-import shlex
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -14,11 +13,10 @@ from xml.etree import ElementTree
 import jsonschema
 import numpy as np
 import pytest
-from click.testing import CliRunner, Result
+from click.testing import Result
 
 import sepv
 from sepv import problems, schemes
-from sepv.commands._cli import main
 from sepv.files import schema
 from sepv.problem import Array, Problem
 from sepv.schemes import load_problem
@@ -272,19 +270,6 @@ def test_one_core_is_given_back() -> None:
 # The command
 
 
-@pytest.fixture
-def call(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Result]:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.syspath_prepend(str(tmp_path))
-
-    def run(arguments: str, code: str = "") -> Result:
-        (tmp_path / "mine.py").write_text("import numpy as np\nimport sepv\n" + code)
-        monkeypatch.delitem(__import__("sys").modules, "mine", raising=False)
-        return CliRunner().invoke(main, shlex.split(arguments))
-
-    return run
-
-
 QUICK = "--steps 4,8 --paths 32 --repeats 1"
 
 
@@ -322,43 +307,6 @@ def test_problems_come_by_name_by_file_and_from_modules(call: Callable[..., Resu
     refused = call(f"compare euler-heun {QUICK} -p p.json")
     assert refused.exit_code == 2
     assert "initial" in refused.output
-
-
-@pytest.mark.parametrize(
-    ("arguments", "exit_code", "words"),
-    [
-        ("compare", 2, ["a SCHEME, --exec or --peers"]),
-        ("compare nosuch", 3, ["built-in scheme"]),
-        ("compare euler-heun -p nosuch", 2, ["a problem, one of"]),
-        ("compare euler-heun -p nosuch.json", 2, ["JSON file"]),
-        ("compare euler-heun -p mine:h", 2, ["a sepv.Problem", "float"]),
-        ("compare euler-heun --steps 8,4", 2, ["each dividing the last"]),
-        ("compare euler-heun --steps 8,12", 2, ["each dividing the last"]),
-        ("compare euler-heun --steps 0", 2, ["each dividing the last"]),
-        ("compare euler-heun --steps 8,x", 2, ["commas"]),
-        ("compare euler-heun --paths 8", 2, ["--paths"]),
-        ("compare euler-heun --picture c.gif", 2, [".svg, .png, .pdf"]),
-        ("compare euler-heun --json nosuch/c.json", 2, ["a folder that exists"]),
-        (f"compare mine:wrong {QUICK}", 3, ["shape"]),
-        (f"compare mine:late {QUICK}", 3, ["AttributeError"]),
-        (f"compare euler-heun {QUICK} --initial 1,2", 2, ["shape"]),
-    ],
-)
-def test_mistakes_get_one_clear_message(
-    call: Callable[..., Result], arguments: str, exit_code: int, words: list[str]
-) -> None:
-    code = """
-h = 1.0
-def wrong(problem, y, h, dW):
-    return y[:1]
-def late(problem, y, h, dW):
-    return y + 0 * (y.nosuch() if h > 0.01 else 0)
-"""
-    result = call(arguments, code)
-    assert result.exit_code == exit_code, result.output
-    for word in words:
-        assert word in result.output
-    assert "Traceback" not in result.output
 
 
 def test_an_absent_library_is_named_with_its_remedy(

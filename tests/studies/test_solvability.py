@@ -199,24 +199,6 @@ def test_the_command_draws(tmp_path) -> None:
     assert "none failed until there" in out.read_text()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "word"),
-    [
-        ("solvability nosuch", "nosuch"),
-        ("solvability rigid-body --range 0", "--range"),
-        ("solvability rigid-body --scheme discrete-gradient", "Δ alone"),
-        ("solvability rigid-body --picture x.txt", ".svg"),
-        ("solvability rigid-body --initial 1,2", "(3,)"),
-        ("solvability rigid-body --noise=-1", "≥ 0"),
-    ],
-)
-def test_mistakes_get_one_clear_message(arguments: str, word: str) -> None:
-    result = CliRunner().invoke(main, arguments.split())
-    assert result.exit_code == 2, result.output
-    assert word in result.output
-    assert "Traceback" not in result.output
-
-
 def test_a_fold_predicts_the_failures_of_steps() -> None:
     """Of 4096 first steps of Lotka-Volterra from its most delicate states, those beyond the fold fail, and no others.
 
