@@ -10,6 +10,7 @@ from sepv.errors import UsageError
 from sepv.schemes._collocation import collocation
 from sepv.schemes._explicit import explicit
 from sepv.schemes._gauss import gauss
+from sepv.schemes._leapfrog import blanes_moan, yoshida
 from sepv.schemes._projected import projected
 from sepv.schemes._scheme import Scheme
 from sepv.schemes._tableaux import MAX_STAGES
@@ -38,9 +39,13 @@ EXTENSIONS = _listed(
     "several_structures",
     "gonzalez",
     "itoh_abe",
+    "leapfrog",
     "modified_weak_two",
     "splitting",
-) | {scheme.name: scheme for scheme in (explicit(4), explicit(8), projected(4), projected(8))}
+) | {
+    scheme.name: scheme
+    for scheme in (yoshida, blanes_moan, explicit(4), explicit(8), projected(4), projected(8))
+}
 # Schemes for several Hamiltonians that need not commute.
 HAMILTONIANS = _listed(
     "stochastic_midpoint",

@@ -62,7 +62,7 @@ class Scheme:
         "local-mean-square", "mean-square-order" and "right-limit" are claimed, with the second "local-weak" and
         "weak-order".
     order : float, optional
-        Claimed order without noise, y1 − φ_h(y0) = O(h^(p+1)) for c = ().
+        Claimed order p without noise, y1 − φ_h(y0) = O(h^(p+1)) for c = (): the law "deterministic-order" is claimed.
     noise : bool, optional
         False for a scheme without noise, c = (): laws ask it for steps of length h = Δ with ``dW`` of shape (0,), and
         laws about noise do not apply. Left out, it is False where `order` is claimed and no other order is.
@@ -183,6 +183,8 @@ class Scheme:
             claims |= PATHWISE - {"commutation"}
         if self.weak_order is not None:
             claims |= {"weak-order", "local-weak"}
+        if self.order is not None:
+            claims |= {"deterministic-order"}
         require_one_of("systems", self.systems, tuple(Systems), "leave it out for a scheme for (1.1)")
         object.__setattr__(self, "systems", Systems(self.systems))
         stochastic = [n for n in ("mean_square_order", "weak_order") if getattr(self, n) is not None]

@@ -34,6 +34,7 @@ LAWS = (
     "refusal",
     "rounding",
     "truncation",
+    "deterministic-order",
     "local-mean",
     "local-mean-square",
     "local-weak",

@@ -1,0 +1,103 @@
+"""y1 = φ_h(y0) + O(h^(p+1)) for a method of order p and c = (): the order without noise.
+
+The slope of the error of one step against the exact flow is extrapolated to h = 0
+(`sepv.verification._orders.without_noise`). The least order of all problems and states counts; a higher one holds.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from sepv.errors import Skipped
+from sepv.schemes import Scheme
+from sepv.schemes._scheme import OF_SEVERAL
+from sepv.verification import Effort, Finding, Law, Run, Verdict, require
+from sepv.verification._failed_step import row
+from sepv.verification._orders.without_noise import Order, StepErrors, orders, quiet_problems, step_errors
+
+
+def run(law: Law, scheme: Scheme, own: Run) -> Finding:  # noqa: ARG001 - nothing is drawn
+    """Compare the least power of h with p + ½, for the claimed order p, or 1 where none is claimed."""
+    if scheme.asks or scheme.systems in OF_SEVERAL:
+        return law.finding(
+            Verdict.NOT_APPLICABLE, message="the scheme is for several fields, which c = () leaves alone"
+        )
+    claimed = scheme.order or 1.0
+    least, lines, measured, checks = claimed + 0.5, [], [], 0
+    found: list[tuple[StepErrors, int, Order]] = []
+    skipped: list[Skipped] = []
+    for problem in quiet_problems(scheme):
+        try:
+            errors = step_errors(scheme, problem)
+        except Skipped as reason:
+            skipped.append(reason)
+            lines.append(f"{problem.name}: skipped, {reason.reason}")
+            continue
+        checks += errors.steps
+        if errors.h.size < 4:
+            why = f"{problem.name}: steps were not solved, or no flow; {errors.failed}"
+            return law.finding(Verdict.ERROR, checks=checks, message=why)
+        seen = orders(scheme, errors, least)
+        s = min(range(len(seen)), key=lambda k: _first(seen[k], _OF_STATES))
+        found.append((errors, s, seen[s]))
+        order = seen[s].order
+        if order is None and seen[s].verdict is Verdict.HOLDS:  # a bound of the power, or none
+            order = claimed if scheme.order or np.isnan(seen[s].value) else max(1, int(seen[s].value) - 1)
+        lines.append(f"{problem.name}: {_words(seen[s])}the error of a step is {seen[s].text}")
+        measured.append({"problem": problem.name, "order": order, "verdict": seen[s].verdict.value})
+    if not found:
+        raise skipped[0]
+    errors, s, worst = min(found, key=lambda entry: _first(entry[2], _OF_PROBLEMS))
+    if worst.verdict is Verdict.VIOLATED:
+        lines = [
+            f"order {claimed:g} {'claimed' if scheme.order else 'needed'}, {worst.order} found",
+            *lines,
+        ]
+        lines.append(_example(errors, s))
+    return law.finding(
+        worst.verdict, defect=worst.value if np.isfinite(worst.value) else None, bound=least, at_least=True,
+        checks=checks, message="\n".join(lines), witness={"measured": measured}, replay=f"--law {law.name}",
+    )  # fmt: skip
+
+
+# A state whose errors show no slope decides only where no other does; a problem is not left out.
+_OF_STATES = (Verdict.VIOLATED, Verdict.HOLDS, Verdict.INCONCLUSIVE)
+_OF_PROBLEMS = (Verdict.VIOLATED, Verdict.INCONCLUSIVE, Verdict.HOLDS)
+
+
+def _first(found: Order, ranks: tuple[Verdict, ...]) -> tuple[int, float]:
+    """The rank of a verdict, and among equal ones the least slope."""
+    return ranks.index(found.verdict), float(np.nan_to_num(found.value, nan=np.inf))
+
+
+def _words(found: Order) -> str:
+    return "" if found.order is None else f"order {found.order}: "
+
+
+def _example(found: StepErrors, s: int) -> str:
+    h, error = found.h, found.errors[s]
+    sizes = ", ".join(f"{e:.3g}" for e in error[:: max(1, len(error) // 6)])
+    return f"{found.problem.name}, from y0 = {row(found.starts[:, s])}: errors {sizes} for h = {h[0]:.3g} … {h[-1]:.2g}"
+
+
+def replay(law: Law, scheme: Scheme, _witness: dict[str, Any]) -> Finding:
+    """Run again; nothing is random here."""
+    return run(law, scheme, Run())
+
+
+law = Law(
+    name="deterministic-order",
+    statement="y1 = φ_h(y0) + O(h^(p+1)) without noise, c = (), for the claimed order p (else: 1)",
+    source="GNI II.1",
+    unit="power of h",
+    cost=0.3,
+    steps=261,
+    run=run,
+    replay=replay,
+)
+
+
+def test_deterministic_order(scheme: Scheme, effort: Effort) -> None:
+    require(law, scheme, effort)

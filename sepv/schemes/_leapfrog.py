@@ -1,0 +1,87 @@
+"""Störmer-Verlet and its compositions for H = ½ pᵀM⁻¹p + V(q): kicks p −= bΔ∇V(q) and drifts q += aΔM⁻¹p in turn.
+
+    kick b_1, drift a_1, kick b_2, …, drift a_s, kick b_{s+1},   Σa = Σb = 1,   Δ = h + Σ_j c_j ΔŴ_j
+
+b = (½, ½), a = (1) is the leapfrog (L. Verlet, Phys. Rev. 159, 1967). Every kick and drift is the exact flow of a part
+of H, so that the map is symplectic; it is symmetric where the coefficients read the same from both ends. H is not kept:
+its error stays bounded where the step is small. With the random step a method of even order p has mean-square and weak
+order p/2 (`sepv.schemes._explicit`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from sepv.errors import Skipped, UsageError
+from sepv.problem import Array, Problem, Systems, mechanics
+from sepv.schemes._one_step import EVERY, one_step
+from sepv.schemes._scheme import Scheme, as_lanes
+
+CLAIMS = EVERY | {
+    "identity", "noise-sum", "random-step", "casimir", "poisson-map", "symplecticity", "symmetry",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class KicksAndDrifts:
+    """The step of these coefficients: kicks b (s + 1), drifts a (s)."""
+
+    kicks: tuple[float, ...]
+    drifts: tuple[float, ...]
+
+    def __call__(self, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        """One step, for y of shape (d,) or (d, M) and dW of shape (m,) or (m, M).
+
+        Raises Skipped for a problem that is not mechanical.
+        """
+        try:
+            system = mechanics(problem)
+        except UsageError as error:
+            raise Skipped(f"{problem.name} is not mechanical, H = ½ pᵀM⁻¹p + V(q)") from error
+        state, noise = as_lanes(problem, y, h, dW)
+        delta = problem.random_step(h, noise)
+        q, p = system.split(state)
+        first, *others = self.kicks
+        p = p + first * delta * system.force(q)
+        for a, b in zip(self.drifts, others, strict=True):
+            q = q + a * delta * system.velocity(p)
+            p = p + b * delta * system.force(q)
+        return system.join(q, p).reshape(y.shape)
+
+
+def composed(shares: Sequence[float]) -> KicksAndDrifts:
+    """The leapfrog with these shares of a step, one after the other."""
+    kicks = [0.5 * (a + b) for a, b in zip((0.0, *shares), (*shares, 0.0), strict=True)]
+    return KicksAndDrifts(tuple(kicks), tuple(shares))
+
+
+def palindrome(kicks: Sequence[float], drifts: Sequence[float]) -> KicksAndDrifts:
+    """The symmetric step of the first half of the coefficients, with the middle kick that makes their sum 1."""
+    b, a = (*kicks, 1 - 2 * sum(kicks)), (*drifts, 0.5 - sum(drifts))
+    return KicksAndDrifts((*b, *b[-2::-1]), (*a, *a[::-1]))
+
+
+def _scheme(name: str, step: KicksAndDrifts, order: int, source: str) -> Scheme:
+    made = one_step(
+        name, step, CLAIMS, f"{source}, with the random step of (2.1)", order / 2, systems=Systems.MECHANICAL
+    )
+    return replace(made, order=float(order))
+
+
+_TRIPLE = 1 / (2 - 2 ** (1 / 3))
+scheme = _scheme("leapfrog", composed((1.0,)), 2, "Störmer-Verlet, kick-drift-kick")
+yoshida = _scheme(
+    "yoshida-4",
+    composed((_TRIPLE, 1 - 2 * _TRIPLE, _TRIPLE)),
+    4,
+    "triple jump of H. Yoshida (Phys. Lett. A 150, 1990)",
+)
+blanes_moan = _scheme(
+    "blanes-moan-4",
+    palindrome(
+        (0.0829844064174052, 0.396309801498368, -0.0390563049223486), (0.245298957184271, 0.604872665711080)
+    ),
+    4,
+    "SRKN6 of S. Blanes and P. C. Moan (J. Comput. Appl. Math. 142, 2002)",
+)

@@ -1,0 +1,199 @@
+"""The order of a method for y′ = B∇H, c = (): the power of h of the error of one step, extrapolated to h = 0.
+
+The error e(h) = |y1 − φ_h(y0)| of a method of order p is c h^(p+1)(1 + a h + b h² + …) from any one state. With r = √2
+its slope s(h) = log_r e(rh)/e(h) is p + 1 + αh + βh² + …, and Richardson's extrapolation
+
+    t(h) = (r s(h) − s(rh))/(r − 1) = p + 1 − r β h² + O(h³)
+
+removes αh. Where h becomes rh the error of t doubles: it is t(rh) − t(h), and a third of t(r²h) − t(h). The interval
+is t(h) plus or minus the larger of 2|t(rh) − t(h)| and |t(r²h) − t(h)|, which leaves two or three times that for higher
+terms. Errors that may be off by R, from rounding, a solver's stated tolerance and the flow, move s by at most
+(R/e(rh) + R/e(h))/ln r; that of both slopes goes through the formula of t into the interval. Powers are whole: an
+interval refutes only if it is narrow and there is a whole number in it.
+
+The finest step sizes that are still certain decide, in units of time in which the slope of the field is 2, whatever the
+problem's own (`sepv.verification._units`). A slope below ½ is no order at all, since y1 = y0 for h = 0: it is a
+tolerance that was not stated, and finer steps are left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from sepv.errors import Skipped
+from sepv.exact import exact_flow
+from sepv.exact._dense_flow import FlowFailure
+from sepv.problem import Array, Problem
+from sepv.problem._checks import sample_states
+from sepv.problem._hamiltonians import is_several
+from sepv.record._binary64 import EPS
+from sepv.schemes import Scheme
+from sepv.schemes._guard import guarded
+from sepv.simulate._batch import advance
+from sepv.verification._cases.case import quiet, quiet_problem
+from sepv.verification._cases.users_problems import items, sources
+from sepv.verification._failed_step import first_failed
+from sepv.verification._law import Verdict
+from sepv.verification._orders.local_errors import cases
+from sepv.verification._orders.local_orders import CLEAR, FLOOR, ROUNDING
+from sepv.verification._units import units_of
+
+# Step sizes in the problem's unit of time, √2 apart: from 4, where high orders are far above rounding, to 2⁻¹³.
+RATIO = 2.0**0.5
+SIZES = 4.0 * RATIO ** -np.arange(31.0)
+# Sizes in a window: four slopes, three extrapolations.
+WINDOW = 5
+STATES = 3
+# The widest interval of a slope that may confirm an order, half of the way to the next, and that may refute one.
+WIDEST, REFUTES = 0.5, 0.25
+# An interval that refutes has a whole number in it, or one so near: between two whole numbers no power of h was seen.
+WHOLE = 0.05
+# Larger errors, in the unit of length, are far from any power of h: no bound begins there.
+SMALL = 2.0**-4
+# Members of a family of random systems that are asked beside its named problems.
+MEMBERS = 2
+
+
+@dataclass(frozen=True)
+class Order:
+    """The power p + 1 of one state's errors, value ± half, and what was seen in words.
+
+    The value is NaN where errors are rounding or show none, and `half` where it is a lower bound.
+    """
+
+    verdict: Verdict
+    value: float = float("nan")
+    half: float = float("nan")
+    text: str = ""
+
+    @property
+    def order(self) -> int | None:
+        """The whole order p; None if no power was seen."""
+        return round(self.value) - 1 if np.isfinite(self.half) else None
+
+
+def judge(h: Array, e: Array, least: float, rounding: float, floor: float) -> Order:
+    """Judge errors e (L,) of one state at falling h, a factor RATIO apart, against the least power of h.
+
+    Errors above `floor` may refute; errors below `rounding` mean nothing.
+    """
+    if e.size and not np.any(e > floor):
+        return Order(Verdict.HOLDS, text=f"below {floor:.1e}, which is rounding")
+    used = int(np.argmin([*(e > rounding), False]))
+    first = int(np.argmax(e < SMALL))
+    for k in range(used - WINDOW, first - 1, -1):  # the finest first
+        found = _extrapolated(h[k : k + WINDOW], e[k : k + WINDOW], rounding)
+        if not found.half <= WIDEST or found.value < WIDEST:
+            continue
+        if found.value - found.half >= least:
+            return replace(found, verdict=Verdict.HOLDS)
+        whole = abs(found.value - round(found.value)) <= found.half + WHOLE
+        certain = whole and found.half <= REFUTES and e[k + WINDOW - 1] > floor
+        if certain and found.value + found.half < least:
+            return replace(found, verdict=Verdict.VIOLATED)
+    return _falls(h, e, used, least, rounding) or Order(
+        Verdict.INCONCLUSIVE, text=f"no clear power of h at {used} step sizes above rounding"
+    )
+
+
+def _extrapolated(h: Array, e: Array, rounding: float) -> Order:
+    """The power of h that the errors e (WINDOW,) at falling h show at the finest, with its interval."""
+    s = np.log(e[:-1] / e[1:]) / np.log(RATIO)
+    off = rounding * (1 / e[:-1] + 1 / e[1:]) / np.log(RATIO)
+    t = (RATIO * s[1:] - s[:-1]) / (RATIO - 1)
+    half = max(2 * abs(t[-1] - t[-2]), abs(t[-1] - t[-3])) + (RATIO * off[-1] + off[-2]) / (RATIO - 1)
+    text = f"h^{t[-1]:.2f} ± {half:.2f} for h = {h[0]:.1e} … {h[-1]:.1e}"
+    return Order(Verdict.INCONCLUSIVE, float(t[-1]), float(half), text)
+
+
+def _falls(h: Array, e: Array, used: int, least: float, rounding: float) -> Order | None:
+    """A lower bound of the slope, from some error to the first that is rounding; None if it is less than `least`."""
+    if not 0 < used < e.size:
+        return None
+    bounds = np.where(e[:used] < SMALL, np.log(e[:used] / rounding) / np.log(h[:used] / h[used]), 0.0)
+    k = int(np.argmax(bounds))
+    if bounds[k] < least:
+        return None
+    text = f"h^{bounds[k]:.2f} at least, from {e[k]:.1e} at h = {h[k]:.1e} to rounding at {h[used]:.1e}"
+    return Order(Verdict.HOLDS, float(bounds[k]), text=text)
+
+
+@dataclass(frozen=True)
+class StepErrors:
+    """Errors (S, L) of one step of a problem from S states, in its unit of length, at L falling step sizes."""
+
+    problem: Problem
+    h: Array
+    errors: Array
+    starts: Array
+    scale: float
+    flow: float
+    steps: int
+    failed: str = ""
+
+
+def step_errors(scheme: Scheme, problem: Problem) -> StepErrors:
+    """Step each state once with every size, finer than all steps that fail or that the flow does not reach."""
+    units, asked = units_of(problem), guarded(scheme)
+    starts = np.array(list(sample_states(problem, units.length))[:STATES]).T
+    h = SIZES * units.time
+    while h.size:
+        try:
+            flows = [exact_flow(problem, h, y, dense=True) for y in starts.T]
+            break
+        except FlowFailure:
+            h = h[1:]
+    rows: list[Array] = []
+    steps, failed, none = 0, "", np.zeros((0, starts.shape[1]))
+    for k, size in enumerate(h):
+        y, status, *_ = advance(asked, problem, starts, float(size), none)
+        steps += starts.shape[1]
+        if stuck := first_failed(scheme, problem, starts, float(size), none, status):
+            rows, failed = [], f"h = {size:.2g}: {stuck}"
+        else:
+            rows.append(np.linalg.norm(y - np.stack([f.y[:, k] for f in flows], axis=1), axis=0))
+    kept = h[len(h) - len(rows) :]
+    errors = np.array(rows).reshape(-1, starts.shape[1]).T / units.length
+    scale, flow = float(np.max(np.abs(starts))) / units.length, max((f.error for f in flows), default=0.0)
+    return StepErrors(problem, kept, errors, starts, scale, flow / units.length, steps, failed)
+
+
+def orders(scheme: Scheme, found: StepErrors, least: float) -> list[Order]:
+    """The order from each state."""
+    tolerance = scheme.solver_tolerance
+    rounding = (ROUNDING * EPS + 2 * tolerance) * found.scale + 2 * found.flow
+    floor = CLEAR * (FLOOR * EPS + tolerance) * found.scale
+    return [judge(found.h, e, least, rounding, floor) for e in found.errors]
+
+
+def quiet_problems(scheme: Scheme) -> tuple[Problem, ...]:
+    """The scheme's problems with c = (): those of its class, or its own, and members of the families among them.
+
+    Raises Skipped where there are none.
+    """
+    own = sources(scheme)
+    listed = [p for item in own for p in item.problems] if own else list(cases(scheme.systems))
+    members = [member for item in own if item.space is not None for member in _members(item.text)]
+    found = {id(p): p for p in (quiet_problem(p) for p in (*listed, *members) if not is_several(p))}
+    if not found:
+        raise Skipped(
+            "the problems have no initial state: name one that has, or give initial= when making it"
+        )
+    return tuple(found.values())
+
+
+@lru_cache(maxsize=16)
+def _members(family: str) -> tuple[Problem, ...]:
+    """Random systems of a family from states of size 1, with a full mass matrix where it has one."""
+    space = items(family)[0].space
+    assert space is not None
+    where = {"mass": ("full",), "degree of H": ("3–4",), "|y|": ("1",), "given as": ("data",), "h": ("> 0",)}
+    found = [q for _, case in space.part(where).cases(0) if (q := quiet(case)) is not None]
+    chosen = sorted(found, key=lambda case: -len(case.y))[:MEMBERS]
+    return tuple(
+        replace(case.build()[0], initial=case.y, name=f"random {family} {n}", check=False)
+        for n, case in enumerate(chosen, 1)
+    )
