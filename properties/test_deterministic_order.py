@@ -93,7 +93,7 @@ law = Law(
     source="GNI II.1",
     unit="power of h",
     cost=0.3,
-    steps=261,
+    steps=279,
     run=run,
     replay=replay,
 )

@@ -26,7 +26,8 @@ REFUSALS = (ArithmeticError, np.linalg.LinAlgError)
 PATHWISE = frozenset(("mean-square-order", "right-limit", "local-mean", "local-mean-square", "commutation"))
 # Classes in which each noise has a field of its own.
 OF_SEVERAL = frozenset((
-    Systems.SEVERAL, Systems.HAMILTONIANS, Systems.MATRIX_HAMILTONIANS, Systems.SEPARABLE_HAMILTONIANS, Systems.ADDITIVE,
+    Systems.SEVERAL, Systems.HAMILTONIANS, Systems.MATRIX_HAMILTONIANS, Systems.SEPARABLE_HAMILTONIANS,
+    Systems.ADDITIVE,
 ))  # fmt: skip
 # The contract (problem, y, h, dW) -> y_next, with a fifth argument for a scheme that asks for more.
 Step = Callable[..., Array]

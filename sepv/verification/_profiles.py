@@ -45,6 +45,7 @@ PROFILES = (
     METHOD,
     Profile("order", "order", ("mean-square-order", "local-mean", "local-mean-square"), ordered=True),
     Profile("weak-order", "weak order", ("weak-order", "local-weak"), ordered=True),
+    Profile("deterministic-order", "order without noise", ("deterministic-order",), ordered=True),
     Profile("energy", "energy", ("energy",)),
     Profile("casimir", "Casimirs", ("casimir",)),
     Profile("every-casimir", "every Casimir", ("any-casimir",)),
@@ -166,8 +167,13 @@ def _order_shown(finding: Finding) -> float:
 
 
 def found(profiles: Iterable[Profiled]) -> list[str]:
-    """The profiles that were found, in words; a weak order that is no more than the mean-square one is left out."""
+    """The profiles that were found, in words.
+
+    A weak order that is no more than the mean-square one is left out, and the order without noise where there is one.
+    """
     have = {p.profile.name: p for p in profiles if not p.why}
+    if "order" in have:
+        have.pop("deterministic-order", None)
     if "order" in have and "weak-order" in have and have["order"].order >= have["weak-order"].order:  # type: ignore[operator]
         del have["weak-order"]
     return [p.words for p in have.values()]

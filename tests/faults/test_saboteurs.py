@@ -15,6 +15,7 @@ from sepv.problem import Systems
 from sepv.schemes import (
     area_midpoint,
     both_invariants,
+    by_name,
     collocation,
     darboux_lie,
     drift_preserving,
@@ -42,6 +43,8 @@ WRONG_CLAIMS = {"ito-limit", "half-claimed-as-one", "averaged-and-symplectic"}
 IMITATED = {
     "off-the-middle": midpoint,
     "time-of-place": splitting,
+    "triple-jump-in-digits": by_name("yoshida-4"),
+    "force-of-first-kick": by_name("leapfrog"),
     "tangent-of-first": splitting,
     "second-noise-louder": stochastic_midpoint,
     "away-from-the-origin": stochastic_midpoint,

@@ -15,12 +15,14 @@ import numpy as np
 from sepv import schemes
 from sepv.errors import StepFailure
 from sepv.faults._saboteurs.record import Family, imitating, middle
-from sepv.problem import Array, Problem
+from sepv.problem import Array, Problem, mechanics
 from sepv.problem._fields import matvec
 from sepv.problem._nambu import cross
 from sepv.problem._structures import each_noise, noise_structures
 from sepv.schemes import PointLaw, Scheme, implicit, weakly
 from sepv.schemes._both_invariants import required
+from sepv.schemes._leapfrog import composed, yoshida
+from sepv.schemes._leapfrog import scheme as leapfrog
 from sepv.schemes._scheme import Step, as_lanes
 from sepv.schemes._tableaux import exact_nodes, gauss_tableau, moments
 from sepv.solve import Fields
@@ -147,6 +149,27 @@ def structures_exchanged(fields: Fields, y: Any, z: Any, step: Any) -> Any:
 def rests_where_undefined(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     """S_j = 0 where ∇H_0 = 0, although B∇H_j is not zero: y1 = y0 solves that equation."""
     return matvec(np.nan_to_num(fields.combined(middle(y, z), step)), fields.mean_gradient(y, z))
+
+
+_DIGITS = 1.351
+SABOTEURS.rows(
+    ("triple-jump-in-digits", "the triple jump's 1/(2 − 2^(1/3)) = 1.35120719… is written with four digits: order 2",
+     ("deterministic-order",), imitating(yoshida, composed((_DIGITS, 1 - 2 * _DIGITS, _DIGITS)), batched=True)),
+)  # fmt: skip
+
+
+@SABOTEURS.like(
+    leapfrog,
+    "the second kick of the leapfrog has the force of the first: order 1, neither symmetric nor symplectic",
+    ("deterministic-order", "symmetry", "symplecticity"),
+)
+def force_of_first_kick(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """p + ½ΔF(q), q + ΔM⁻¹p, p + ½ΔF of the old q."""
+    system, (state, noise) = mechanics(problem), as_lanes(problem, y, h, dW)
+    delta = problem.random_step(h, noise)
+    q, p = system.split(state)
+    kick = 0.5 * delta * system.force(q)
+    return system.join(q + delta * system.velocity(p + kick), p + kick + kick).reshape(np.shape(y))
 
 
 def _with(increments: str | PointLaw) -> Callable[[], Scheme]:

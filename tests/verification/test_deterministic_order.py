@@ -1,0 +1,119 @@
+"""The order without noise: right orders hold, wrong ones are told by number, in any unit, with any tolerance stated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import sepv
+from benchmarks.right_schemes.other_formulas import MECHANICAL
+from sepv.problem import Problem
+from sepv.schemes import Scheme
+from sepv.schemes._leapfrog import composed
+from sepv.verification import Finding, Verdict
+from sepv.verification._orders.without_noise import RATIO, judge
+
+LAW = "deterministic-order"
+LEAPFROG, YOSHIDA, BLANES_MOAN = (sepv.schemes.by_name(n) for n in ("leapfrog", "yoshida-4", "blanes-moan-4"))
+
+
+def found(scheme: Scheme, problems: Any = None, **facts: Any) -> Finding:
+    return sepv.verify(replace(scheme, **facts), laws=LAW, problems=problems).finding(LAW)
+
+
+@pytest.mark.parametrize("scheme", [*MECHANICAL, LEAPFROG, YOSHIDA, BLANES_MOAN], ids=lambda s: s.name)
+def test_right_orders_hold_and_are_stated(scheme: Scheme) -> None:
+    finding = found(scheme)
+    assert finding.verdict is Verdict.HOLDS, finding.message
+    assert finding.claimed
+    assert {entry["order"] for entry in finding.witness["measured"]} == {scheme.order}  # type: ignore[index]
+
+
+@pytest.mark.parametrize("name", ["energy-preserving", "collocation-3", "explicit-8", "euler-maruyama"])
+def test_schemes_with_noise_have_an_order_without_it(name: str) -> None:
+    order = {"energy-preserving": 2.0, "collocation-3": 6.0, "explicit-8": 8.0, "euler-maruyama": 1.0}[name]
+    assert found(sepv.schemes.by_name(name), order=order).verdict is Verdict.HOLDS
+    assert found(sepv.schemes.by_name(name)).verdict is Verdict.HOLDS  # unclaimed: consistent
+
+
+@pytest.mark.parametrize(
+    ("scheme", "claimed", "order"),
+    [
+        (LEAPFROG, 3, 2), (LEAPFROG, 4, 2), (YOSHIDA, 6, 4), (BLANES_MOAN, 5, 4), (MECHANICAL[2], 4, 3),
+        (replace(YOSHIDA, step=composed((1.35, -1.7, 1.35))), 4, 2),
+        (sepv.schemes.energy_preserving, 3, 2), (sepv.schemes.collocation(2), 6, 4),
+    ],
+)  # fmt: skip
+def test_a_wrong_order_is_told_in_one_line(scheme: Scheme, claimed: float, order: int) -> None:
+    finding = found(scheme, order=float(claimed))
+    assert finding.verdict is Verdict.VIOLATED
+    assert finding.message.splitlines()[0] == f"order {claimed} claimed, {order} found"
+
+
+def _scaled(time: float, length: float) -> Problem:
+    """Hénon and Heiles with other units of time and length: H(y/length) length²/time, B = J."""
+    return sepv.Problem(
+        dimension=4,
+        structure=lambda y: np.array(
+            [[(i + 2 == j) * 1.0 - (j + 2 == i) * 1.0 + 0 * y[0] for j in range(4)] for i in range(4)]
+        ),
+        hamiltonian=lambda y: (
+            0.5 * (y[2] ** 2 + y[3] ** 2 + y[0] ** 2 + y[1] ** 2)
+            + (y[0] ** 2 * y[1] - y[1] ** 3 / 3) / length
+        ) / time,
+        initial=(0.1 * length, 0.2 * length, 0.4 * length, -0.1 * length),
+        noise=(),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("time", "length"), [(2.0**-20, 1.0), (2.0**20, 2.0**-10), (1.0, 2.0**20)])
+def test_no_verdict_depends_on_units(time: float, length: float) -> None:
+    right = found(YOSHIDA, _scaled(time, length))
+    wrong = found(YOSHIDA, _scaled(time, length), order=5.0)
+    usual = found(YOSHIDA, _scaled(1.0, 1.0))
+    assert right.defect == pytest.approx(usual.defect, abs=0.05)
+    assert (right.verdict, wrong.verdict) == (Verdict.HOLDS, Verdict.VIOLATED)
+
+
+def _stopped_at(tolerance: float) -> Callable[..., np.ndarray]:
+    """The midpoint rule, solved to this tolerance."""
+
+    def step(problem: Problem, y: np.ndarray, h: float, _dW: np.ndarray) -> np.ndarray:
+        def field(x: np.ndarray) -> np.ndarray:
+            return problem.structure(x) @ problem.gradient(x)
+
+        z = y + h * field(y)
+        for _ in range(200):
+            z, before = y + h * field((y + z) / 2), z
+            if np.max(np.abs(z - before)) < tolerance:
+                return z
+        raise ArithmeticError("no convergence")
+
+    return step
+
+
+@pytest.mark.parametrize("tolerance", [1e-6, 1e-10])
+@pytest.mark.parametrize("stated", [False, True])
+def test_a_tolerance_is_no_order(tolerance: float, *, stated: bool) -> None:
+    scheme = Scheme("midpoint", _stopped_at(tolerance), order=2.0, solver_tolerance=tolerance * stated)
+    assert found(scheme).verdict is Verdict.HOLDS
+
+
+def test_errors_that_do_not_fall_accuse_nobody() -> None:
+    h = 4 * RATIO ** -np.arange(31.0)
+    flat = judge(h, np.full(31, 1e-7), 4.5, 1e-14, 2e-11)
+    assert flat.verdict is Verdict.INCONCLUSIVE
+    noise = np.random.default_rng(0).uniform(0, 4e-12, 31)
+    assert judge(h, noise, 8.5, 1e-14, 2e-11).verdict is Verdict.HOLDS
+    law = 1e-3 * h**3
+    assert judge(h, law, 2.5, 1e-14, 2e-11).order == 2
+    assert judge(h, law, 4.5, 1e-14, 2e-11).verdict is Verdict.VIOLATED
+
+
+def test_several_hamiltonians_have_no_such_order() -> None:
+    finding = found(sepv.schemes.by_name("stochastic-midpoint"))
+    assert finding.verdict is Verdict.NOT_APPLICABLE
