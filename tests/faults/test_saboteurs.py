@@ -94,7 +94,7 @@ def test_each_saboteur_claims_what_the_scheme_claims(name: str) -> None:
     assert saboteur.scheme.name == name
     if saboteur.scheme.increments is not None:
         assert saboteur.scheme.claims == weakly(modified_weak_two, "three-point").claims
-    elif saboteur.family == "higher order":
+    elif saboteur.family == "higher order" and name not in IMITATED:
         assert saboteur.scheme.claims == ORIGINALS[saboteur.scheme.systems].claims
     elif saboteur.family == "historical":
         assert saboteur.scheme.claims == historical.RIGHT[name].claims
