@@ -28,6 +28,10 @@ ALL = sorted(
     for p in (ROOT / folder).glob("*.md")
 )
 PAGES = (
+    "samplers",
+    "rigid-bodies",
+    "vortices",
+    "maintainers",
     "ten-minutes",
     "teeth",
     "choosing",
