@@ -208,7 +208,7 @@ class _Collector:
 
 
 def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
-    """Scheme × law."""
+    """Print a table of laws for each scheme after the tests."""
     found = config.stash[_FINDINGS]
     if not found:
         return

@@ -28,7 +28,7 @@ CRASH = 70
 
 
 class _Folder(click.Path):
-    """A folder, by this word in help."""
+    """The type of an option that takes a folder; help says FOLDER."""
 
     def __init__(self) -> None:
         super().__init__(file_okay=False)

@@ -24,7 +24,7 @@ from sepv.solve import Status
 
 @dataclass(frozen=True)
 class Trajectory:
-    """One path.
+    """A path of a scheme: times, states, increments, and counts of work.
 
     Attributes
     ----------

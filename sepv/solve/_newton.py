@@ -338,7 +338,7 @@ def _newton_of_one(equations: Equations, start: Array, number: Lanes, *, differe
 
 
 def _asker(equations: Equations, number: Lanes, differences: bool) -> Callable[[list[float], Any], Any]:
-    """`_asked` for one lane, as a function of z and of a matrix to use again, else None; over numbers with a record."""
+    """The function (z, matrix to reuse or None) that evaluates the equations of one lane as `_asked` does."""
     record, inside = None if differences else equations.corrections, equations.inside is None
     if record is not None:
         known, costs = record.of_one(number), (record.gradients, record.structures)

@@ -90,7 +90,7 @@ class _Worker:
 
 
 def run(task: Job, groups: Sequence[Sequence[str]], jobs: int, receive: Callable[[str, Any], None]) -> None:
-    """Measure the groups on so many workers; `receive` gets each law's name, first with None, then with its finding.
+    """Measure groups of laws on `jobs` workers; `receive` gets each law's name, first with None, then with its finding.
 
     A law whose worker died is received with `Crashed`; the rest of its group goes to another worker. A UsageError for a
     scheme that cannot go to another process; a RuntimeError is a defect of the suite in a worker, with its traceback.

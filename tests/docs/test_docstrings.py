@@ -15,12 +15,14 @@ ROOMS = sorted(
 )
 # A first line that begins so is a part of a sentence whose rest the reader has to guess.
 RIDDLE = re.compile(r"(What|Whether|Those|Of|As|The same|Its|That|This one|How|Who|Which|Where|When|Such)\b")
-# A first line or a comment of one word, such as "Likewise.", names nothing.
-SHORT = re.compile(r"[\w-]+\.?$")
+# A first line or a comment of one or two plain words, such as "One path.", names nothing. A formula does.
+SHORT = re.compile(r"[A-Za-z-]+( [A-Za-z-]+)?\.?$")
+# Words for something that stands elsewhere: an argument, another function, a sentence before.
+ELSEWHERE = re.compile(r"\b(so many|this word|the latter|the former|such ones)\b|^`_")
 
 
 def is_riddle(text: str) -> bool:
-    return bool(RIDDLE.match(text) or SHORT.match(text))
+    return bool(RIDDLE.match(text) or SHORT.match(text) or ELSEWHERE.search(text))
 
 
 def docstrings(tree: ast.Module) -> Iterator[tuple[int, str]]:
@@ -52,5 +54,6 @@ def test_first_lines_can_be_read_alone(room: Path) -> None:
 
 
 def test_a_riddle_is_seen() -> None:
-    assert all(map(is_riddle, ["Of |ζ|.", "What a step is given.", "Whether it holds.", "Likewise."]))
+    riddles = ["Of |ζ|.", "What a step is given.", "Whether it holds.", "One path.", "At most so many."]
+    assert all(map(is_riddle, riddles))
     assert not any(map(is_riddle, ["y1 of a step.", "Whole powers are products.", "Φ(y) − y0."]))

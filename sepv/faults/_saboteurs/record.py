@@ -100,7 +100,7 @@ def answering(change: Callable[[Array, Array], Any]) -> Callable[[], Scheme]:
 
 
 def unchanged(make: Callable[[], Scheme]) -> Callable[[], Scheme]:
-    """Return `make`."""
+    """Return the function `make` itself, for faults that are whole schemes."""
     return make
 
 

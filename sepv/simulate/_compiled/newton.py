@@ -82,7 +82,7 @@ class NewtonWriter(Writer):
         return [f"k_ = k + {self.lanes // 2}", *both]
 
     def first_steps(self) -> list[str]:
-        """Sweeps and steps in registers; only the last one is tested, because a test costs a third of a step.
+        """Code of the first sweeps and steps, in registers; only the last is tested: a test costs a third of a step.
 
         A lane whose sweeps do not contract starts again at zero: its P is infinite.
         """

@@ -39,9 +39,9 @@ _PRODUCTS = ("multiply", "whole")
 
 
 def emit(code: CodeBuilder, values: Mapping[int, Expression], outputs: Sequence[Symbol]) -> list[Expression]:
-    """Write the outputs into a text, with the values of given lines; a·b + c is fused.
+    """Write code for the outputs of a record; `values` has the expressions of lines that are known.
 
-    A product is fused into the sum that is its only user.
+    A product is fused into the sum that is its only user: a·b + c.
     """
     lines = reachable(outputs, values)
     users = Counter(i for symbol in lines for i in symbol.line.arguments)

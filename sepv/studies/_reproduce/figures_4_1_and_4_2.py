@@ -52,7 +52,7 @@ def long_time(results: Results) -> list[Panel]:
 
 
 def convergence(results: Results) -> list[Panel]:
-    """Figure 4.2."""
+    """The panels of Figure 4.2: strong errors of the oscillator, and the same against a fine path."""
     return [order.panel(ORDER, results), order.fine_panel(FINE, results)]
 
 
@@ -194,7 +194,7 @@ def _not_suited(found: dict[str, runs.Run]) -> Statement:
 
 
 def _inside(y: Array, points: int = 250) -> Array:
-    """At most so many of the states that are in the window."""
+    """The states (d, M) in the window, thinned to at most `points`."""
     seen = y[:, np.max(np.abs(y), axis=0) <= WINDOW]
     return seen[:, :: max(1, -(-seen.shape[1] // points))]
 

@@ -88,7 +88,7 @@ def reproduce(
     workers: Any = 2,
     progress: ShareProgress = lambda _done, _all: None,
 ) -> Reproduction:
-    """Compute panels.
+    """Compute the panels of figures of the paper, with a verdict on each statement.
 
     Parameters
     ----------

@@ -21,7 +21,7 @@ from sepv.studies._solvability.branch import EQUATIONS, Branch, End, follow
 # A solution is the connected one where it agrees with it to this share of |y0| and the distance moved: both are known
 # to rounding times a condition that grows towards the fold.
 SAME = 1e-4
-# The shortest branches are looked for between the states: rounds, minima in each, new states on either side of one.
+# The search for the shortest branches between the states: rounds of it, minima in a round, new states beside a minimum.
 ROUNDS, LOWEST, POINTS = 3, 2, 4
 # Gauss nodes for each noise beyond the first: the integrand is smooth but for two jumps of size P(|ξ| > A_h).
 NODES = 128

@@ -77,7 +77,7 @@ class Exits:
         return float(betaincinv(self.failed + 1, self.paths - self.failed, CONFIDENCE))
 
     def to_json(self) -> dict[str, Any]:
-        """All of it."""
+        """The fields, and the upper bound of the share, for a file."""
         return {**asdict(self), "times": self.times.tolist(), "share_at_most": self.share}
 
 

@@ -90,12 +90,12 @@ class Estimate:
 
     @property
     def low(self) -> float:
-        """Lower end."""
+        """The lower end of the interval."""
         return self.value - self.half
 
     @property
     def high(self) -> float:
-        """Upper end."""
+        """The upper end of the interval."""
         return self.value + self.half
 
 
