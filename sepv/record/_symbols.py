@@ -52,11 +52,11 @@ class Tape:
     def write(self, name: str, *arguments: Symbol, value: float = 0.0) -> Symbol:
         """Add the operation unless it is there, and return its symbol."""
         line = Operation(name, tuple(a.index for a in arguments), value)
-        found = self._known.get(line)
-        if found is None:
-            found = self._known[line] = Symbol(self, len(self.lines))
+        symbol = self._known.get(line)
+        if symbol is None:
+            symbol = self._known[line] = Symbol(self, len(self.lines))
             self.lines.append(line)
-        return found
+        return symbol
 
     def constant(self, value: float) -> Symbol:
         """Record a number. NaN is refused: it equals nothing, so each would be a new line."""
@@ -91,9 +91,9 @@ class Tape:
 def array(symbols: Iterable[Any], shape: tuple[int, ...] | None = None) -> Any:
     """An array of symbols that NumPy's functions take."""
     values = list(symbols)
-    found = np.empty(len(values), dtype=object)
-    found[:] = values
-    return found.reshape(shape or found.shape).view(SymbolArray) if shape != () else values[0]
+    entries = np.empty(len(values), dtype=object)
+    entries[:] = values
+    return entries.reshape(shape or entries.shape).view(SymbolArray) if shape != () else values[0]
 
 
 def _as_symbol(tape: Tape, value: Any) -> Symbol | None:
@@ -206,18 +206,18 @@ def _power(a: Symbol, b: Symbol) -> Symbol:
     if exponent == int(exponent) and abs(exponent) <= LARGEST_POWER:
         sign, base = (-1, a.arguments[0]) if a.line.name == "negative" else (1, a)
         base, m = _as_power(base)
-        found = _whole_power(base, m * abs(int(exponent)))
-        found = -found if sign < 0 and exponent % 2 else found
-        return found if exponent >= 0 else _divide(a.tape.constant(1.0), found)
+        power = _whole_power(base, m * abs(int(exponent)))
+        power = -power if sign < 0 and exponent % 2 else power
+        return power if exponent >= 0 else _divide(a.tape.constant(1.0), power)
     return a.tape.write("power", a, value=exponent)
 
 
 def _whole_power(base: Symbol, n: int) -> Symbol:
     """xⁿ by n − 1 products, whose lower powers the derivative shares."""
-    found = base if n else base.tape.constant(1.0)
+    power = base if n else base.tape.constant(1.0)
     for k in range(2, n + 1):
-        found = base.tape.write("whole", found, base, value=float(k))
-    return found
+        power = base.tape.write("whole", power, base, value=float(k))
+    return power
 
 
 def _as_power(a: Symbol) -> tuple[Symbol, int]:
@@ -250,10 +250,10 @@ def _operator(rule: Callable[[Symbol, Symbol], Any], *, swapped: bool = False) -
     """Make a method of `Symbol` from a rule for two symbols, of which one may be a number."""
 
     def method(self: Symbol, other: Any) -> Any:
-        found = None if isinstance(other, np.ndarray) and other.ndim else _as_symbol(self.tape, other)
-        if found is None:
+        symbol = None if isinstance(other, np.ndarray) and other.ndim else _as_symbol(self.tape, other)
+        if symbol is None:
             return NotImplemented
-        return rule(found, self) if swapped else rule(self, found)
+        return rule(symbol, self) if swapped else rule(self, symbol)
 
     return method
 

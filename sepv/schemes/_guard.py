@@ -100,10 +100,10 @@ def ask_next(
     """
     given, noise = y.copy(), dW.copy()
     with translated(problem, y, h, dW):
-        found, state = carry(scheme, shown(problem), given, state, h, noise, any_path=True)
-    found = check_answer(found, y)
+        y1, state = carry(scheme, shown(problem), given, state, h, noise, any_path=True)
+    y1 = check_answer(y1, y)
     require_unchanged(y=(y, given), dW=(dW, noise))
-    return found, state
+    return y1, state
 
 
 def require_unchanged(**arguments: tuple[Array, Array]) -> None:

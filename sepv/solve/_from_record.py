@@ -81,8 +81,8 @@ class FromRecord(NamedTuple):
 
 def corrections(problem: Problem, formula: Formula, y0: Array, step: Array) -> FromRecord | None:
     """The `Corrections` of steps from y0 (d, M) for a formula with the data `step` (k, M); None without a record."""
-    found = record(problem, formula, len(step))
-    return None if found is None else FromRecord(found, y0, step)
+    known = record(problem, formula, len(step))
+    return None if known is None else FromRecord(known, y0, step)
 
 
 def record(problem: Problem, formula: Formula, count: int) -> Record | None:
@@ -105,7 +105,7 @@ def record(problem: Problem, formula: Formula, count: int) -> Record | None:
 def _recorded(problem: Problem, formula: Formula, count: int) -> Record | None:
     try:
         recorded = Recorded(problem)
-        found = recorded.equation_of(formula, count)
+        equation = recorded.equation_of(formula, count)
         tape = recorded.tape
         F, A = recorded.system(formula, count)
         numerators, determinant = cramer(A, F)
@@ -114,8 +114,8 @@ def _recorded(problem: Problem, formula: Formula, count: int) -> Record | None:
         stays = tape.constant(1.0) if problem.domain is None else problem.domain(moved)
     except (CannotRecord, NoClosedForm):
         return None
-    code = source([recorded.y, recorded.z, found.step], [*F, *correction, stays])
-    return Record(code, found.gradients, found.structures)
+    code = source([recorded.y, recorded.z, equation.step], [*F, *correction, stays])
+    return Record(code, equation.gradients, equation.structures)
 
 
 def _fixed(problem: Problem) -> bool:

@@ -102,7 +102,7 @@ def _slope(
         return None
     asked: Any = Linearised(problem, y0, y1, *known)
     try:
-        found: Array = formula(asked, y0, Tangent(y1 - y0, 1.0), step).slope
+        slope: Array = formula(asked, y0, Tangent(y1 - y0, 1.0), step).slope
     except NoDerivative:
         return None
-    return found
+    return slope

@@ -110,9 +110,9 @@ def solve(
     domain = None if problem.domain is None else inside
     equations = Equations(np.abs(y0), evaluate, domain, exact, magnitude, corrections=corrections)
     solution = iterate(equations, np.zeros_like(y0) if start is None else start, everything)
-    found = solution.value
+    change = solution.value
     costs = solution.iterations, solution.gradient_evaluations, solution.structure_evaluations
-    return Solution(y0 + found, solution.residual, *costs, solution.status, change=found)
+    return Solution(y0 + change, solution.residual, *costs, solution.status, change=change)
 
 
 def iterate(equations: Equations, start: Array, lanes: Lanes | None = None) -> Solution:
@@ -151,8 +151,8 @@ def iterate(equations: Equations, start: Array, lanes: Lanes | None = None) -> S
 def _finish(equations: Equations, solution: Solution, numbers: Lanes, lanes: Lanes) -> None:
     """Go on from the current z of the given lanes, with the Jacobian of R itself."""
     if lanes.size:
-        found = newton(equations, solution.value[:, lanes], numbers[lanes], differences=True)
-        merge(solution, found, lanes)
+        finished = newton(equations, solution.value[:, lanes], numbers[lanes], differences=True)
+        merge(solution, finished, lanes)
 
 
 def newton(equations: Equations, start: Array, numbers: Lanes, *, differences: bool) -> Solution:
@@ -183,12 +183,14 @@ def _newton_of_many(equations: Equations, start: Array, numbers: Lanes, *, diffe
     last_size = last_move = np.full(count, np.inf)
     active = np.arange(count)
     # Lanes that use their matrix once more, and the matrices of all.
-    reuse, kept = np.zeros(count, dtype=bool), np.empty((0, 0, count))
+    reuse, last_matrix = np.zeros(count, dtype=bool), np.empty((0, 0, count))
     with np.errstate(all="ignore"):
         for _ in range(MOST if recorded else MAX_ITERATIONS):
             at: Any = slice(None) if active.size == count else active
             z, y, lanes = _of(at, z_all, size_all, numbers)
-            F, correction, stays, K, costs, reliable = _asked(equations, z, lanes, differences, reuse, kept)
+            F, correction, stays, K, costs, reliable = _asked(
+                equations, z, lanes, differences, reuse, last_matrix
+            )
             iterations[at] += 1
             gradients[at] += costs[0]
             structures[at] += costs[1]
@@ -200,7 +202,7 @@ def _newton_of_many(equations: Equations, start: Array, numbers: Lanes, *, diffe
             if near.any():
                 np.copyto(size, stop.relative(moves, magnitude, scale).max(axis=0), where=near)
             outgrown = scale > outgrown_at[at]
-            reuse, kept = stop.may_reuse_matrix(size, last_size) & ~(outgrown | recorded), K
+            reuse, last_matrix = stop.may_reuse_matrix(size, last_size) & ~(outgrown | recorded), K
             stagnated = _small(size, moves, magnitude, outgrown) | stop.is_stuck(
                 size, move, scale, last_size, last_move
             )
@@ -216,7 +218,7 @@ def _newton_of_many(equations: Equations, start: Array, numbers: Lanes, *, diffe
                 if not go_on.size:
                     break
                 z, correction, lanes, stays, active = _of(go_on, z, correction, lanes, stays, active)
-                size, move, reuse, kept = _of(go_on, size, move, reuse, kept)
+                size, move, reuse, last_matrix = _of(go_on, size, move, reuse, last_matrix)
             moved, inside = z - correction, stays
             if not recorded and not stays.all():
                 moved, inside = into_domain(equations, z, correction, lanes)
@@ -225,13 +227,15 @@ def _newton_of_many(equations: Equations, start: Array, numbers: Lanes, *, diffe
                 status[active[~inside]] = Status.LEFT_DOMAIN
                 if not inside.any():
                     break
-                active, size, move, reuse, kept = _of(np.flatnonzero(inside), active, size, move, reuse, kept)
+                active, size, move, reuse, last_matrix = _of(
+                    np.flatnonzero(inside), active, size, move, reuse, last_matrix
+                )
             last_size, last_move = size, move
     return Solution(z_all, residual, iterations, gradients, structures, status)
 
 
 def _asked(
-    equations: Equations, z: Array, lanes: Lanes, differences: bool, reuse: Flags, kept: Any
+    equations: Equations, z: Array, lanes: Lanes, differences: bool, reuse: Flags, last_matrix: Any
 ) -> tuple[Array, Array, Flags, Any, tuple[Any, Any], Flags]:
     """F = z − R, Newton's correction, True where it surely stays in the domain, its matrix, evaluations, reliability.
 
@@ -239,12 +243,12 @@ def _asked(
     """
     record, every = None if differences else equations.corrections, np.ones(lanes.size, dtype=bool)
     if record is not None:
-        return *record.of_lanes(z, lanes), kept, (record.gradients, record.structures), every
+        return *record.of_lanes(z, lanes), last_matrix, (record.gradients, record.structures), every
     R, jacobian = equations.evaluate(z, lanes)
-    F, count, K = z - R.value, np.ones(lanes.size, dtype=np.int64), kept
+    F, count, K = z - R.value, np.ones(lanes.size, dtype=np.int64), last_matrix
     if not reuse.all():
         K, further = slopes(equations, z, lanes, R.value) if differences else jacobian()
-        K, count = np.where(reuse, kept, K) if reuse.any() else K, count + further * ~reuse
+        K, count = np.where(reuse, last_matrix, K) if reuse.any() else K, count + further * ~reuse
     stays = every if equations.inside is None else ~every
     costs = count * R.gradients, count * R.structures
     return F, equations.algebra.correction(K, F), stays, K, costs, R.reliable
@@ -271,8 +275,8 @@ def _outcome(
     A state at rest is a solution, even where the Jacobian is singular.
     """
     solved = residual_norm <= QUANTA
-    found = np.where(reliable, int(Status.CONVERGED), int(Status.QUADRATURE))
-    outcome: Counts = np.where(stagnated | solved, found, -1)
+    good = np.where(reliable, int(Status.CONVERGED), int(Status.QUADRATURE))
+    outcome: Counts = np.where(stagnated | solved, good, -1)
     singular = ~(solved | np.isfinite(move))
     if singular.any():
         finite = algebra.finite(K)
@@ -288,10 +292,10 @@ def _newton_of_one(equations: Equations, start: Array, number: Lanes, *, differe
     before = _largest(y)
     residual, iterations, gradients, structures = math.inf, 0, 0, 0
     status, last_size, last_move = Status.NO_CONVERGENCE, math.inf, math.inf
-    asked, K = _asker(equations, number, differences), None
+    corrected, K = _asker(equations, number, differences), None
     with np.errstate(all="ignore"):
         for _ in range(MOST if recorded else MAX_ITERATIONS):
-            F, correction, stays, K, costs, reliable = asked(z, K)
+            F, correction, stays, K, costs, reliable = corrected(z, K)
             iterations, gradients, structures = iterations + 1, gradients + costs[0], structures + costs[1]
             residual_norm = residual = _largest(F)
             if not math.isfinite(residual_norm):
@@ -344,7 +348,7 @@ def _asker(equations: Equations, number: Lanes, differences: bool) -> Callable[[
         known, costs = record.of_one(number), (record.gradients, record.structures)
         return lambda z, _: (*known(z), None, costs, True)
 
-    def asked(values: list[float], K: Any) -> Any:
+    def corrected(values: list[float], K: Any) -> Any:
         z, further = np.array(values)[:, None], 0
         R, jacobian = equations.evaluate(z, number)
         F = z - R.value
@@ -355,7 +359,7 @@ def _asker(equations: Equations, number: Lanes, differences: bool) -> Callable[[
         correction = equations.algebra.correction(K, F).ravel().tolist() if regular else residual
         return residual, correction, inside, K, costs, bool(R.reliable[0])
 
-    return asked
+    return corrected
 
 
 def _largest(values: list[float]) -> float:

@@ -57,8 +57,8 @@ class Recorded:
             return self.tape.symbols(B)
         d, zero = self.dimension, self.tape.constant(0.0)
         upper = {(i, j): self.tape.symbol(B[i, j]) for i in range(d) for j in range(i + 1, d)}
-        found = (upper[i, j] if i < j else -upper.get((j, i), zero) for i in range(d) for j in range(d))
-        return array(found, (d, d))
+        entries = (upper[i, j] if i < j else -upper.get((j, i), zero) for i in range(d) for j in range(d))
+        return array(entries, (d, d))
 
     def _call(self, key: str, *arguments: Any) -> Any:
         """Call a function of the problem with symbols; its errors are its author's."""

@@ -288,11 +288,11 @@ def require(law: Law, scheme: Scheme, effort: Effort | None = None) -> Finding:
     An unclaimed law is measured and returned too; it fails no test.
     """
     __tracebackhide__ = True  # hides this frame: pytest then shows the finding and no frames of sepv
-    found, measure = _collected.get() or ([], None)
-    own = Run(effort or Effort())
-    measured = measure(law, scheme, own) if measure else law.run(law, scheme, own)
+    findings, measure = _collected.get() or ([], None)
+    run = Run(effort or Effort())
+    measured = measure(law, scheme, run) if measure else law.run(law, scheme, run)
     finding = replace(measured, claimed=law.claimed_by(scheme))
-    found.append(finding)
+    findings.append(finding)
     unasked = finding.verdict is Verdict.NOT_APPLICABLE and not finding.skipped
     if finding.claimed and finding.verdict is not Verdict.HOLDS and not unasked:
         raise LawViolated(finding)

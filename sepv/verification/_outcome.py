@@ -80,10 +80,10 @@ class Report:
 
         "not_measured" occurs only if the run was interrupted.
         """
-        found = {v.value: sum(f.verdict is v for f in self.findings) for v in Verdict}
-        if not found[Verdict.NOT_MEASURED.value]:
-            del found[Verdict.NOT_MEASURED.value]
-        return found
+        numbers = {v.value: sum(f.verdict is v for f in self.findings) for v in Verdict}
+        if not numbers[Verdict.NOT_MEASURED.value]:
+            del numbers[Verdict.NOT_MEASURED.value]
+        return numbers
 
     @property
     def exit_code(self) -> int:
@@ -221,6 +221,6 @@ _TOLD = (
 
 
 def _finding_json(finding: Finding) -> dict[str, Any]:
-    said = {key: getattr(finding, key) for key in _TOLD}
+    fields = {key: getattr(finding, key) for key in _TOLD}
     # A defect or an interval's end that is not finite becomes null: the message describes it.
-    return finite(said | {"verdict": finding.verdict.value, "seconds": round(finding.seconds, 3)})
+    return finite(fields | {"verdict": finding.verdict.value, "seconds": round(finding.seconds, 3)})

@@ -99,7 +99,7 @@ class Profiled:
         return f"{self.profile.words} {self.order:g}" if self.profile.ordered else self.profile.words
 
 
-def requirements(asked: str | Iterable[str]) -> tuple[Requirement, ...]:
+def requirements(profiles: str | Iterable[str]) -> tuple[Requirement, ...]:
     """The requirements of a list, or of one string with commas: "energy,order-1".
 
     Raises
@@ -107,16 +107,16 @@ def requirements(asked: str | Iterable[str]) -> tuple[Requirement, ...]:
     UsageError
         For an unknown profile, none at all, or an order that is no positive number.
     """
-    given = asked.split(",") if isinstance(asked, str) else list(asked)
+    given = profiles.split(",") if isinstance(profiles, str) else list(profiles)
     names = [str(name).strip().lower().replace("_", "-") for name in given]
-    found = tuple(_requirement(name) for name in names if name)
-    if not found:
+    required = tuple(_requirement(name) for name in names if name)
+    if not required:
         raise UsageError(
             expected=f"a profile to require, of {', '.join(NAMES)}",
-            received=repr(asked),
+            received=repr(profiles),
             remedy='require="energy,order-1", or leave it out',
         )
-    return found
+    return required
 
 
 def _requirement(name: str) -> Requirement:

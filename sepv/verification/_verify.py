@@ -178,16 +178,16 @@ def _side_by_side(
     groups = [group for group in shared if group]
     groups += [[name] for name in by_name if name not in (*SAMPLED, *LOCAL)]
 
-    def take(name: str, found: Finding | Crashed | None) -> None:
+    def take(name: str, result: Finding | Crashed | None) -> None:
         law = by_name[name]
-        receive(law, crashed(law, found, task.effort) if isinstance(found, Crashed) else found)
+        receive(law, crashed(law, result, task.effort) if isinstance(result, Crashed) else result)
 
     if isinstance(workers, int):
         side_by_side.run(task, groups, workers, take)
         return
 
-    def arrived(_number: int, found: list[tuple[str, Any]]) -> None:
-        for name, finding in found:
+    def arrived(_number: int, results: list[tuple[str, Any]]) -> None:
+        for name, finding in results:
             take(name, None)
             take(name, finding)
 
@@ -222,9 +222,9 @@ def load_candidate(scheme: str | Scheme | Step, claims: Iterable[str], problems:
     """Load the scheme under verification, with its problems."""
     if problems is None:
         return load_scheme(scheme, claims)
-    own = items(problems)
-    fixed = [p for item in own for p in item.problems]
-    return replace(load_scheme(scheme, claims, fixed), problems=own)
+    given = items(problems)
+    fixed = [p for item in given for p in item.problems]
+    return replace(load_scheme(scheme, claims, fixed), problems=given)
 
 
 def replay(scheme: str | Scheme | Step, law: str, witness: dict[str, Any], problems: Any = None) -> Finding:
@@ -236,10 +236,10 @@ def replay(scheme: str | Scheme | Step, law: str, witness: dict[str, Any], probl
     cases.require_named(witness, candidate)
     (chosen,) = load_laws([law])
     try:
-        found = survived(chosen, "the replay", partial(chosen.replay, chosen, candidate, witness))
+        finding = survived(chosen, "the replay", partial(chosen.replay, chosen, candidate, witness))
     except KeyError as error:
         raise _wrong_witness(chosen, f"one without {error}") from error
-    return replace(found, claimed=chosen.claimed_by(candidate))
+    return replace(finding, claimed=chosen.claimed_by(candidate))
 
 
 def survived(law: Law, key: str, ask: Callable[[], Finding], effort: Effort | None = None) -> Finding:
