@@ -14,7 +14,7 @@ from sepv.verification import Verdict
 
 
 def test_verify_prints_the_table_and_writes_json(call, tmp_path: Path) -> None:
-    result = call("verify energy-preserving --law energy --law casimir --json out.json")
+    result = call("verify energy-preserving --law energy --law casimir --examples 2 --json out.json")
     assert result.exit_code == 0, result.output
     for word in ("Prop. 3.1", "Prop. 3.2", "holds", "ulp of H", "All 2 claimed laws hold."):
         assert word in result.output
@@ -32,7 +32,7 @@ def test_verify_prints_the_table_and_writes_json(call, tmp_path: Path) -> None:
 
 
 def test_a_violation_shows_a_counterexample_that_replays(call) -> None:
-    result = call("verify midpoint --law energy")
+    result = call("verify midpoint --law energy --examples 2")
     assert result.exit_code == 0  # not claimed
     assert "violated" in result.output
     command = re.search(r"sepv (verify midpoint --law energy --replay \S+)", result.output)
@@ -158,7 +158,7 @@ def test_help_of_all_commands_has_one_word_for_a_file_and_one_for_a_folder() -> 
 
 
 def test_a_bare_function_claims_nothing_and_is_measured(call) -> None:
-    result = call("verify mine:correct --law energy --law contract --shrink-checks 0", "")
+    result = call("verify mine:correct --law energy --law contract --examples 2", "")
     assert result.exit_code == 0
     # The contract is what whoever hands over a step signs; a green run says nothing about the rest.
     last = " ".join(result.output.splitlines()[-1:])

@@ -6,9 +6,7 @@ import base64
 import copy
 import hashlib
 import html
-import json
 import re
-import shlex
 import shutil
 import subprocess
 import sys
@@ -20,9 +18,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner
 
-from sepv.commands._cli import main
 from sepv.errors import UsageError
 from sepv.files import fault, schema
 from sepv.page import load, render
@@ -370,28 +366,6 @@ def test_the_committed_page_is_not_older_than_what_it_shows() -> None:
     assert made[1] == fingerprint(), "the laws or the schemes' claims have changed: python -m benchmarks.page"
 
 
-def test_commands_of_a_page_name_the_scheme_as_it_was_named(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "paged.py").write_text("def step(problem, y, h, dW):\n    return y + dW.sum() * y\n")
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.syspath_prepend(str(tmp_path))
-    runner = CliRunner()
-    law = ["--law", "energy", "--examples", "5"]
-    for words in (["paged:step"], ["paged:step", "-p", "pendulum"]):
-        done = runner.invoke(main, ["verify", *words, *law, "--json", "r.json"])
-        assert done.exit_code == 0, done.output
-        assert runner.invoke(main, ["report", "r.json"]).exit_code == 0
-        page = html.unescape((tmp_path / "report.html").read_text())
-        commands = re.findall(r"sepv verify [^\n<]*", page)
-        assert all(command.startswith(f"sepv verify {' '.join(words)} ") for command in commands), commands
-        (replay,) = [command for command in commands if "--replay" in command]
-        again = runner.invoke(main, shlex.split(replay)[1:])
-        assert again.exit_code == 1, again.output
-        assert "energy violated" in again.output
-    assert "TARGET" not in page
-
-
 def test_a_scheme_handed_over_as_an_object_gets_no_command_that_fails() -> None:
     page = render(Sources(verify=[verify_report("mine")]))
     assert "sepv verify mine" not in page
@@ -502,43 +476,15 @@ def test_text_of_strangers() -> None:
     assert name("") == "(no name)"
 
 
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
-        ("{", "a JSON file written by sepv"),
-        ("[1, 2]", "none of these"),
-        ('{"suite": {}}', "'scheme' is a required property"),
-        (json.dumps(verify_report("x") | {"laws": [{"law": 3}]}), r"laws\[0\]: '\w+' is a required property"),
-        (json.dumps(verify_report("x", verdict="maybe")), "'maybe' is not one of"),
-        ("[" * 100_000, "a JSON file written by sepv"),
-    ],
-)
-def test_files_that_are_no_reports_are_refused(content: str, words: str, tmp_path: Path) -> None:
-    (tmp_path / "f.json").write_text(content)
-    with pytest.raises(UsageError, match=words):
-        load([tmp_path / "f.json"])
-    with pytest.raises(UsageError, match="Remedy"):
-        load([tmp_path / "missing.json"])
-
-
-def test_the_command_makes_a_page_of_real_reports(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    run = CliRunner().invoke
-    for scheme in ("energy-preserving", "midpoint"):
-        run(main, f"verify {scheme} --law energy,casimir --examples 30 --json {scheme}.json".split())
-    run(main, ["reproduce", "text", "--json", "paper.json"])
-    files = ["energy-preserving.json", "midpoint.json", "paper.json"]
-    result = run(main, ["report", *files, "--out", "page.html"])
-    assert result.exit_code == 0, result.output
-    assert re.fullmatch(r"page\.html: \d+ kB\n", result.output)
-    page = (tmp_path / "page.html").read_text()
-    words = " ".join(" ".join(Reader(page).words).split())
+def test_the_command_makes_one_page_of_files_of_several_kinds(reader: Any) -> None:
+    reader.sepv("sepv verify midpoint --law energy --examples 2 --json midpoint.json")
+    reader.sepv("sepv reproduce text --json paper.json")
+    assert re.fullmatch(
+        r"page\.html: \d+ kB\n", reader.sepv("sepv report midpoint.json paper.json --out page.html")
+    )
+    words = " ".join(" ".join(Reader((reader.folder / "page.html").read_text()).words).split())
     assert "sepv verify midpoint --law energy --replay" in words
     assert "Remark 2.1" in words
-    assert run(main, ["report", *files, "--out", "again.html"]).exit_code == 0
-    assert (tmp_path / "again.html").read_text() == page  # the same files give the same page
-    assert run(main, ["report"]).exit_code == 2
-    assert run(main, ["report", "nothing.json"]).exit_code == 2
 
 
 CHROMIUM = next((p for p in ("chromium", "chromium-browser", "google-chrome") if shutil.which(p)), None)
