@@ -145,7 +145,7 @@ def test_powers_of_the_markov_operator_have_the_drift_the_walk_and_the_offset() 
 
 
 def test_paths_show_the_walk_and_the_drift_of_the_theory() -> None:
-    found = growth(schemes.midpoint, PENDULUM, h=2.0**-3, T=128.0, paths=2000, engine="numpy")
+    found = growth(schemes.midpoint, PENDULUM, h=2.0**-3, T=128.0, paths=800, engine="numpy")
     assert found.kind == "a random walk"
     theory = found.derived
     # Five standard errors: a false alarm in a million; beside them the theory's own error, h of the drift.
