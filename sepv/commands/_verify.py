@@ -235,10 +235,14 @@ def _write(report: Any, files: dict[str, str | None], named: str) -> None:
     from sepv.verification._expected_failures import pin, to_toml
     from sepv.verification._junit_and_badge import badge_json, junit_xml
 
+    stopped: list[KeyboardInterrupt] = []
     if files["json"] or files["html"]:
         from sepv.verification._course import with_courses
 
-        data = with_courses(report)
+        try:
+            data = with_courses(report)
+        except KeyboardInterrupt as error:  # what was measured is written, without pictures
+            data, stopped = report.to_json(), [error]
         cli.save_json(files["json"], "report", data)
     texts = {
         "html": lambda _: _page(data),
@@ -257,6 +261,8 @@ def _write(report: Any, files: dict[str, str | None], named: str) -> None:
                 guard = f"sepv verify {named} --expected {shlex.quote(path)}"
                 before = f" The pin before guarded {', '.join(lost)} too." if lost else ""
                 cli.say(f"Pinned in {path}.{before} From now on: {guard}")
+    if stopped:
+        raise stopped[0]
 
 
 def _tell_github(report: Any) -> None:

@@ -5,13 +5,14 @@ With one structure the exact solution along these steps is y(nΔ), on which H an
 
 from __future__ import annotations
 
+import time
 from contextlib import suppress
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from sepv._journal import Crashed, attempted
+from sepv._journal import attempted
 from sepv.errors import SepvError
 from sepv.exact import exact_flow
 from sepv.files import finite
@@ -27,25 +28,31 @@ from sepv.verification._verify import TimedOut, deadline
 
 # The number of steps, and of points of the exact solution in each.
 STEPS, FINER = 40, 3
-# The seconds for one course. What was stepped until then is shown.
+# The seconds for all courses of a report. What was stepped until then is shown.
 SECONDS = 10.0
 # A course ends where a state is larger than the first by this factor: what follows would flatten the rest.
 FAR = 100.0
 
 
 def with_courses(report: Report) -> dict[str, Any]:
-    """The report as JSON, in which each violation by a single step has its course: the scheme is asked again."""
-    data = report.to_json()
+    """The report as JSON, in which each violation by a single step has its course: the scheme is asked again.
+
+    A course that cannot be drawn is left out: the verdict and its witness stand without it. Problems are functions of
+    others, which may raise anything at the states of a course. After Ctrl-C nothing is asked again.
+    """
+    data, end = report.to_json(), time.monotonic() + SECONDS
     for finding, law in zip(report.findings, data["laws"], strict=True):
-        if finding.verdict is Verdict.VIOLATED and {"problem", "y"} <= set(finding.witness or {}):
-            with suppress(Crashed):  # a picture less; the verdict has its own process
-                work = partial(course, report.scheme, finding)
+        left = end - time.monotonic()
+        single = finding.verdict is Verdict.VIOLATED and {"problem", "y"} <= set(finding.witness or {})
+        if single and left > 0 and not report.interrupted:
+            with suppress(Exception):
+                work = partial(course, report.scheme, finding, left)
                 if found := attempted(f"the course of {finding.law} of {report.target}", work):
                     law["course"] = found
     return data
 
 
-def course(scheme: Scheme, finding: Finding) -> dict[str, Any]:
+def course(scheme: Scheme, finding: Finding, seconds: float = SECONDS) -> dict[str, Any]:
     """The course of a scheme from the witness of a finding; empty if it does not move.
 
     Returns
@@ -63,7 +70,7 @@ def course(scheme: Scheme, finding: Finding) -> dict[str, Any]:
     problem, y, h, dW = case.build()
     states, ended = [y], ""
     try:
-        with deadline(SECONDS):
+        with deadline(seconds):
             while len(states) <= STEPS and not ended:
                 states.append(ask(scheme, problem, states[-1], h, dW))
                 if np.abs(states[-1]).max() > FAR * np.abs(y).max() + 1:
@@ -71,7 +78,7 @@ def course(scheme: Scheme, finding: Finding) -> dict[str, Any]:
     except SepvError as error:
         ended = str(error).partition("\n")[0].rstrip(".")
     except TimedOut:
-        ended = f"the time for it, {SECONDS:g} s, was over"
+        ended = f"the time for all courses, {SECONDS:g} s, was over"
     path = np.stack(states, axis=1)
     if not np.ptp(path, axis=1).any():
         return {}
@@ -82,7 +89,7 @@ def course(scheme: Scheme, finding: Finding) -> dict[str, Any]:
         theta = float(problem.random_step(h, dW)) * np.linspace(
             0, len(states) - 1, FINER * (len(states) - 1) + 1
         )
-        with suppress(SepvError, TimedOut), deadline(SECONDS):
+        with suppress(SepvError, TimedOut), deadline(seconds):
             exact = exact_flow(problem, theta, y).y
     return {
         "components": [int(i) + 1 for i in shown], "states": _rounded(path[shown]), "exact": _rounded(exact[shown]),

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import html
 import re
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
+from hypothesis import strategies as st
 
 import sepv
+from sepv.commands._cli import main
 from sepv.exact import exact_flow
 from sepv.files import fault, schema
 from sepv.page import Sources, render
@@ -83,6 +87,48 @@ def test_a_course_ends_where_the_scheme_does(report: sepv.Report) -> None:
     assert _on_energy(lambda problem, y, h, dW: y, report) == {}  # nothing moves: no picture
     law = with_courses(replace(report, scheme=sepv.Scheme("own", lambda problem, y, h, dW: y)))["laws"][0]
     assert "course" not in law
+
+
+def test_a_course_that_cannot_be_drawn_is_left_out(
+    report: sepv.Report, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def pendulum(hamiltonian: Any = None) -> sepv.Problem:
+        known = sepv.problems.pendulum()
+        return replace(
+            known, data=None, name="own", hamiltonian=hamiltonian or known.hamiltonian, check=False
+        )
+
+    drawn = sepv.verify("midpoint", laws="energy", problems=st.builds(pendulum), effort=FEW)
+    assert drawn.finding("energy").verdict is sepv.Verdict.VIOLATED
+    assert "course" not in with_courses(drawn)["laws"][0]  # no words name its problem
+    assert "H(y1) − H(y0)" in drawn.html()
+    monkeypatch.setattr("sepv.verification._course.invariants", lambda *_: 1 / 0)
+    assert all("course" not in law for law in with_courses(report)["laws"])
+
+
+def test_courses_take_no_longer_than_their_time(report: sepv.Report, monkeypatch: pytest.MonkeyPatch) -> None:
+    def sleeps(problem: Any, y: Any, h: float, dW: Any) -> Any:
+        time.sleep(0.1)
+        return 1.01 * y
+
+    slow = replace(report, scheme=sepv.Scheme("slow", sleeps))
+    monkeypatch.setattr("sepv.verification._course.SECONDS", 0.25)
+    (found,) = (law["course"] for law in with_courses(slow)["laws"] if "course" in law)
+    assert found["ended"] == "the time for all courses, 0.25 s, was over"
+    assert 2 <= len(found["drift"]) < STEPS
+    assert not any("course" in law for law in with_courses(replace(slow, interrupted=True))["laws"])
+
+
+def test_ctrl_c_while_courses_are_made_leaves_the_files(reader: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("sepv.verification._course.with_courses", interrupted)
+    words = "verify midpoint --law energy --examples 2 -q --json r.json --html r.html"
+    done = CliRunner().invoke(main, words.split())
+    assert done.exit_code == 130
+    assert "energy" in (reader.folder / "r.html").read_text()
+    assert (reader.folder / "r.json").exists()
 
 
 def test_a_law_of_casimirs_draws_the_casimir_that_moves_most() -> None:
