@@ -15,7 +15,7 @@ from sepv.verification import Law, load_laws
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 # Parts of a page that are written by hand, in their order; each begins a paragraph.
 PARTS = ("Why", "Asked", "Bound", "Broken by", "A violation")
-SHOWN = 4  # names of saboteurs on a page
+SHOWN = 2  # names of saboteurs on a page
 
 
 def page_of(law: Law) -> Path:
@@ -29,7 +29,7 @@ def head(law: Law) -> str:
     names = [f"`{name}`" for name, saboteur in SABOTEURS.items() if law.name in saboteur.caught_by]
     saboteurs = ", ".join(names[:SHOWN]) + ", …" * (len(names) > SHOWN)
     facts = [
-        f"Source: {law.source}. The defect is in: {law.unit}. File: [{file}](../../properties/{file}).",
+        f"Source: {law.source}. Unit: {law.unit}. [{file}](../../properties/{file}).",
         "Every scheme claims it." if law.always_claimed else "",
         f"[Saboteurs](../teeth.md): {saboteurs}." if names else "",
     ]

@@ -49,6 +49,14 @@ TOGETHER = {
 }  # fmt: skip
 
 
+# Files and folders of the marker `quick`: a look at each floor of the core, in less than a minute of one core.
+QUICK = (
+    "tests/record/", "tests/solve/", "tests/problem/test_problems.py", "tests/problem/test_structures.py",
+    "tests/verification/test_tolerance.py", "tests/verification/test_search.py", "tests/verification/test_poisson.py",
+    "tests/test_arguments.py", "tests/test_imports.py", "tests/docs/test_docstrings.py", "tests/docs/test_names.py",
+)  # fmt: skip
+
+
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     """With ``-n`` the tests of these files go to one worker each; of the others each goes to the first that is free.
@@ -74,10 +82,12 @@ DEEP = {"properties/test_reproducibility.py::test_reproducibility[discrete-gradi
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The laws ship without marks of these tests."""
+    """Mark what ships without marks: laws that take long, and tests of `QUICK` that are not deep."""
     for item in items:
         if item.nodeid in DEEP:
             item.add_marker(pytest.mark.deep)
+        elif item.nodeid.startswith(QUICK) and not item.get_closest_marker("deep"):
+            item.add_marker(pytest.mark.quick)
 
 
 # What comes in badly must not hang: far above what any such test takes.

@@ -25,8 +25,8 @@ python -m benchmarks.peers.trend results --out docs/trend.md
 ```
 
 The first measures versions and adds their records (`--versions`: all that this page shows), the second makes this
-page. A seed and a suite give the same verdicts; where another package changed with the library, that is said, since the
-reason may be there."""
+page. A seed and a suite give the same verdicts. Where another package changed with the library, the page
+says so: the reason may be there."""
 
 
 def page(found: dict[str, list[Record]]) -> str:

@@ -36,6 +36,7 @@ PAGES = (
     "teeth",
     "choosing",
     "ci",
+    "adapting",
     "extending",
     "beyond",
     "higher-order",

@@ -19,7 +19,7 @@ from sepv.schemes._guard import SchemeCrash
 from sepv.verification import Verdict
 
 NAMES = ["rigid-body", "pendulum", "lotka-volterra", "harmonic-oscillator"]
-EXTENDING = (Path(__file__).resolve().parents[2] / "docs" / "extending.md").read_text(encoding="utf-8")
+ADAPTING = (Path(__file__).resolve().parents[2] / "docs" / "adapting.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -91,10 +91,10 @@ def test_numpys_functions_under_a_tracer_end_with_the_way_to_pose_them() -> None
 
 
 def program(library: str) -> str:
-    """The scheme of docs/extending.md for this library."""
+    """The scheme of docs/adapting.md for this library."""
     if importlib.util.find_spec(library) is None:
         pytest.skip(f"{library} is not installed: the extra `peers`")
-    return re.search(rf"^# mine_{library}\.py\n.*?(?=^```$)", EXTENDING, re.MULTILINE | re.DOTALL)[0]
+    return re.search(rf"^# mine_{library}\.py\n.*?(?=^```$)", ADAPTING, re.MULTILINE | re.DOTALL)[0]
 
 
 def verified(folder: Path, module: str, laws: str) -> subprocess.CompletedProcess[str]:
