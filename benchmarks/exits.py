@@ -1,0 +1,176 @@
+"""Convergence without global bounds: how often paths leave a compact set, and errors of those that stay.
+
+``python -m benchmarks.exits``. D = {y : |F(y) − F(y0)| < R} for an invariant F of the exact flow. From states of D let
+a step move F by g with |E g| ≤ m and E g² ≤ v. Up to the exit the sum of all g − E g is a martingale, so that by
+Kolmogorov's inequality
+
+    P(a path leaves D within N steps) ≤ Nv/(R − Nm)²    where Nm < R.
+
+m and v are the largest over STATES states of D, for the increments of Remark 2.1 with k = 2, by quadrature. A step that
+is not solved counts as an exit, of which the bound knows nothing.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.stats import beta
+
+from benchmarks import over, start
+from sepv import exact_flow, problems, schemes
+from sepv._terminal import markdown
+from sepv.problem import Array, Problem
+from sepv.simulate import _wiener as wiener
+from sepv.simulate import truncate
+from sepv.simulate._batch import advance
+from sepv.solve import Status
+
+LEVELS, PLACES, NODES = 9, 32, 32
+STATES = LEVELS * PLACES
+TIME = 1.0
+
+
+class Compact(NamedTuple):
+    """A set D: a problem, F with its name, R, and the function that gives a state with F(y) = F(y0) + r.
+
+    `turn` is the time in which the exact flow passes along all of an orbit.
+    """
+
+    problem: Problem
+    invariant: str
+    F: Callable[[Array], Array]
+    R: float
+    at_level: Callable[[float], Array]
+    turn: float
+
+    def states(self) -> Array:
+        """States (d, STATES) of D, PLACES on each of LEVELS orbits."""
+        times = np.linspace(0.0, self.turn, PLACES)
+        levels = np.linspace(-1, 1, LEVELS) * self.R
+        return np.concatenate(
+            [exact_flow(self.problem, times, self.at_level(float(r))).y for r in levels], axis=1
+        )
+
+
+def pendulum() -> Compact:
+    """The pendulum from the paper's y0, F = H. p moves with r."""
+    problem = problems.pendulum()
+    p, q = map(float, problem.initial)
+    return Compact(problem, "H", problem.hamiltonian, 0.25, lambda r: _moved(p, q, r), 8.0)
+
+
+def _moved(p: float, q: float, r: float) -> Array:
+    """A state with ½p² − cos q larger by r; where p cannot give that much, q moves."""
+    square = p * p + 2 * r
+    if square >= 0:
+        return np.array([np.sqrt(square), q])
+    return np.array([0.0, np.arccos(np.cos(q) - 0.5 * square)])
+
+
+def lotka_volterra() -> Compact:
+    """Lotka-Volterra from the paper's y0 on its level of H, F = C = ln y1 + bd ln y2 − d ln y3."""
+    problem = problems.lotka_volterra()
+    y0, nambu = np.asarray(problem.initial, dtype=np.float64), problem.nambu
+    assert nambu is not None
+    H0, C0 = float(problem.hamiltonian(y0)), float(nambu.casimir(y0))
+
+    def on_level(y2: float) -> Array:
+        """The state with this y2, the y3 of y0, and H = H0: H is 2y1 + …."""
+        return np.array([0.5 * (H0 - float(problem.hamiltonian(np.array([0.0, y2, y0[2]])))), y2, y0[2]])
+
+    def at_level(r: float) -> Array:
+        return on_level(brentq(lambda y2: float(nambu.casimir(on_level(y2))) - C0 - r, 0.6, 2.7, xtol=1e-12))
+
+    return Compact(problem, "C", nambu.casimir, 0.1, at_level, 6.0)
+
+
+SETS: dict[str, tuple[Callable[[], Compact], tuple[str, ...]]] = {
+    "pendulum": (pendulum, ("energy-preserving", "midpoint", "euler-heun", "milstein", "euler-maruyama")),
+    "lotka-volterra": (lotka_volterra, ("both-invariants", "energy-preserving")),
+}
+STEPS = {"pendulum": (16, 64, 256), "lotka-volterra": (512, 1024, 2048)}
+
+
+def moments(D: Compact, scheme: str, h: float) -> tuple[float, float]:
+    """The m and v of the module's docstring, the largest over the states."""
+    x, weights = np.polynomial.hermite_e.hermegauss(NODES)
+    weights = weights / weights.sum()
+    # All noises act through their sum, whose size is |c|.
+    c = D.problem.c
+    noise = truncate(np.sqrt(h) * x, h, 2)[None] * (c / float(c @ c) ** 0.5)[:, None]
+    states = D.states()
+    y = np.repeat(states, NODES, axis=1)
+    y1 = schemes.by_name(scheme).step(D.problem, y, h, np.tile(noise, states.shape[1]))
+    g = (D.F(y1) - D.F(y)).reshape(-1, NODES)
+    return float(np.abs(g @ weights).max()), float((g**2 @ weights).max())
+
+
+def bound(D: Compact, scheme: str, steps: int) -> float:
+    """Nv/(R − Nm)², at most 1."""
+    m, v = moments(D, scheme, TIME / steps)
+    left = D.R - steps * m
+    return min(1.0, steps * v / left**2) if left > 0 else 1.0
+
+
+class Measured(NamedTuple):
+    """The number of paths that left D, of how many, and the rms error at T of the others."""
+
+    left: int
+    paths: int
+    rms: float
+
+    def interval(self, alpha: float = 1e-3) -> tuple[float, float]:
+        """Clopper and Pearson's interval of the probability."""
+        k, n = self.left, self.paths
+        low = float(beta.ppf(alpha / 2, k, n - k + 1)) if k else 0.0
+        return low, float(beta.ppf(1 - alpha / 2, k + 1, n - k)) if k < n else 1.0
+
+
+def measured(D: Compact, scheme: str, steps: int, paths: int, seed: int = 0) -> Measured:
+    """Run paths to T. The exact path belongs to the increments that the scheme saw."""
+    h, c, asked = TIME / steps, D.problem.c, schemes.by_name(scheme)
+    raw = wiener.increments(seed, T=TIME, steps=steps, noises=c.size, paths=range(paths))
+    dW = truncate(raw, h, 2)
+    start_at = np.asarray(D.problem.initial, dtype=np.float64)
+    y = np.repeat(start_at[:, None], paths, axis=1)
+    F0, left = float(D.F(start_at)), np.zeros(paths, dtype=bool)
+    for increments in dW:
+        stay = np.flatnonzero(~left)
+        y[:, stay], status, *_ = advance(asked, D.problem, y[:, stay], h, increments[:, stay])
+        left[stay] = (status != Status.CONVERGED) | ~(np.abs(D.F(y[:, stay]) - F0) < D.R)
+    exact = exact_flow(D.problem, TIME + c @ dW.sum(axis=0), start_at).y
+    errors = np.sum((y - exact)[:, ~left] ** 2, axis=0)
+    return Measured(int(left.sum()), paths, float(np.sqrt(errors.sum() / paths)))
+
+
+def rows(paths: int) -> list[list[str]]:
+    """A row for each problem, scheme and number of steps."""
+    found = []
+    cases = [(name, s, n) for name, (_, own) in SETS.items() for s in own for n in STEPS[name]]
+    sets = {name: make() for name, (make, _) in SETS.items()}
+    for name, scheme, steps in over(cases, lambda case: " ".join(map(str, case))):
+        D = sets[name]
+        seen = measured(D, scheme, steps, paths)
+        low, high = seen.interval()
+        share = f"{seen.left / paths:.4f} [{low:.4f}, {high:.4f}]"
+        inside = f"\\|{D.invariant} − {D.invariant}(y0)\\| < {D.R:g}"
+        found.append(
+            [name, inside, scheme, f"1/{steps}", f"{bound(D, scheme, steps):.2g}", share, f"{seen.rms:.1e}"]
+        )
+    return found
+
+
+def main() -> None:
+    """Print the table as Markdown."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--paths", type=int, default=4000)
+    heads = ["problem", "D", "scheme", "h", "bound", "left, 99.9 %", "rms error of those that stay"]
+    print(markdown(heads, rows(parser.parse_args().paths)))
+
+
+if __name__ == "__main__":
+    start(main)
