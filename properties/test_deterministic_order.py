@@ -42,7 +42,7 @@ def run(law: Law, scheme: Scheme, own: Run) -> Finding:  # noqa: ARG001 - nothin
         seen = orders(scheme, errors, least)
         s = min(range(len(seen)), key=lambda k: _first(seen[k], _OF_STATES))
         found.append((errors, s, seen[s]))
-        order = seen[s].order
+        order: float | None = seen[s].order
         if order is None and seen[s].verdict is Verdict.HOLDS:  # a bound of the power, or none
             order = claimed if scheme.order or np.isnan(seen[s].value) else max(1, int(seen[s].value) - 1)
         lines.append(f"{problem.name}: {_words(seen[s])}the error of a step is {seen[s].text}")

@@ -24,7 +24,7 @@ from sepv.schemes import (
 from sepv.schemes._explicit import end
 from sepv.schemes._explicit_tableaux import TABLEAUX
 from sepv.schemes._leapfrog import KicksAndDrifts, composed
-from sepv.schemes._one_step import drift_and_noise
+from sepv.schemes._one_step import Explicit, drift_and_noise
 from sepv.schemes._scheme import Step, as_lanes
 from sepv.schemes._stateful import StatefulStep
 from sepv.solve import Fields
@@ -152,21 +152,23 @@ def _mechanical(name: str, step: Step, order: float, source: str, *more: str) ->
 _SUZUKI = 1 / (4 - 4 ** (1 / 3))
 MECHANICAL = (
     _mechanical("velocity-verlet", _velocity_verlet, 2, "Störmer-Verlet in velocities", "symmetry"),
-    _mechanical("position-verlet", KicksAndDrifts((0.0, 1.0, 0.0), (0.5, 0.5)), 2, "drift, kick, drift", "symmetry"),
     _mechanical(
-        "ruth-3", KicksAndDrifts((7 / 24, 3 / 4, -1 / 24, 0.0), (2 / 3, -2 / 3, 1.0)), 3,
+        "position-verlet", Explicit(KicksAndDrifts((0.0, 1.0, 0.0), (0.5, 0.5))), 2, "drift, kick, drift", "symmetry"
+    ),
+    _mechanical(
+        "ruth-3", Explicit(KicksAndDrifts((7 / 24, 3 / 4, -1 / 24, 0.0), (2 / 3, -2 / 3, 1.0))), 3,
         "R. Ruth, IEEE Trans. Nucl. Sci. 30 (1983): order 3, not symmetric",
     ),
     _mechanical(
-        "suzuki-4", composed((_SUZUKI, _SUZUKI, 1 - 4 * _SUZUKI, _SUZUKI, _SUZUKI)), 4,
+        "suzuki-4", Explicit(composed((_SUZUKI, _SUZUKI, 1 - 4 * _SUZUKI, _SUZUKI, _SUZUKI))), 4,
         "M. Suzuki, Phys. Lett. A 146 (1990): five leapfrogs", "symmetry",
     ),
     _mechanical(
         "mclachlan-atela-4",
-        KicksAndDrifts(
+        Explicit(KicksAndDrifts(
             (0.1344961992774310892, -0.2248198030794208058, 0.7563200005156682911, 0.3340036032863214255, 0.0),
             (0.5153528374311229364, -0.085782019412973646, 0.4415830236164665242, 0.1288461583653841854),
-        ),
+        )),
         4, "R. McLachlan and P. Atela, Nonlinearity 5 (1992): order 4, not symmetric",
     ),
 )  # fmt: skip

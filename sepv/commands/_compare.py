@@ -31,7 +31,10 @@ MOST_STEPS = 1024
 @cli.INITIAL
 @click.option("--time", "T", type=cli.POSITIVE, help="T. [default: 1]")
 @click.option("--steps", type=cli.Numbers(int), help="Numbers of steps, such as 8,16,32.")
-@click.option("--paths", type=click.IntRange(min=32), default=1000, help="How many paths.")
+@click.option("--paths", type=click.IntRange(min=1), help="How many paths. [default: 1000, without noise 1]")
+@click.option(
+    "--no-noise", is_flag=True, help="The problem with c = (): a trajectory, its error at T and its |ΔH|."
+)
 @click.option("--repeats", type=cli.COUNT, default=5, help="Timed rounds.")
 @click.option("--seed", type=cli.NATURAL, default=0, help="Of the paths.")
 @click.option(
@@ -58,8 +61,12 @@ def compare(
     The reference is the exact solution at the random time. Methods take turns on one core, increments are given,
     and compilation is shown apart.
 
+    Where a scheme is for systems without noise alone, and with --no-noise, the problem has c = (): one trajectory, with
+    the time to an error at T and to an energy error.
+
     \b
     sepv compare energy-preserving midpoint euler-heun exact-flow
+    sepv compare leapfrog yoshida-4 energy-preserving --problem henon-heiles --no-noise --time 100
     sepv compare mymodule:step --problem pendulum --picture cost.svg
 
     A scheme that fails is left out and named at the end; the exit code is 3 then.
@@ -71,6 +78,7 @@ def compare(
     from sepv.studies._compare.run import compare as run
     from sepv.studies._compare.run import one_core
     from sepv.studies._picture import require_picture
+    from sepv.verification._cases.case import quiet_problem
     from sepv.verification._progress import showing
 
     require_picture(picture)
@@ -78,6 +86,7 @@ def compare(
         system = load_problem(problem)
         if options["initial"] is not None:
             system = replace(system, initial=options["initial"], check=False)
+        system = quiet_problem(system) if options["no_noise"] else system
         coarsest = math.ceil(4 / (system.longest_step or 0.5))
         usual = tuple(n for n in (coarsest * 2**k for k in range(5)) if n <= max(coarsest, MOST_STEPS))
         T, steps = options["T"] or 1.0, options["steps"] or usual
@@ -122,7 +131,8 @@ def _show(found: Comparison, *, alone: bool, quiet: bool) -> None:
         for part in table.point_tables(found):
             print_table(part, out)
         out.print()
-    print_table(table.target_table(found), out)
+    for part in table.target_tables(found):
+        print_table(part, out)
     for note in table.notes(found):
         out.print(note, style="dim", soft_wrap=True)
     if not alone:

@@ -14,9 +14,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from sepv.errors import Skipped, UsageError
-from sepv.problem import Array, Problem, Systems, mechanics
-from sepv.schemes._one_step import EVERY, one_step
-from sepv.schemes._scheme import Scheme, as_lanes
+from sepv.problem import Systems, mechanics
+from sepv.schemes._one_step import EVERY, Explicit, one_step
+from sepv.schemes._scheme import Scheme
+from sepv.solve import Fields, Values
 
 CLAIMS = EVERY | {
     "identity", "noise-sum", "random-step", "casimir", "poisson-map", "symplecticity", "symmetry",
@@ -25,29 +26,29 @@ CLAIMS = EVERY | {
 
 @dataclass(frozen=True)
 class KicksAndDrifts:
-    """The step of these coefficients: kicks b (s + 1), drifts a (s)."""
+    """The formula of the step with kicks b (s + 1) and drifts a (s)."""
 
     kicks: tuple[float, ...]
     drifts: tuple[float, ...]
 
-    def __call__(self, problem: Problem, y: Array, h: float, dW: Array) -> Array:
-        """One step, for y of shape (d,) or (d, M) and dW of shape (m,) or (m, M).
-
-        Raises Skipped for a problem that is not mechanical.
-        """
+    def __call__(self, fields: Fields, y: Values, z: Values, step: Values) -> Values:  # noqa: ARG002 - explicit
+        """y1 − y0; raises Skipped for a problem that is not mechanical."""
         try:
-            system = mechanics(problem)
+            system = mechanics(fields.problem)
         except UsageError as error:
-            raise Skipped(f"{problem.name} is not mechanical, H = ½ pᵀM⁻¹p + V(q)") from error
-        state, noise = as_lanes(problem, y, h, dW)
-        delta = problem.random_step(h, noise)
-        q, p = system.split(state)
+            raise Skipped(f"{fields.problem.name} is not mechanical, H = ½ pᵀM⁻¹p + V(q)") from error
+        q, p = system.split(y)
         first, *others = self.kicks
-        p = p + first * delta * system.force(q)
+
+        def kick(b: float, q: Values, p: Values) -> Values:
+            return -b * step[0] * system.split(fields.gradient(system.join(q, p)))[0]
+
+        moved: Values = 0.0
+        pushed = kick(first, q, p)
         for a, b in zip(self.drifts, others, strict=True):
-            q = q + a * delta * system.velocity(p)
-            p = p + b * delta * system.force(q)
-        return system.join(q, p).reshape(y.shape)
+            moved = moved + a * step[0] * system.velocity(p + pushed)
+            pushed = pushed + kick(b, q + moved, p)
+        return system.join(moved, pushed)
 
 
 def composed(shares: Sequence[float]) -> KicksAndDrifts:
@@ -62,9 +63,14 @@ def palindrome(kicks: Sequence[float], drifts: Sequence[float]) -> KicksAndDrift
     return KicksAndDrifts((*b, *b[-2::-1]), (*a, *a[::-1]))
 
 
-def _scheme(name: str, step: KicksAndDrifts, order: int, source: str) -> Scheme:
+def _scheme(name: str, formula: KicksAndDrifts, order: int, source: str) -> Scheme:
     made = one_step(
-        name, step, CLAIMS, f"{source}, with the random step of (2.1)", order / 2, systems=Systems.MECHANICAL
+        name,
+        Explicit(formula),
+        CLAIMS,
+        f"{source}, with the random step of (2.1)",
+        order / 2,
+        systems=Systems.MECHANICAL,
     )
     return replace(made, order=float(order))
 

@@ -12,7 +12,7 @@ from sepv.reference.problem import exact_problem
 
 import sepv
 from sepv import UsageError, problems, schemes
-from sepv.problem import vector_field
+from sepv.problem import Systems, vector_field
 from sepv.schemes._discrete_gradient import coordinate_increments
 from sepv.schemes._discrete_gradient import step as discrete
 from sepv.solve._formula import Asked
@@ -88,7 +88,7 @@ def test_the_ito_correction_has_the_squares_of_the_coefficients() -> None:
 
 # Those of which no law of `properties` asks the like in every run.
 BATCHED = [
-    *schemes.EXTENSIONS.values(),
+    *(s for s in schemes.EXTENSIONS.values() if s.systems is not Systems.MECHANICAL),
     *(family(s) for family in (schemes.collocation, schemes.gauss) for s in (2, 3, 6)),
 ]
 

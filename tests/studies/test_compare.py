@@ -343,3 +343,25 @@ def test_one_round_has_no_spread_and_the_caption_says_so(found: Comparison) -> N
     assert "±%" in several
     assert table.heading(rounds[1]).endswith("of one round")
     assert "±%" not in once
+
+
+def test_without_noise_there_is_one_trajectory_with_two_prices() -> None:
+    names = ("leapfrog", "yoshida-4", "energy-preserving")
+    methods = [from_scheme(schemes.by_name(name), problems.henon_heiles(), "numpy") for name in names]
+    quiet = replace(methods[0], name="for c = ()", deterministic=True)
+    found = compare(
+        [*methods, quiet], problems.henon_heiles(), steps=(16, 32, 64), repeats=1, targets=(1e-3,), T=4.0
+    )
+    assert found.deterministic
+    assert {p.paths for p in found.points} == {1}
+    errors = {name: [p.strong.value for p in found.of(name)] for name in names}
+    assert 3.5 < errors["leapfrog"][-2] / errors["leapfrog"][-1] < 4.5
+    assert 14 < errors["yoshida-4"][-2] / errors["yoshida-4"][-1] < 18
+    assert [p.evaluations["gradient"] for p in found.of("yoshida-4")] == [4, 4, 4]
+    assert [t.how for t in found.times_to_energy_error()] == ["between", "coarsest", "coarsest", "between"]
+    heads = [t.title for t in table.target_tables(found)]
+    assert heads == [
+        "µs a path to an error at T, and |ΔH| there",
+        "µs a path to |ΔH| up to T, and |ΔH| there",
+    ]
+    jsonschema.validate(found.to_json(), schema("comparison"))

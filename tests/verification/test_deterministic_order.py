@@ -14,6 +14,7 @@ from benchmarks.right_schemes.other_formulas import MECHANICAL
 from sepv.problem import Problem
 from sepv.schemes import Scheme
 from sepv.schemes._leapfrog import composed
+from sepv.schemes._one_step import Explicit
 from sepv.verification import Finding, Verdict
 from sepv.verification._orders.without_noise import RATIO, judge
 
@@ -44,7 +45,7 @@ def test_schemes_with_noise_have_an_order_without_it(name: str) -> None:
     ("scheme", "claimed", "order"),
     [
         (LEAPFROG, 3, 2), (LEAPFROG, 4, 2), (YOSHIDA, 6, 4), (BLANES_MOAN, 5, 4), (MECHANICAL[2], 4, 3),
-        (replace(YOSHIDA, step=composed((1.35, -1.7, 1.35))), 4, 2),
+        (replace(YOSHIDA, step=Explicit(composed((1.35, -1.7, 1.35)))), 4, 2),
         (sepv.schemes.energy_preserving, 3, 2), (sepv.schemes.collocation(2), 6, 4),
     ],
 )  # fmt: skip

@@ -23,6 +23,7 @@ from sepv.schemes import PointLaw, Scheme, implicit, weakly
 from sepv.schemes._both_invariants import required
 from sepv.schemes._leapfrog import composed, yoshida
 from sepv.schemes._leapfrog import scheme as leapfrog
+from sepv.schemes._one_step import Explicit
 from sepv.schemes._scheme import Step, as_lanes
 from sepv.schemes._tableaux import exact_nodes, gauss_tableau, moments
 from sepv.solve import Fields
@@ -154,7 +155,7 @@ def rests_where_undefined(fields: Fields, y: Any, z: Any, step: Any) -> Any:
 _DIGITS = 1.351
 SABOTEURS.rows(
     ("triple-jump-in-digits", "the triple jump's 1/(2 − 2^(1/3)) = 1.35120719… is written with four digits: order 2",
-     ("deterministic-order",), imitating(yoshida, composed((_DIGITS, 1 - 2 * _DIGITS, _DIGITS)), batched=True)),
+     ("deterministic-order",), imitating(yoshida, Explicit(composed((_DIGITS, 1 - 2 * _DIGITS, _DIGITS))))),
 )  # fmt: skip
 
 

@@ -24,6 +24,7 @@ from sepv.simulate import Ensemble
 from sepv.simulate._batch import CHUNK, judged, run_chunk
 from sepv.simulate._ensembles.ensemble import choose
 from sepv.studies._evaluation_count import Work, counted
+from sepv.verification._cases.case import quiet_problem
 
 
 class Ends(NamedTuple):
@@ -67,6 +68,7 @@ class Method:
     steps_matter : False for the exact time change, which sees W(T) only
     truncation : k of Remark 2.1 for the increments it uses; None for untruncated ones
     look : in pictures; without one it is given a look that no other has there
+    deterministic : True for a method without noise: the problem is then compared with c = ()
     """
 
     name: str
@@ -78,6 +80,7 @@ class Method:
     steps_matter: bool = True
     truncation: int | None = None
     look: Look | None = None
+    deterministic: bool = False
 
 
 def invariant_defects(problem: Problem, states: Array) -> tuple[Array, Array]:
@@ -122,14 +125,14 @@ def _in_batches(scheme: Scheme) -> Method:
 
     def follow(problem: Problem, y0: Array, h: float, dW: Array) -> Followed:
         work = Work()
-        plain = _run(scheme, counted(problem, work), y0, h, dW, track=False)
+        plain = _run(scheme, _watched(scheme, problem, y0, h, dW, work), y0, h, dW, track=False)
         work.iterations = int(plain.iterations) if scheme.solve is not None else None
         run = _run(scheme, problem, y0, h, dW, track=True)
         return Followed(_ends(run), run.energy_defect, run.casimir_defect, work)
 
     return Method(
         scheme.name, prepare, follow, scheme.source, batched=scheme.batched, truncation=scheme.truncation,
-        look=scheme.look,
+        look=scheme.look, deterministic=scheme.deterministic,
     )  # fmt: skip
 
 
@@ -150,7 +153,8 @@ def _compiled(scheme: Scheme) -> Method:
         run = ensemble_for(problem, y0, h, dW)()
         if scheme.solve is None:  # every path has the same count, so one is counted, in NumPy
             work = Work()
-            _run(scheme, counted(problem, work), y0, h, dW[:, :, :1], track=False)
+            one = dW[:, :, :1]
+            _run(scheme, _watched(scheme, problem, y0, h, one, work), y0, h, one, track=False)
             work.evaluations = {kind: n * dW.shape[2] for kind, n in work.evaluations.items()}
         else:
             work = Work(iterations=int(run.iterations))
@@ -158,7 +162,18 @@ def _compiled(scheme: Scheme) -> Method:
         return Followed(_ends(run), run.energy_defect, run.casimir_defect, work)
 
     source = f"{scheme.source}; compiled engine"
-    return Method(scheme.name, prepare, follow, source, truncation=scheme.truncation, look=scheme.look)
+    return Method(
+        scheme.name, prepare, follow, source, truncation=scheme.truncation, look=scheme.look,
+        deterministic=scheme.deterministic,
+    )  # fmt: skip
+
+
+def _watched(scheme: Scheme, problem: Problem, y0: Array, h: float, dW: Array, work: Work) -> Problem:
+    """The problem with its evaluations counted, but those of a first step: what is found once is no work of a step."""
+    found = counted(problem, work)
+    _run(scheme, found, y0, h, dW[:1], track=False)
+    work.evaluations |= dict.fromkeys(work.evaluations, 0)
+    return found
 
 
 def _run(scheme: Scheme, problem: Problem, y0: Array, h: float, dW: Array, *, track: bool) -> Ensemble:
@@ -238,6 +253,7 @@ def load_method(target: str, problem: Problem) -> Method:
             return named
     plain = target.startswith(NUMPY)
     scheme = load_scheme(target.removeprefix(NUMPY))
+    problem = quiet_problem(problem) if scheme.deterministic else problem
     h = 2.0**-10
     if problem.initial is not None:
         try:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from sepv.files import finite
+from sepv.record._binary64 import TINY
 from sepv.schemes import Look
 from sepv.verification._orders.convergence import Estimate
 
@@ -77,6 +78,12 @@ class Point:
         """The median time of one whole path."""
         return 1e6 * self.seconds.median / self.paths
 
+    def of_energy(self) -> Point:
+        """The point with the energy defect for its error."""
+        return replace(
+            self, strong=replace(self.strong, value=max(self.energy_defect, TINY), half=0.0), clipping=0.0
+        )
+
     def to_json(self) -> dict[str, Any]:
         """For the schema ``comparison.schema.json``."""
         return {
@@ -120,6 +127,7 @@ class Comparison:
     environment: dict[str, str]
     sources: dict[str, str]
     has_casimirs: bool
+    deterministic: bool  # without noise: one path, whose error is certain
     points: tuple[Point, ...]
     targets: tuple[float, ...] = ()
     # Methods that were left out, each with its reason.
@@ -135,6 +143,14 @@ class Comparison:
         """The time to error of each method and each target."""
         return [time_to_error(self.of(m), target) for m in self.sources for target in self.targets]
 
+    def times_to_energy_error(self) -> list[TimeToError]:
+        """The time in which each method keeps H to each target along the whole path."""
+        return [
+            time_to_error([p.of_energy() for p in self.of(m)], target)
+            for m in self.sources
+            for target in self.targets
+        ]
+
     def to_json(self) -> dict[str, Any]:
         """For the schema ``comparison.schema.json``."""
         return {
@@ -147,6 +163,11 @@ class Comparison:
             ],
             "points": [p.to_json() for p in self.points],
             "times_to_error": [vars(t) | {} for t in self.times_to_error()],
+            **(
+                {"times_to_energy_error": [vars(t) | {} for t in self.times_to_energy_error()]}
+                if self.deterministic
+                else {}
+            ),
         }
 
 

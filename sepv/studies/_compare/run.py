@@ -20,6 +20,7 @@ from sepv.simulate._run_arguments import step_count
 from sepv.solve import Status
 from sepv.studies._compare.method import Ends, Followed, Method
 from sepv.studies._compare.record import Comparison, Point, Seconds
+from sepv.verification._cases.case import quiet_problem
 from sepv.verification._orders.convergence import GROUPS, Estimate, jackknife
 from sepv.workers import run_all
 
@@ -40,7 +41,7 @@ def compare(
     *,
     steps: Sequence[int],
     T: float = 1.0,
-    paths: int = 1000,
+    paths: int | None = None,
     repeats: int = 5,
     seed: int = 0,
     targets: Sequence[float] = (),
@@ -49,11 +50,14 @@ def compare(
 ) -> Comparison:
     """Strong and weak error, defects, time and work of each method for each number of steps.
 
+    Where a method is for c = () alone, the problem is taken without its noise.
+
     Parameters
     ----------
     steps : increasing numbers of steps, each dividing the last
-    paths : int ≥ 32
-        Of which path-by-path drivers take the first 64.
+    paths : int ≥ 32, optional
+        Of which path-by-path drivers take the first 64; 1000 by default. Without noise all paths are one: by default 1,
+        or any number of them for the time of a batch.
     repeats : int ≥ 1
         Timed rounds; in each round every method runs once at every step size, in a rotating order.
     targets : strong errors
@@ -68,6 +72,10 @@ def compare(
     UsageError
         For arguments that make no comparison.
     """
+    if any(m.deterministic for m in methods):
+        problem = quiet_problem(problem)
+    if paths is None:
+        paths = 1000 if problem.noises else 1
     _validate(methods, problem, steps, paths, repeats, targets)
     for count in steps:
         step_count(T / count, None, count)
@@ -115,6 +123,7 @@ def compare(
         sources={m.name: m.source for m in methods if m.name not in failed},
         looks={m.name: m.look for m in methods if m.look is not None and m.name not in failed},
         failed=failed,
+        deterministic=not problem.noises,
         has_casimirs=bool(problem.casimirs or problem.linear_casimirs),
         points=tuple(points),
         targets=tuple(targets),
@@ -195,7 +204,8 @@ def _point(cell: _Cell, run: Followed, problem: Problem, T: float, exact: Array,
     method, count = cell.method, cell.steps
     paths = run.ends.y.shape[1]
     done = run.ends.status == Status.CONVERGED
-    strong, weak = errors(run.ends.y[:, done] - exact[:, :paths][:, done])
+    difference = run.ends.y[:, done] - exact[:, :paths][:, done]
+    strong, weak = errors(difference) if problem.noises else _only(difference)
     if run.stated_error > strong.value:
         strong = weak = Estimate(run.stated_error, 0.0, ALPHA)
     processor, wall = seconds.T
@@ -236,6 +246,13 @@ def errors(difference: Array) -> tuple[Estimate, Estimate]:
         return strong, jackknife(difference, lambda mean: float(np.linalg.norm(mean)), ALPHA)
 
 
+def _only(difference: Array) -> tuple[Estimate, Estimate]:
+    """The error of the one path of a problem without noise, twice."""
+    size = float(np.linalg.norm(difference[:, 0])) if difference.size else float("inf")
+    found = Estimate(size if np.isfinite(size) else float("inf"), 0.0, ALPHA)
+    return found, found
+
+
 def _largest(values: Array) -> float:
     return float(np.max(values)) if values.size and np.all(np.isfinite(values)) else float("inf")
 
@@ -256,10 +273,10 @@ def _validate(
             received=f"{grid}",
             remedy="such as 8,16,32,64: all step sizes then see the same paths",
         )
-    names = [m.name for m in methods]
+    names, least = [m.name for m in methods], GROUPS if problem.noises else 1
     for ok, expected, received in (
         (names and len(set(names)) == len(names), "methods with different names", names),
-        (isinstance(paths, int) and paths >= GROUPS, f"paths, an integer ≥ {GROUPS}", paths),
+        (isinstance(paths, int) and paths >= least, f"paths, an integer ≥ {least}", paths),
         (isinstance(repeats, int) and repeats >= 1, "repeats, an integer ≥ 1", repeats),
         (all(0 < t < np.inf for t in targets), "errors to pay for, finite and > 0", list(targets)),
     ):

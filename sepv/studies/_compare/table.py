@@ -33,8 +33,13 @@ DROPPED = ("±%", "B", "∇H", "Newton", "|ΔC|", "ns/step", "weak error", "|ΔH
 def heading(comparison: Comparison) -> str:
     """The heading of the tables of points."""
     rounds = comparison.repeats
+    known = (
+        "without noise: errors"
+        if comparison.deterministic
+        else f"errors with {comparison.confidence:.0%} intervals"
+    )
     return (
-        f"{comparison.problem}, T = {comparison.T:g}: errors with {comparison.confidence:.0%} intervals, the largest "
+        f"{comparison.problem}, T = {comparison.T:g}: {known}, the largest "
         "defects; ns of processor time for a step of one path on one core, "
         + (
             f"median of {rounds} rounds ± half the distance of the quartiles"
@@ -48,6 +53,7 @@ def point_tables(comparison: Comparison) -> list[Table]:
     """One table for each method under its name, one row for each step size; the columns stand under each other."""
     absent = {"failed"} if not any(p.failures for p in comparison.points) else set()
     absent |= {"±%"} if comparison.repeats == 1 else set()  # of one number
+    absent |= {"weak error"} if comparison.deterministic else set()  # there is one path
     names = [name for name in COLUMN_WIDTHS if name not in absent]
     rows = {
         (p.method, p.steps): dict(zip(COLUMN_WIDTHS, _cells(comparison, p), strict=True))
@@ -70,7 +76,7 @@ def _cells(comparison: Comparison, p: Point) -> list[str]:
     spread = 50 * (p.seconds.high - p.seconds.low) / p.seconds.median
     return [
         str(p.steps) if p.steps_matter else "none",
-        _estimate(p.strong),
+        _defect(p.strong.value, 1) if comparison.deterministic else _estimate(p.strong),
         _weak(p.weak),
         _defect(p.energy_defect),
         _defect(p.casimir_defect) if comparison.has_casimirs else "–",
@@ -83,17 +89,32 @@ def _cells(comparison: Comparison, p: Point) -> list[str]:
     ]
 
 
-def target_table(comparison: Comparison) -> Table:
-    """The time of one path to each target error, with the energy defect there."""
+def target_tables(comparison: Comparison) -> list[Table]:
+    """The time of one path to each target error with the energy defect there; without noise, to energy errors too."""
+    if not comparison.deterministic:
+        return [
+            _target_table(
+                comparison, comparison.times_to_error(), "µs a path to a strong error, and |ΔH| there"
+            )
+        ]
+    return [
+        _target_table(comparison, comparison.times_to_error(), "µs a path to an error at T, and |ΔH| there"),
+        _target_table(
+            comparison, comparison.times_to_energy_error(), "µs a path to |ΔH| up to T, and |ΔH| there"
+        ),
+    ]
+
+
+def _target_table(comparison: Comparison, times: list[TimeToError], title: str) -> Table:
     targets = [f"{target:.0e}" for target in comparison.targets]
-    found = {(t.method, t.error): t for t in comparison.times_to_error()}
+    found = {(t.method, t.error): t for t in times}
     rows = [
         (name, *(cell for target in comparison.targets for cell in _target_cells(found[name, target])))
         for name in comparison.sources
     ]
     numbers = [heading for target in targets for heading in (target, "|ΔH|")]
     heads = columns(["method"], numbers, goes=["|ΔH|", *targets[:0:-1]])
-    return Table(heads, rows, "µs a path to a strong error, and |ΔH| there", ruled=True, edged=False)
+    return Table(heads, rows, title, ruled=True, edged=False)
 
 
 def notes(comparison: Comparison) -> list[str]:
@@ -175,8 +196,8 @@ def _weak(e: Estimate) -> str:
     return _estimate(e) if e.value > e.half else f"≤ {e.high:.1e}"
 
 
-def _defect(value: float) -> str:
-    return f"{value:.0e}" if math.isfinite(value) else "∞"
+def _defect(value: float, digits: int = 0) -> str:
+    return f"{value:.{digits}e}" if math.isfinite(value) else "∞"
 
 
 def _count(value: float | None) -> str:
