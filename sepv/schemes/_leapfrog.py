@@ -20,7 +20,7 @@ from sepv.schemes._scheme import Scheme
 from sepv.solve import Fields, Values
 
 CLAIMS = EVERY | {
-    "identity", "noise-sum", "random-step", "casimir", "poisson-map", "symplecticity", "symmetry",
+    "identity", "noise-sum", "random-step", "poisson-map", "symplecticity", "symmetry",
 }  # fmt: skip
 
 
