@@ -11,9 +11,10 @@ terms. Errors that may be off by R, from rounding, a solver's stated tolerance a
 (R/e(rh) + R/e(h))/ln r; that of both slopes goes through the formula of t into the interval. Powers are whole: an
 interval refutes only if it is narrow and there is a whole number in it.
 
-The finest step sizes that are still certain decide, in units of time in which the slope of the field is 2, whatever the
-problem's own (`sepv.verification._units`). A slope below ½ is no order at all, since y1 = y0 for h = 0: it is a
-tolerance that was not stated, and finer steps are left out.
+The same is done with r = 2 and 4, which need longer windows: rounding moves their slopes less, and the narrowest of the
+three intervals counts. The finest step sizes that are still certain decide, in units of time in which the slope of the
+field is 2, whatever the problem's own (`sepv.verification._units`). A slope below ½ is no order at all, since y1 = y0
+for h = 0: it is a tolerance that was not stated, and finer steps are left out.
 """
 
 from __future__ import annotations
@@ -46,9 +47,14 @@ RATIO = 2.0**0.5
 SIZES = 4.0 * RATIO ** -np.arange(31.0)
 # Sizes in a window: four slopes, three extrapolations.
 WINDOW = 5
+# Places between the sizes of a window, for ratios √2, 2 and 4.
+STRIDES = (1, 2, 4)
 STATES = 3
 # The widest interval of a slope that may confirm an order, half of the way to the next, and that may refute one.
 WIDEST, REFUTES = 0.5, 0.25
+# A tolerance that was not stated leaves errors in proportion to 1 or to h: it is relative to y or to y1 − y0, or that
+# of a force. Errors that fall like h² are none, however small.
+UNSTATED = 1.5
 # An interval that refutes has a whole number in it, or one so near: between two whole numbers no power of h was seen.
 WHOLE = 0.05
 # Larger errors, in the unit of length, are far from any power of h: no bound begins there.
@@ -78,20 +84,22 @@ class Order:
 def judge(h: Array, e: Array, least: float, rounding: float, floor: float) -> Order:
     """Judge errors e (L,) of one state at falling h, a factor RATIO apart, against the least power of h.
 
-    Errors above `floor` may refute; errors below `rounding` mean nothing.
+    Errors below `rounding` mean nothing. Those below `floor` refute only if they fall like h² or faster.
     """
     if e.size and not np.any(e > floor):
         return Order(Verdict.HOLDS, text=f"below {floor:.1e}, which is rounding")
     used = int(np.argmin([*(e > rounding), False]))
     first = int(np.argmax(e < SMALL))
-    for k in range(used - WINDOW, first - 1, -1):  # the finest first
-        found = _extrapolated(h[k : k + WINDOW], e[k : k + WINDOW], rounding)
+    for last in range(used - 1, first + WINDOW - 2, -1):  # the finest first
+        windows = [slice(last - (WINDOW - 1) * n, last + 1, n) for n in STRIDES]
+        tried = [_extrapolated(h[w], e[w], rounding) for w in windows if w.start >= first]
+        found = min(tried, key=lambda order: order.half)
         if not found.half <= WIDEST or found.value < WIDEST:
             continue
         if found.value - found.half >= least:
             return replace(found, verdict=Verdict.HOLDS)
         whole = abs(found.value - round(found.value)) <= found.half + WHOLE
-        certain = whole and found.half <= REFUTES and e[k + WINDOW - 1] > floor
+        certain = whole and found.half <= REFUTES and (e[last] > floor or found.value > UNSTATED)
         if certain and found.value + found.half < least:
             return replace(found, verdict=Verdict.VIOLATED)
     return _falls(h, e, used, least, rounding) or Order(
@@ -101,10 +109,12 @@ def judge(h: Array, e: Array, least: float, rounding: float, floor: float) -> Or
 
 def _extrapolated(h: Array, e: Array, rounding: float) -> Order:
     """The power of h that the errors e (WINDOW,) at falling h show at the finest, with its interval."""
-    s = np.log(e[:-1] / e[1:]) / np.log(RATIO)
-    off = rounding * (1 / e[:-1] + 1 / e[1:]) / np.log(RATIO)
-    t = (RATIO * s[1:] - s[:-1]) / (RATIO - 1)
-    half = max(2 * abs(t[-1] - t[-2]), abs(t[-1] - t[-3])) + (RATIO * off[-1] + off[-2]) / (RATIO - 1)
+    r = h[0] / h[1]
+    s = np.log(e[:-1] / e[1:]) / np.log(r)
+    off = rounding * (1 / e[:-1] + 1 / e[1:]) / np.log(r)
+    t = (r * s[1:] - s[:-1]) / (r - 1)
+    # The errors of t double at least from h to rh.
+    half = max(2 * abs(t[-1] - t[-2]), abs(t[-1] - t[-3])) + (r * off[-1] + off[-2]) / (r - 1)
     text = f"h^{t[-1]:.2f} ± {half:.2f} for h = {h[0]:.1e} … {h[-1]:.1e}"
     return Order(Verdict.INCONCLUSIVE, float(t[-1]), float(half), text)
 
