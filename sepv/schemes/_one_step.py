@@ -25,7 +25,7 @@ Parts = Callable[..., Array]
 # Claims of all schemes here, of methods for y′ = f(y) with the step Δ, and of symmetric ones.
 EVERY = frozenset(("contract", "reproducibility", "truncation"))
 RANDOM_STEP = EVERY | {"identity", "noise-sum", "random-step", "expansion", "equivariance"}
-SYMMETRIC = RANDOM_STEP | {"casimir", "midpoint", "symmetry"}
+SYMMETRIC = RANDOM_STEP | {"casimir", "midpoint", "symmetry", "reversibility"}
 ENERGY_PRESERVING = SYMMETRIC | {"energy", "reduction", "reference", "rounding"}
 
 

@@ -38,7 +38,17 @@ def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 scheme = one_step(
     "splitting",
     step,
-    EVERY | {"identity", "casimir", "any-casimir", "poisson-map", "symplecticity", "positivity", "symmetry"},
+    EVERY
+    | {
+        "identity",
+        "casimir",
+        "any-casimir",
+        "poisson-map",
+        "symplecticity",
+        "volume",
+        "positivity",
+        "symmetry",
+    },
     "Strang's composition of exact flows, with the random step of (2.1)",
     look=Look("#7A5230", "#D2A679", "x", "4 1"),
 )

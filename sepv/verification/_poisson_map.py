@@ -12,6 +12,8 @@ six may be off by.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from sepv.errors import Skipped
@@ -30,8 +32,23 @@ from sepv.verification._tolerance import operations, step_residual, structure_ma
 ROUGH = 1e-6
 
 
-def check(scheme: Scheme, case: Case) -> Measurement:
-    """The largest entry of Φ′BΦ′ᵀ − B(y1) relative to its bound."""
+class Tangent(NamedTuple):
+    """Φ′ at y0 (d, d), its error entry by entry, the step's own error, and y1."""
+
+    slope: Array
+    error: Array
+    of_step: float
+    y1: Array
+
+
+def tangent(scheme: Scheme, case: Case) -> Tangent:
+    """The derivative of a step with the increments held fixed.
+
+    Raises
+    ------
+    Skipped
+        Where the step is not smooth enough for differences.
+    """
     problem, y, h, dW = case.build()
     rho = _disc(problem, y, h, dW)
     sizes = [poisson.WIDTH * rho] * y.size if rho else poisson.BLIND_WIDTH * poisson.scales(problem, y)
@@ -47,7 +64,13 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         doubt = np.full_like(slope, poisson.TRUNCATION * float((widths[0] / rho) ** 6))
     elif not np.max(doubt) <= ROUGH * max(1.0, float(np.max(np.abs(slope)))):
         raise Skipped("the step is not smooth enough for its derivative to be taken by differences")
-    E = doubt + poisson.ROUNDING * error / widths
+    return Tangent(slope, doubt + poisson.ROUNDING * error / widths, error, y1)
+
+
+def check(scheme: Scheme, case: Case) -> Measurement:
+    """The largest entry of Φ′BΦ′ᵀ − B(y1) relative to its bound."""
+    problem, y, _, _ = case.build()
+    slope, E, error, y1 = tangent(scheme, case)
     B, size = problem.structure(y), structure_majorant(problem, y)
     defect = np.abs(slope @ B @ slope.T - problem.structure(y1))
     P = np.abs(slope)

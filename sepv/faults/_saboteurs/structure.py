@@ -72,3 +72,12 @@ def tangent_of_first(problem: Problem, y: Array, step: Array) -> Array:
         return y + t * (first(y, small + 0 * t) - first(y, -small + 0 * t)) / (2 * small)
 
     return _split(replace(problem, flows=(tangent, *others), check=False), y, step[0])
+
+
+@SABOTEURS.made(
+    "after the splitting y is scaled by 1 + 2⁻³⁰Δ",
+    ("volume", "poisson-map", "symplecticity", "casimir"),
+    _like_splitting,
+)
+def scaled_a_little(problem: Problem, y: Array, step: Array) -> Array:
+    return _split(problem, y, step[0]) * (1 + 2.0**-30 * step[0])

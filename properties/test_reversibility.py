@@ -1,0 +1,61 @@
+"""ρ ∘ Φ ∘ ρ ∘ Φ = id, ρ the reversal of momenta, with the same h and ΔW in both steps: what hybrid Monte Carlo needs.
+
+Where H(ρy) = H(y) and B(ρy) = −ρB(y)ρᵀ the flow is reversible (`sepv.problem._reversal`), and the flow at the random
+time too. A symmetric scheme that commutes with ρ is reversible (Hairer, Lubich and Wanner, *Geometric Numerical
+Integration*, V.1, Theorem 1.5). No step has h < 0.
+"""
+
+from __future__ import annotations
+
+from sepv.problem import Systems
+from sepv.problem._reversal import momentum_flip
+from sepv.problems import build
+from sepv.schemes import Scheme, ask
+from sepv.verification import Case, Cases, Effort, Measurement, require, searched
+from sepv.verification._way_back import measured
+
+
+def reversible(case: Case) -> Case | None:
+    """Keep a case whose system is reversible."""
+    return case if momentum_flip(build(case.problem)) is not None else None
+
+
+def check(scheme: Scheme, case: Case) -> Measurement:
+    """|y0′ − y0| for y0′ = ρΦ(ρΦ(y0)).
+
+    R(ρa, ρb; Δ) = −ρR(a, b; Δ) = ρR(a, b; −Δ): y0′ solves the equation of the step from y1 with −h and −ΔW, up to the
+    residual of the second step, and the bound is that of the law "symmetry".
+    """
+    problem, _, h, dW = case.build()
+    rho = momentum_flip(problem)
+    assert rho is not None
+    return measured(scheme, case, lambda y1: rho * ask(scheme, problem, rho * y1, h, dW))
+
+
+_HALVES = "a half of y stands for the momenta, and the class has no such half"
+_ORDER = "paths of several noises are reversed with their order in time"
+law = searched(
+    name="reversibility",
+    statement="ρΦ(ρΦ(y0)) = y0 where ρ, the reversal of momenta, reverses the flow",
+    source="GNI V.1",
+    unit="ulp of y",
+    cost=0.6,
+    steps=174,
+    cases=Cases(
+        adapt=reversible,
+        why="H or B of the problems changes with the sign of the momenta, or nothing tells which half of y they are",
+        instead={Systems.SINGLE: Systems.MECHANICAL},
+        not_of={
+            **dict.fromkeys(
+                (Systems.NAMBU, Systems.LIE_POISSON, Systems.RIGID_BODIES, Systems.MATRIX_HAMILTONIANS),
+                _HALVES,
+            ),
+            **dict.fromkeys((Systems.SEVERAL, Systems.HAMILTONIANS, Systems.SEPARABLE_HAMILTONIANS), _ORDER),
+        },
+    ),
+    check=check,
+)
+
+
+def test_reversibility(scheme: Scheme, effort: Effort) -> None:
+    require(law, scheme, effort)

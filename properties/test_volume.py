@@ -1,0 +1,92 @@
+"""det Φ′(y0) = 1 wherever the flow keeps volume: div(B∇H) = 0.
+
+By Liouville's theorem det φ_θ′ = exp ∫₀^θ div f dt for f = B∇H; B is skew, so that div f = Σ_ij ∂_iB_ij ∂_jH. It
+vanishes for every H where B is constant, for rotations, and for a charge in any magnetic field, whose map by J. P.
+Boris (1970) keeps volume and is not symplectic (H. Qin et al., Phys. Plasmas 20, 2013). Poisson maps need not
+keep volume, nor do symmetric schemes: for d = 3 the midpoint rule does not.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import lu
+
+from sepv.problem import Array, Problem, Systems
+from sepv.problem._poisson import derivative_of_structure
+from sepv.problems import build
+from sepv.record._binary64 import EPS
+from sepv.schemes import Scheme
+from sepv.verification import Case, Cases, Effort, Measurement, require, searched
+from sepv.verification._contraction import shortened
+from sepv.verification._poisson_map import tangent
+
+# A divergence below this share of its terms counts as 0: beyond the error of differences of B. It is in the bound.
+NONE = 1e-8
+# Shares of y at which the divergence is asked: it may vanish at one state by chance.
+PLACES = (1.0, 0.8125, 1.171875)
+
+
+def divergence(problem: Problem, y: Array) -> tuple[float, float]:
+    """div(B∇H) at y (d,), and the sum of the sizes of its terms."""
+    slope, gradient = derivative_of_structure(problem, y), problem.gradient(y)
+    terms = np.einsum("iji->ij", slope) * gradient
+    return float(np.sum(terms)), float(np.sum(np.abs(terms)))
+
+
+def volume_kept(case: Case) -> Case | None:
+    """Keep a case whose flow keeps volume, with a step of at most half the contraction radius."""
+    problem = build(case.problem)
+    for share in PLACES:
+        value, size = divergence(problem, share * np.array(case.y))
+        if not abs(value) <= NONE * size:
+            return None
+    return shortened(case)
+
+
+def check(scheme: Scheme, case: Case) -> Measurement:
+    """|det Φ′ − 1|, det from an LU factorisation, whose error is d u|L||U| (Higham, Theorem 9.3).
+
+    A determinant is linear in each column, and at most the product of their lengths (Hadamard): errors E of the columns
+    D_j change it by at most Π(|D_j| + |E_j|) − Π|D_j|. The divergence that is taken for 0 adds twice its integral.
+    """
+    problem, y, h, dW = case.build()
+    slope, E, _, y1 = tangent(scheme, case)
+    P, L, U = lu(slope)
+    d = y.size
+    E = E + d * EPS * (np.abs(P) @ np.abs(L) @ np.abs(U))
+    determinant = float(np.linalg.det(P) * np.prod(np.diag(U)))
+    lengths, errors = np.linalg.norm(slope, axis=0), np.linalg.norm(E, axis=0)
+    allowed = float(np.prod(lengths + errors) - np.prod(lengths)) + d * EPS * abs(determinant)
+    length = abs(h) + float(np.sum(np.abs(problem.c * dW)))
+    allowed += 2 * length * max(abs(divergence(problem, state)[0]) for state in (y, y1))
+    detail = f"det Φ′ = 1 {'+' if determinant >= 1 else '−'} {abs(determinant - 1):.6g}, y1 = {y1.tolist()}"
+    return Measurement(abs(determinant - 1) / EPS, allowed / EPS, detail)
+
+
+law = searched(
+    name="volume",
+    statement="det Φ′(y0) = 1 wherever div(B∇H) = 0",
+    source="GNI VI.9",
+    unit="ulp of 1",
+    cost=0.5,
+    steps=1500,
+    cases=Cases(
+        where={"d": ("2", "3", "4–6"), "degree of H": ("1–2", "3–4", "5–6"), "terms of H": ("1–2", "3–9")},
+        adapt=volume_kept,
+        why="the flow of the problems changes volume",
+        not_of=dict.fromkeys(
+            (
+                Systems.SEVERAL,
+                Systems.HAMILTONIANS,
+                Systems.MATRIX_HAMILTONIANS,
+                Systems.SEPARABLE_HAMILTONIANS,
+            ),
+            "the flow keeps volume where each of its fields does",
+        ),
+    ),
+    check=check,
+)
+
+
+def test_volume(scheme: Scheme, effort: Effort) -> None:
+    require(law, scheme, effort)

@@ -1,0 +1,53 @@
+"""Reversing momenta: a linear ρ with ρ² = I that turns the direction of every solution round.
+
+Where H(ρy) = H(y) and B(ρy) = −ρB(y)ρᵀ, the field f = B∇H has f(ρy) = −ρf(y), so that its flow is reversible,
+ρ∘φ_θ∘ρ = φ_{−θ} (Hairer, Lubich and Wanner, *Geometric Numerical Integration*, V.1), at the random time θ of (1.1) too.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sepv.problem._checks import sample_states
+from sepv.problem._problem import Array, PolynomialSystem, Problem
+from sepv.record._binary64 import EPS
+from sepv.record._polynomial import Polynomial
+
+# Roundings that H and B of functions may differ by at ρy and y.
+ROUNDINGS = 64
+
+
+def momentum_flip(problem: Problem) -> Array | None:
+    """ρ as its diagonal (d,), −1 at the momenta, or None where the problem is not reversible under it.
+
+    Momenta are the second half of y where the upper right block of B is positive, q̇ = ∂H/∂p, and the first half where
+    it is negative. Polynomial data are read, functions compared at a few states.
+    """
+    d = problem.dimension
+    if d % 2:
+        return None
+    n, states = d // 2, [np.asarray(y, dtype=np.float64) for y in sample_states(problem)]
+    sign = float(np.trace(problem.structure(states[0])[:n, n:]))
+    rho = np.repeat([1.0, -1.0] if sign > 0 else [-1.0, 1.0], n)
+    data = problem.data
+    if isinstance(data, PolynomialSystem):
+        turned = all(_parity(B, rho) == -rho[i] * rho[j] for i, j, B in data.structure if B.terms)
+        return rho if sign and turned and _parity(data.hamiltonian, rho) == 1 else None
+    for y in states:
+        H, B = problem.hamiltonian(y), problem.structure(y)
+        gradient = problem.gradient(y)
+        same = abs(problem.hamiltonian(rho * y) - H) <= ROUNDINGS * EPS * (
+            abs(H) + float(np.abs(gradient) @ np.abs(y))
+        )
+        opposite = np.abs(rho[:, None] * problem.structure(rho * y) * rho + B) <= ROUNDINGS * EPS * np.max(
+            np.abs(B)
+        )
+        if not (sign and same and opposite.all()):
+            return None
+    return rho
+
+
+def _parity(polynomial: Polynomial, rho: Array) -> float:
+    """1 for p(ρy) = p(y), −1 for p(ρy) = −p(y), 0 for neither."""
+    signs = {float(np.prod(rho ** np.array(e))) for e, _ in polynomial.terms}
+    return signs.pop() if len(signs) == 1 else float(not signs)
