@@ -20,7 +20,8 @@ from sepv.schemes._scheme import Scheme
 from sepv.solve import Fields, Values
 
 CLAIMS = EVERY | {
-    "identity", "noise-sum", "random-step", "poisson-map", "symplecticity", "symmetry",
+    "identity", "noise-sum", "random-step", "poisson-map", "symplecticity", "symmetry", "reversibility",
+    "volume",
 }  # fmt: skip
 
 

@@ -46,6 +46,7 @@ IMITATED = {
     "triple-jump-in-digits": by_name("yoshida-4"),
     "force-of-first-kick": by_name("leapfrog"),
     "tangent-of-first": splitting,
+    "scaled-a-little": splitting,
     "second-noise-louder": stochastic_midpoint,
     "away-from-the-origin": stochastic_midpoint,
     "areas-of-other-sign": area_midpoint,
