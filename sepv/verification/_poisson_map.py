@@ -56,8 +56,8 @@ def tangent(scheme: Scheme, case: Case) -> Tangent:
     widths = np.array([float(2.0 ** np.floor(np.log2(size))) for size in sizes])
     answers = _steps(scheme, problem, poisson.shifted(y, widths), h, dW)
     y1 = answers[:, 0]
-    # Majorants at the shifted states are larger by far less than a factor of two, and near y = 0 by what the shifts are:
-    # 3w and as much again for y1 and the flow, inside the contraction radius.
+    # Majorants at the shifted states are larger by far less than a factor of two, and near y = 0 by what the shifts
+    # are: 3w, and as much again for y1 and the flow inside the contraction radius.
     residual = 2 * step_residual(problem, y, y1, h, dW, scheme)
     residual += EPS * operations(problem, scheme.stages) * 2 * poisson.POINTS * float(widths.max())
     error = amplification(scheme, case) * float(residual.max())
