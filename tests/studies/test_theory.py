@@ -142,6 +142,8 @@ def test_one_step_with_a_hamiltonian_that_is_not_bounded_has_the_slopes_of_order
 
 
 Poly = dict[tuple[int, ...], Fraction]
+# Series in Δ up to Δ³ are object arrays of four rational numbers.
+ONE = np.array([Fraction(1), *[Fraction(0)] * 3])
 
 
 def _random_polynomial(rng: random.Random, degree: int, terms: int = 8) -> Poly:
@@ -156,38 +158,26 @@ def _derivative(p: Poly, i: int) -> Poly:
     return {(*e[:i], e[i] - 1, *e[i + 1 :]): v * e[i] for e, v in p.items() if e[i]}
 
 
-def _times(a: list[Fraction], b: list[Fraction]) -> list[Fraction]:
-    """The product of two series in Δ up to Δ³."""
-    return [sum((a[i] * b[n - i] for i in range(n + 1)), Fraction(0)) for n in range(4)]
-
-
-def _at(p: Poly, y: list[list[Fraction]]) -> list[Fraction]:
-    """The polynomial at a state whose components are series in Δ."""
-    total = [Fraction(0)] * 4
+def _at(p: Poly, y: np.ndarray) -> np.ndarray:
+    """The polynomial at a state (3, 4) whose components are series in Δ."""
+    total = 0 * ONE
     for exponents, value in p.items():
-        term = [value, Fraction(0), Fraction(0), Fraction(0)]
-        for component, power in zip(y, exponents, strict=True):
-            for _ in range(power):
-                term = _times(term, component)
-        total = [a + b for a, b in zip(total, term, strict=True)]
+        term = value * ONE
+        for component in np.repeat(y, exponents, axis=0):
+            term = np.convolve(term, component)[:4]
+        total = total + term
     return total
 
 
-def _third(
-    B: list[list[Poly]], g: list[Poly], y: list[Fraction], nodes: dict[Fraction, Fraction]
-) -> list[Fraction]:
+def _third(B: list[list[Poly]], g: list[Poly], y: np.ndarray, nodes: dict[Fraction, Fraction]) -> np.ndarray:
     """The coefficient of Δ³ of z = ΔB(y + z/2) Σ w g(y + τz), by iteration from z = 0."""
-    z = [[Fraction(0)] * 4 for _ in y]
+    z = 0 * y
     for _ in range(3):
-        at = {tau: [[y_i + tau * z_i[0], *(tau * v for v in z_i[1:])] for y_i, z_i in zip(y, z, strict=True)]
-              for tau in {Fraction(1, 2), *nodes}}  # fmt: skip
-        mean = [
-            [sum((w * _at(p, at[tau])[n] for tau, w in nodes.items()), Fraction(0)) for n in range(4)]
-            for p in g
-        ]
-        field = [[_times(_at(p, at[Fraction(1, 2)]), m) for p, m in zip(row, mean, strict=True)] for row in B]
-        z = [[Fraction(0), *(sum((term[n] for term in row), Fraction(0)) for n in range(3))] for row in field]
-    return [component[3] for component in z]
+        middle = y + z / 2
+        mean = [sum(w * _at(p, y + tau * z) for tau, w in nodes.items()) for p in g]
+        field = [sum(np.convolve(_at(p, middle), m)[:4] for p, m in zip(row, mean, strict=True)) for row in B]
+        z = np.array([[Fraction(0), *f[:3]] for f in field])
+    return z[:, 3]
 
 
 def test_the_coefficients_of_both_schemes_differ_by_a_24th_of_the_curvature_of_the_gradient_exactly() -> None:
@@ -195,45 +185,30 @@ def test_the_coefficients_of_both_schemes_differ_by_a_24th_of_the_curvature_of_t
 
     Up to Δ³ the average over τ sees g up to second order, for which Simpson's rule is exact.
     """
-    half, simpson = (
-        Fraction(1, 2),
-        {Fraction(0): Fraction(1, 6), Fraction(1, 2): Fraction(2, 3), Fraction(1): Fraction(1, 6)},
-    )
+    half = Fraction(1, 2)
+    simpson = {Fraction(0): Fraction(1, 6), half: Fraction(2, 3), Fraction(1): Fraction(1, 6)}
     for seed in range(6):
         rng = random.Random(seed)
-        H = {**_random_polynomial(rng, 4), **_random_polynomial(rng, 3), **_random_polynomial(rng, 2)}
+        H = {e: v for degree in (4, 3, 2) for e, v in _random_polynomial(rng, degree).items()}
         g = [_derivative(H, i) for i in range(3)]
         upper = {
-            (i, j): {**_random_polynomial(rng, 2, 4), **_random_polynomial(rng, 1, 3)}
-            for i, j in ((0, 1), (0, 2), (1, 2))
+            pair: _random_polynomial(rng, 2, 4) | _random_polynomial(rng, 1, 3)
+            for pair in ((0, 1), (0, 2), (1, 2))
         }
         B = [
             [upper.get((i, j)) or {e: -v for e, v in upper.get((j, i), {}).items()} for j in range(3)]
             for i in range(3)
         ]
-        y = [Fraction(rng.randint(-6, 6), 7) for _ in range(3)]
-        at = [[v, Fraction(0), Fraction(0), Fraction(0)] for v in y]
-        f = [
-            sum((_at(p, at)[0] * _at(q, at)[0] for p, q in zip(row, g, strict=True)), Fraction(0))
-            for row in B
+        y = np.array([Fraction(rng.randint(-6, 6), 7) * ONE for _ in range(3)])
+        values = np.array([[_at(p, y)[0] for p in row] for row in B])
+        f = values @ [_at(p, y)[0] for p in g]
+        curvature = [
+            [[_at(_derivative(_derivative(p, j), k), y)[0] for k in range(3)] for j in range(3)] for p in g
         ]
-        bent = [
-            sum(
-                (
-                    _at(_derivative(_derivative(p, j), k), at)[0] * f[j] * f[k]
-                    for j in range(3)
-                    for k in range(3)
-                ),
-                Fraction(0),
-            )
-            for p in g
-        ]
-        expected = [
-            sum((_at(p, at)[0] * v for p, v in zip(row, bent, strict=True)), Fraction(0)) / 24 for row in B
-        ]
-        ours, theirs = _third(B, g, y, simpson), _third(B, g, y, {half: Fraction(1)})
-        assert [a - b for a, b in zip(ours, theirs, strict=True)] == expected
-        assert any(expected)
+        expected = values @ (np.array(curvature) @ f @ f) / 24
+        gap = _third(B, g, y, simpson) - _third(B, g, y, {half: Fraction(1)})
+        assert np.array_equal(gap, expected)
+        assert expected.any()
 
 
 def test_the_coefficients_are_bounded_along_paths_by_a_constant_that_does_not_depend_on_h() -> None:
