@@ -26,7 +26,7 @@ from sepv.schemes import Scheme
 from sepv.studies._compare.method import Method
 
 GROUP = "sepv.peers"
-_NO_PEERS = ("__init__", "peer", "posing", "posing_fields")
+_NO_PEERS = ("peer", "posing", "posing_fields")
 _Kind = TypeVar("_Kind")
 
 
@@ -48,19 +48,22 @@ class Peer:
         Solvers that draw an area beside the increment: a mean over ΔW alone is not the mean of their step.
     absent : tuple of str
         Solvers that the installed release lacks.
+    integrators : dict of str to Scheme
+        Its integrators of mechanical systems without noise, one step at a time, for the laws.
     """
 
     library: str
-    schemes: Mapping[str, Scheme]
+    schemes: Mapping[str, Scheme] = field(default_factory=dict)
     methods: Mapping[str, Method] = field(default_factory=dict)
     paths: tuple[PathSolver, ...] = ()
     drawing: tuple[Scheme, ...] = ()
     absent: tuple[str, ...] = ()
+    integrators: Mapping[str, Scheme] = field(default_factory=dict)
 
 
 def names() -> list[str]:
     """The libraries that have a peer, installed or not."""
-    own = sorted(p.stem for p in Path(__file__).parent.glob("*.py") if p.stem not in _NO_PEERS)
+    own = sorted(p.stem for p in Path(__file__).parent.glob("*.py") if p.stem not in _NO_PEERS and p.stem[0] != "_")
     return list(dict.fromkeys((*own, *(point.name for point in metadata.entry_points(group=GROUP)))))
 
 
@@ -99,7 +102,8 @@ def library_of(target: str) -> str:
 def scheme(target: str) -> Scheme:
     """The solver of that name, one step at a time. Raises TargetError as `load`, or for a name that it has not."""
     library = library_of(target)
-    return _one(target, library, load(library).schemes)
+    peer = load(library)
+    return _one(target, library, {**peer.schemes, **peer.integrators})
 
 
 def method(target: str) -> Method:

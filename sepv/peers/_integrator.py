@@ -1,0 +1,55 @@
+"""The scheme of another library's integrator for mechanical problems, H = ½pᵀM⁻¹p + V(q) (`sepv.problem.mechanics`).
+
+Libraries of particles have one mass for each particle, and a particle moves in space: coordinate i of a problem with a
+diagonal M is particle i at (q_i, 0, 0), with the mass M_ii and the force (F_i(q), 0, 0).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from sepv.errors import Skipped, UsageError
+from sepv.problem import Array, Mechanics, Problem, Systems, mechanics
+from sepv.schemes import Scheme
+
+# Laws that a library claims with these words.
+SYMPLECTIC = ("symplecticity", "poisson-map")
+REVERSIBLE = ("symmetry",)
+
+# A function (system, q, p, h) -> (q1, p1).
+Advance = Callable[[Mechanics, Array, Array, float], tuple[Any, Any]]
+
+
+def integrator(name: str, advance: Advance, *, order: float | None = None, source: str, **facts: Any) -> Scheme:
+    """The scheme of a step of length h from (q, p); `facts` are further ones of `sepv.Scheme`."""
+
+    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        try:
+            system = mechanics(problem)
+        except UsageError as error:
+            raise Skipped(str(error)) from None
+        return system.join(*advance(system, *system.split(y.copy()), float(problem.random_step(h, dW))))
+
+    return Scheme(
+        name, step, order=order, source=source, noise=False, systems=Systems.MECHANICAL, truncation=None, **facts
+    )
+
+
+def diagonal(system: Mechanics) -> bool:
+    """True if M is diagonal."""
+    return not np.any(system.inverse_mass - np.diag(np.diag(system.inverse_mass)))
+
+
+def masses(system: Mechanics) -> Array:
+    """The masses of particles, (n,). Raises Skipped for a mass matrix that is not diagonal."""
+    if not diagonal(system):
+        raise Skipped("one mass for each particle: M is not diagonal")
+    return np.diag(system.mass)
+
+
+def on_axis(values: Any) -> Array:
+    """(n,) -> (n, 3): each on the x-axis."""
+    return np.pad(np.asarray(values, dtype=np.float64)[:, None], ((0, 0), (0, 2)))
