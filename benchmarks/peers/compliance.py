@@ -200,7 +200,7 @@ increment given.
 
 
 @click.command()
-@page_options
+@page_options(LIBRARIES)
 def main(out: Path | None, keep: Path | None, libraries: tuple[str, ...], seed: int) -> None:
     """Measure every law on every solver that the adapters cover, and write the table as Markdown."""
     # Counterexamples are not shown here, so that little is spent on simplifying them.

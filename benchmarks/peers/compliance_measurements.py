@@ -6,16 +6,17 @@ import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from importlib import resources
-from importlib.metadata import version
+from importlib.metadata import packages_distributions, version
 from typing import Any
 
 import numpy as np
 
+from benchmarks.peers.environments import VERSIONS
 from benchmarks.peers.kept_measurements import Cell
 from sepv import problems
 from sepv._version import __version__
 from sepv.exact import exact_flow
-from sepv.peers.peer import load, names
+from sepv.peers.peer import load
 from sepv.peers.posing import PathSolver
 from sepv.problem import Problem
 from sepv.schemes import Scheme
@@ -24,7 +25,7 @@ from sepv.verification import Effort, Law, Verdict, verify
 from sepv.verification._orders.convergence import StrongErrors, log_decay, slope
 from sepv.verification._sequential import FALSE_ALARM, Setup, setups
 
-LIBRARIES = names()
+LIBRARIES = tuple(VERSIONS)
 # The orders of whole paths are those of so many.
 ORDER_PATHS = 1024
 # Where schemes with untruncated increments are judged, as all of these are.
@@ -42,7 +43,7 @@ def law_cells(library: str, scheme: Scheme, laws: Sequence[Law], effort: Effort)
             continue
         key = (
             release(library), *suite_key(effort), law.statement, law.source, _text_of(law), sorted(scheme.claims),
-            scheme.mean_square_order, scheme.weak_order,
+            scheme.mean_square_order, scheme.weak_order, scheme.order,
         )  # fmt: skip
         yield Cell(scheme.name, law.name, key, partial(_finding, scheme, law.name, effort))
 
@@ -150,4 +151,4 @@ def _path_errors(solver: PathSolver, problem: Problem, setup: Setup, seed: int) 
 
 def release(library: str) -> str:
     """The version of a library that is installed here."""
-    return __version__ if library == "sepv" else version(library)
+    return __version__ if library == "sepv" else version(packages_distributions().get(library, [library])[0])

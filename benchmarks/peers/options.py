@@ -9,7 +9,6 @@ from typing import Any
 
 import click
 
-from benchmarks.peers.compliance_measurements import LIBRARIES
 from sepv.errors import SepvError
 from sepv.verification._progress import Shown, showing
 
@@ -18,22 +17,26 @@ _KEEP = (
 )
 
 
-def page_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """--out, --keep, --library and --seed."""
-    for option in (
-        click.option(
-            "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of examples and paths."
-        ),
-        click.option(
-            "--library", "libraries", multiple=True, type=click.Choice(LIBRARIES), help="Only this one."
-        ),
-        click.option("--keep", type=click.Path(file_okay=False, path_type=Path), help=_KEEP),
-        click.option(
-            "--out", type=click.Path(dir_okay=False, path_type=Path), help="Write the page to this file."
-        ),
-    ):
-        command = option(command)
-    return command
+def page_options(known: Sequence[str]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """--out, --keep, --library, one of the known, and --seed."""
+
+    def add(command: Callable[..., Any]) -> Callable[..., Any]:
+        for option in (
+            click.option(
+                "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of examples and paths."
+            ),
+            click.option(
+                "--library", "libraries", multiple=True, type=click.Choice(known), help="Only this one."
+            ),
+            click.option("--keep", type=click.Path(file_okay=False, path_type=Path), help=_KEEP),
+            click.option(
+                "--out", type=click.Path(dir_okay=False, path_type=Path), help="Write the page to this file."
+            ),
+        ):
+            command = option(command)
+        return command
+
+    return add
 
 
 @contextmanager

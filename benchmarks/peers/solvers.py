@@ -185,7 +185,7 @@ form, whose solution is the same.
 
 
 @click.command()
-@page_options
+@page_options(LIBRARIES)
 def main(out: Path | None, keep: Path | None, libraries: tuple[str, ...], seed: int) -> None:
     """Measure the orders of other libraries' solvers by kind of noise, and write the table as Markdown."""
     with measuring(keep) as bar:

@@ -22,7 +22,7 @@ import numpy as np
 from sepv.errors import Skipped
 from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem
 from sepv.problem._hamiltonians import is_several
-from sepv.problems import PAPER, build
+from sepv.problems import EXTENSIONS, PAPER, build
 from sepv.problems._polynomial_system import structure_entries
 from sepv.record import Polynomial, Tape, gradient
 from sepv.record import _polynomial as poly
@@ -143,7 +143,7 @@ def pose(problem: str | Problem, *, padded: bool = True) -> tuple[Formulas, tupl
     2.0
     """
     found = load_problem(problem)
-    known = isinstance(found.data, PolynomialSystem) or getattr(found.data, "name", "") in PAPER
+    known = isinstance(found.data, PolynomialSystem) or getattr(found.data, "name", "") in PAPER | EXTENSIONS
     if found.data is None or not known or is_several(found):
         raise Skipped(
             f"{found.name} is not (1.1) given as data, and no other library can run NumPy functions: write it with "

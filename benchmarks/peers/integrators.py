@@ -1,0 +1,136 @@
+"""What integrators of samplers and simulators keep: ``python -m benchmarks.peers.integrators --out docs/integrators.md``.
+
+Every installed peer's integrators of mechanical systems (`Peer.integrators`), on random ones: the laws that are claimed,
+and a few beside them. Scripts in the folder ``integrators`` beside the output (`benchmarks.peers.deviations`) are quoted
+where they show, without sepv, that a measurement differs from a library's documentation.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import click
+
+from benchmarks.peers.compliance import section
+from benchmarks.peers.compliance_measurements import law_cells, release
+from benchmarks.peers.deviations import Shown as Script
+from benchmarks.peers.deviations import shown_by
+from benchmarks.peers.kept_measurements import Cell, measured
+from benchmarks.peers.options import measuring, page_options, put
+from sepv._terminal import markdown
+from sepv._version import __version__
+from sepv.peers.peer import installed, names
+from sepv.schemes import Scheme
+from sepv.verification import LAWS, Effort, Verdict, load_laws
+from sepv.verification._progress import Shown
+from sepv.verification._report import MARKS
+
+COMMAND = "python -m benchmarks.peers.integrators"
+ASKED = tuple(
+    law
+    for law in ("contract", "symplecticity", "volume", "symmetry", "reversibility", "order", "energy-bounded", "energy")
+    if law in LAWS
+)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One integrator: its facts, and what was found of each law (`_timed`)."""
+
+    library: str
+    release: str
+    scheme: Scheme
+    found: Mapping[str, Any]
+
+
+def rows(libraries: Sequence[str], effort: Effort, folder: Path | None, shown: Shown) -> list[Row]:
+    """The rows of the installed libraries, or of these among them."""
+    listed = [p for p in installed() if p.integrators and p.library in (libraries or [p.library])]
+    jobs = [(peer.library, scheme) for peer in listed for scheme in peer.integrators.values()]
+    laws = load_laws(ASKED)
+    cells = [
+        _timed(cell) for library, scheme in jobs for cell in law_cells(library, scheme, laws, effort)
+    ]
+    found = measured(cells, folder, shown)
+    return [
+        Row(library, release(library), scheme, {law: found[scheme.name, law] for law in ASKED})
+        for library, scheme in jobs
+    ]
+
+
+def _timed(cell: Cell) -> Cell:
+    def measure() -> Any:
+        start = time.perf_counter()
+        value = cell.measure()
+        return {**value, "seconds": time.perf_counter() - start}
+
+    return replace(cell, measure=measure)
+
+
+def document(found: Sequence[Row], scripts: Sequence[Script], read: str, command: str) -> str:
+    """The page, in Markdown."""
+    heads = ["integrator", *ASKED, "seconds"]
+    lines = []
+    for row in found:
+        marks = [MARKS[Verdict(f["verdict"])] + (" +" if f["claimed"] else "") for f in row.found.values()]
+        seconds = sum(f["seconds"] for f in row.found.values())
+        mark = " †" if any(row.scheme.name in s.title for s in scripts) else ""
+        lines.append((row.scheme.name + mark, *marks, f"{seconds:.0f}"))
+    versions = dict.fromkeys(f"{row.library} {row.release}" for row in found)
+    parts = [
+        "# What integrators of samplers and simulators keep",
+        f"Made by `{command}` with sepv {__version__} and {', '.join(versions)}; not edited by hand.",
+        INTRODUCTION,
+        markdown(heads, lines),
+        "holds · – violated · ? inconclusive · n/a not applicable · error: not measured · + claimed · † see below",
+        "\n".join(_reasons(found)),
+        "## What is claimed",
+        "\n".join(dict.fromkeys(f"- {row.scheme.source}" for row in found)),
+        "## Where a measurement differs from a library's documentation",
+        "\n\n".join(section(script, "integrators") for script in scripts)
+        or "Nothing found that reproduces in the library's own terms.",
+        "## What was read",
+        read,
+    ]
+    return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def _reasons(found: Sequence[Row]) -> Iterator[str]:
+    """The defects of claimed laws that do not hold, and the reasons of errors."""
+    for row in found:
+        for law, f in row.found.items():
+            verdict = Verdict(f["verdict"])
+            if f["claimed"] and verdict is Verdict.VIOLATED and f["defect"] is not None:
+                yield f"- {row.scheme.name}, {law}: {f['defect']:.2g} against a bound of {f['bound']:.2g}"
+            elif f["claimed"] and verdict is not Verdict.HOLDS and f["message"]:
+                yield f"- {row.scheme.name}, {law}: {f['message'].splitlines()[0]:.160}"
+
+
+INTRODUCTION = """Samplers, molecular dynamics and astronomy integrate H = ½pᵀM⁻¹p + V(q) by the million. Here each integrator runs
+through its own library's code, in float64, on random systems of that form with up to three degrees of freedom: its verdict is
+that of `sepv verify LIBRARY-NAME`, such as `sepv verify mici-leapfrog`. No options are set but those in a name. A law that
+is violated without being claimed is no fault. Libraries of particles have one mass for each, so that systems with a full M
+are left out. The extras `samplers` and `simulators` install the libraries."""
+
+
+@click.command()
+@page_options(names())
+def main(out: Path | None, keep: Path | None, libraries: tuple[str, ...], seed: int) -> None:
+    """Measure what the integrators of installed libraries keep, and write the page as Markdown."""
+    # Counterexamples are not shown here, so that little is spent on simplifying them.
+    effort = Effort(seed=seed, shrink_checks=50)
+    folder = (out.parent if out else Path("docs")) / "integrators"
+    read = (folder / "read.md").read_text("utf-8").strip()
+    with measuring(keep) as line:
+        found = rows(libraries, effort, keep, line)
+        line.update("the scripts that show deviations", 1.0)
+        shown = [script for script in shown_by(folder) if script.deviates]
+    put(out, lambda arguments: document(found, shown, read, f"{COMMAND}{arguments}"), libraries, seed)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,110 @@
+"""Integrators of samplers and simulators through their own code. Each library is skipped where it is missing."""
+
+from __future__ import annotations
+
+import ast
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.peers import integrators as page
+from benchmarks.peers.deviations import _notes
+from sepv.errors import Skipped
+from sepv.exact import exact_flow
+from sepv.peers.peer import Peer, names
+from sepv.problem import Problem, mechanics
+from sepv.problems import by_name, henon_heiles, pendulum, rigid_body
+from sepv.schemes import Scheme, load_scheme
+from sepv.verification import Effort, verify
+
+LIBRARIES = (
+    "ase", "blackjax", "jax_md", "mici", "numpyro", "openmm", "pymc", "rebound", "scipy", "torch_sim",
+)  # fmt: skip
+SCRIPTS = sorted((Path(__file__).resolve().parents[2] / "docs" / "integrators").glob("*.py"))
+NONE = np.zeros(0)
+
+
+def peer(library: str) -> Peer:
+    pytest.importorskip(library, reason=f"{library} is not installed: the extras `samplers` and `simulators`")
+    found: Peer = import_module(f"sepv.peers.{library}").PEER
+    return found
+
+
+def verlet(problem: Problem, y: np.ndarray, h: float) -> np.ndarray:
+    system = mechanics(problem)
+    q, p = system.split(y)
+    p = p + h / 2 * system.force(q)
+    q = q + h * system.velocity(p)
+    return system.join(q, p + h / 2 * system.force(q))
+
+
+def error(scheme: Scheme, problem: Problem, h: float) -> float:
+    y = np.array(problem.initial, dtype=np.float64)
+    exact = exact_flow(problem, np.array([h])).y[:, 0]
+    return float(np.abs(scheme.step(problem, y, h, NONE) - exact).max())
+
+
+@pytest.mark.parametrize("library", LIBRARIES)
+def test_every_integrator_steps_with_its_order(library: str) -> None:
+    problem = henon_heiles(noise=())
+    for name, scheme in peer(library).integrators.items():
+        if scheme.order is None or name == "implicit-leapfrog":
+            continue
+        far, near = error(scheme, problem, 0.4), error(scheme, problem, 0.2)
+        # Errors of h^(p+1) with a little of the next power; those of order 8 end in rounding.
+        assert far < 1e-2
+        assert near < 1e-15 or np.log2(far / near) > scheme.order + 0.5, name
+
+
+@pytest.mark.parametrize("name", ["mici-leapfrog", "ase-velocity-verlet", "numpyro-velocity-verlet", "openmm-verlet"])
+def test_a_library_is_given_masses_and_forces_in_either_order_of_y(name: str) -> None:
+    peer(name.split("-")[0])
+    scheme = load_scheme(name)
+    for problem in (pendulum(noise=()), by_name("pendulum-chain")):
+        y, h = np.array(problem.initial, dtype=np.float64), 0.125
+        y1 = scheme.step(problem, y, h, np.zeros(problem.noises))
+        assert np.allclose(y1, verlet(problem, y, h), rtol=0, atol=4e-15)
+
+
+def test_mici_keeps_what_it_claims_but_a_step_of_its_implicit_leapfrog_is_two() -> None:
+    found = peer("mici").integrators
+    report = verify(found["leapfrog"], laws="contract,symplecticity,symmetry", effort=Effort(examples=20))
+    assert [f.verdict.text for f in report.findings] == ["holds"] * 3
+    problem = henon_heiles(noise=())
+    y, h = np.array(problem.initial), 0.01
+    twice = exact_flow(problem, np.array([2 * h])).y[:, 0]
+    assert np.allclose(found["implicit-leapfrog"].step(problem, y, h, NONE), twice, rtol=0, atol=1e-6)
+
+
+def test_systems_that_a_library_cannot_take_are_left_out() -> None:
+    scheme = peer("scipy").integrators["dop853"]
+    with pytest.raises(Skipped, match="mechanical problem"):
+        scheme.step(rigid_body(noise=()), np.ones(3), 0.1, NONE)
+
+
+def test_every_library_has_a_file_and_only_libraries_do() -> None:
+    assert set(LIBRARIES) <= set(names())
+    assert not [name for name in names() if name.startswith("_")]
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
+def test_a_script_quotes_the_library_and_does_not_know_sepv(script: Path) -> None:
+    tree = ast.parse(script.read_text("utf-8"))
+    assert _notes(script.name, tree)
+    assert "import sepv" not in script.read_text("utf-8")
+    assert "from sepv" not in script.read_text("utf-8")
+
+
+def test_the_page_names_claims_defects_and_scripts() -> None:
+    scheme = Scheme("lib verlet", lambda problem, y, h, dW: y, order=2, source='its manual: "symplectic"')
+    held = {"verdict": "holds", "claimed": True, "message": "", "defect": 1.0, "bound": 2.0, "seconds": 1.0}
+    found = dict.fromkeys(page.ASKED, held)
+    found["symplecticity"] = {**held, "verdict": "violated", "defect": 30.0}
+    script = page.Script("s.py", "lib verlet: no.", "Why.", (), 1, "shown", "")
+    text = page.document([page.Row("lib", "1.0", scheme, found)], [script], "- lib: all of it", "the command")
+    assert "lib verlet †" in text
+    assert "- lib verlet, symplecticity: 30 against a bound of 2" in text
+    assert 'its manual: "symplectic"' in text
+    assert "- lib: all of it" in text
