@@ -20,7 +20,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache, partial
-from importlib import import_module
 from typing import Any
 
 import diffrax
@@ -28,14 +27,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from sepv.peers._jax import enable_x64
 from sepv.peers.peer import Peer
 from sepv.peers.posing import LANES, Formulas, PathSolver, in_blocks, pose, size
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.schemes import Scheme
 from sepv.studies._compare.method import Method, from_states
-
-# JAX has had this context manager in two places.
-enable_x64 = jax.enable_x64 if hasattr(jax, "enable_x64") else import_module("jax.experimental").enable_x64
 
 
 class _Given(diffrax.AbstractPath):
