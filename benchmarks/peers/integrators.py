@@ -15,10 +15,9 @@ from typing import Any
 
 import click
 
-from benchmarks.peers.compliance import section
 from benchmarks.peers.compliance_measurements import law_cells, release
 from benchmarks.peers.deviations import Shown as Script
-from benchmarks.peers.deviations import shown_by
+from benchmarks.peers.deviations import section, shown_by
 from benchmarks.peers.kept_measurements import Cell, measured
 from benchmarks.peers.options import measuring, page_options, put
 from sepv._terminal import markdown
@@ -71,7 +70,7 @@ def _timed(cell: Cell) -> Cell:
     return replace(cell, measure=measure)
 
 
-def document(found: Sequence[Row], scripts: Sequence[Script], read: str, command: str) -> str:
+def document(found: Sequence[Row], scripts: Sequence[Script], command: str) -> str:
     """The page, in Markdown."""
     heads = ["integrator", *ASKED, "seconds"]
     lines = []
@@ -94,7 +93,7 @@ def document(found: Sequence[Row], scripts: Sequence[Script], read: str, command
         "\n\n".join(section(script, "integrators") for script in scripts)
         or "Nothing found that reproduces in the library's own terms.",
         "## What was read",
-        read,
+        READ,
     ]
     return "\n\n".join(part for part in parts if part) + "\n"
 
@@ -124,12 +123,11 @@ def main(out: Path | None, keep: Path | None, libraries: tuple[str, ...], seed: 
     # Counterexamples are not shown here, so that little is spent on simplifying them.
     effort = Effort(seed=seed, shrink_checks=50)
     folder = (out.parent if out else Path("docs")) / "integrators"
-    read = (folder / "read.md").read_text("utf-8").strip()
     with measuring(keep) as line:
         found = rows(libraries, effort, keep, line)
         line.update("the scripts that show deviations", 1.0)
         shown = [script for script in shown_by(folder) if script.deviates]
-    put(out, lambda arguments: document(found, shown, read, f"{COMMAND}{arguments}"), libraries, seed)
+    put(out, lambda arguments: document(found, shown, f"{COMMAND}{arguments}"), libraries, seed)
 
 
 if __name__ == "__main__":
