@@ -1,8 +1,9 @@
-"""What integrators of samplers and simulators keep: ``python -m benchmarks.peers.integrators --out docs/integrators.md``.
+"""The page of what integrators of samplers and simulators keep: ``python -m benchmarks.peers.integrators``.
 
-Every installed peer's integrators of mechanical systems (`Peer.integrators`), on random ones: the laws that are claimed,
-and a few beside them. Scripts in the folder ``integrators`` beside the output (`benchmarks.peers.deviations`) are quoted
-where they show, without sepv, that a measurement differs from a library's documentation.
+Every installed peer's integrators of mechanical systems (`Peer.integrators`), on random ones: the laws that are
+claimed, and a few beside them. Scripts in the folder ``integrators`` beside the output
+(`benchmarks.peers.deviations`) are quoted where they show, without sepv, that a measurement differs from a
+library's documentation.
 """
 
 from __future__ import annotations
@@ -31,7 +32,16 @@ from sepv.verification._report import MARKS
 COMMAND = "python -m benchmarks.peers.integrators"
 ASKED = tuple(
     law
-    for law in ("contract", "symplecticity", "volume", "symmetry", "reversibility", "order", "energy-bounded", "energy")
+    for law in (
+        "contract",
+        "symplecticity",
+        "volume",
+        "symmetry",
+        "reversibility",
+        "order",
+        "energy-bounded",
+        "energy",
+    )
     if law in LAWS
 )
 
@@ -51,9 +61,7 @@ def rows(libraries: Sequence[str], effort: Effort, folder: Path | None, shown: S
     listed = [p for p in installed() if p.integrators and p.library in (libraries or [p.library])]
     jobs = [(peer.library, scheme) for peer in listed for scheme in peer.integrators.values()]
     laws = load_laws(ASKED)
-    cells = [
-        _timed(cell) for library, scheme in jobs for cell in law_cells(library, scheme, laws, effort)
-    ]
+    cells = [_timed(cell) for library, scheme in jobs for cell in law_cells(library, scheme, laws, effort)]
     found = measured(cells, folder, shown)
     return [
         Row(library, release(library), scheme, {law: found[scheme.name, law] for law in ASKED})
@@ -109,11 +117,21 @@ def _reasons(found: Sequence[Row]) -> Iterator[str]:
                 yield f"- {row.scheme.name}, {law}: {f['message'].splitlines()[0]:.160}"
 
 
-INTRODUCTION = """Samplers, molecular dynamics and astronomy integrate H = ½pᵀM⁻¹p + V(q) by the million. Here each integrator runs
-through its own library's code, in float64, on random systems of that form with up to three degrees of freedom: its verdict is
-that of `sepv verify LIBRARY-NAME`, such as `sepv verify mici-leapfrog`. No options are set but those in a name. A law that
-is violated without being claimed is no fault. Libraries of particles have one mass for each, so that systems with a full M
-are left out. The extras `samplers` and `simulators` install the libraries."""
+INTRODUCTION = """\
+Samplers, molecular dynamics and astronomy integrate H = ½pᵀM⁻¹p + V(q) by the million. Here each integrator runs
+through its own library's code, in float64, on random systems of that form with up to three degrees of freedom: its
+verdict is that of `sepv verify LIBRARY-NAME`, such as `sepv verify mici-leapfrog`. No options are set but those in
+a name. A law that is violated without being claimed is no fault. Libraries of particles have one mass for each, so
+that systems with a full M are left out. The extras `samplers` and `simulators` install the libraries."""
+
+
+# Issues: as far as a search of public threads finds them.
+READ = """\
+- ASE, numpyro, OpenMM, PyMC, SciPy, TorchSim: docstrings and source of the integrators.
+- blackjax: source, the page of its integrators, issues 15, 678, 925, pull requests 59, 538, 588, 589, 626.
+- JAX MD: README, source and history of `simulate`, its tests, pull request 73.
+- mici: source and tests of integrators and solvers, their history since 2018, issue 5; it has no changelog.
+- REBOUND: the documentation of each integrator (`sim.integrator.__doc__`) and the changelog."""
 
 
 @click.command()

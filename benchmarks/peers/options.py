@@ -23,7 +23,11 @@ def page_options(known: Sequence[str]) -> Callable[[Callable[..., Any]], Callabl
     def add(command: Callable[..., Any]) -> Callable[..., Any]:
         for option in (
             click.option(
-                "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of examples and paths."
+                "--seed",
+                type=click.IntRange(min=0),
+                default=0,
+                show_default=True,
+                help="Of examples and paths.",
             ),
             click.option(
                 "--library", "libraries", multiple=True, type=click.Choice(known), help="Only this one."

@@ -1,9 +1,9 @@
 """jax_md simulate.nve: in 64-bit mode the time step is rounded to 32 bits.
 
-With positions, momenta, masses and dt in float64, one step for V = q²/2 is compared with velocity Verlet for dt and for dt
-rounded to float32. It is the second to the last digit: `velocity_verlet` begins with `dt = f32(dt)`. A step such as 1e-3
-is 4.7e-8 too long, relative to itself, and so are all times. The step stays symplectic and reversible; steps that float32
-has, such as 2⁻¹⁰, are exact.
+With positions, momenta, masses and dt in float64, one step for V = q²/2 is compared with velocity Verlet for dt and
+for dt rounded to float32. It is the second to the last digit: `velocity_verlet` begins with `dt = f32(dt)`. A step
+such as 1e-3 is 4.7e-8 too long, relative to itself, and so are all times. The step stays symplectic and reversible;
+steps that float32 has, such as 2⁻¹⁰, are exact.
 
 Exit code 1 while this is so, 0 where the step is that of dt.
 """
@@ -50,5 +50,7 @@ for dt in (2.0**-10, 1e-3, 0.1):
     q1 = float(step(state).position[0, 0])
     off[dt] = abs(q1 - verlet(q, p, dt))
     rounded = abs(q1 - verlet(q, p, float(np.float32(dt))))
-    print(f"jax_md {version('jax_md')}, dt = {dt:.6g}: off by {off[dt]:.1e}; by {rounded:.1e} from dt in float32")
+    print(
+        f"jax_md {version('jax_md')}, dt = {dt:.6g}: off by {off[dt]:.1e}; by {rounded:.1e} from dt in float32"
+    )
 sys.exit(off[0.1] > 1e-12)

@@ -1,10 +1,10 @@
 """mici ImplicitLeapfrogIntegrator: a step of size t advances time by 2t.
 
-H = (q² + p²)/2 turns (q, p) by the angle t in the time t. The step of `LeapfrogIntegrator` turns it by t up to O(t³),
-that of `ImplicitLeapfrogIntegrator` by 2t. Its docstring composes A(t/2), B(t/2), C(t/2) and their adjoints; its method
-`_step` calls each of the six with the whole step. Its step is symplectic and reversible, and a sampler that adapts its
-step size finds one half as large: what is off is the length of a trajectory, and a step size that is compared with that
-of another integrator.
+H = (q² + p²)/2 turns (q, p) by the angle t in the time t. The step of `LeapfrogIntegrator` turns it by t up to
+O(t³), that of `ImplicitLeapfrogIntegrator` by 2t. Its docstring composes A(t/2), B(t/2), C(t/2) and their adjoints;
+its method `_step` calls each of the six with the whole step. Its step is symplectic and reversible, and a sampler
+that adapts its step size finds one half as large: what is off is the length of a trajectory, and a step size that
+is compared with that of another integrator.
 
 Exit code 1 while this is so, 0 where a step of size t turns by t.
 """

@@ -1,7 +1,7 @@
 """The scheme of another library's integrator for mechanical problems, H = ½pᵀM⁻¹p + V(q) (`sepv.problem.mechanics`).
 
-Libraries of particles have one mass for each particle, and a particle moves in space: coordinate i of a problem with a
-diagonal M is particle i at (q_i, 0, 0), with the mass M_ii and the force (F_i(q), 0, 0).
+Libraries of particles have one mass for each particle, and a particle moves in space: coordinate i of a problem
+with a diagonal M is particle i at (q_i, 0, 0), with the mass M_ii and the force (F_i(q), 0, 0).
 """
 
 from __future__ import annotations
@@ -23,7 +23,9 @@ REVERSIBLE = ("symmetry",)
 Advance = Callable[[Mechanics, Array, Array, float], tuple[Any, Any]]
 
 
-def integrator(name: str, advance: Advance, *, order: float | None = None, source: str, **facts: Any) -> Scheme:
+def integrator(
+    name: str, advance: Advance, *, order: float | None = None, source: str, **facts: Any
+) -> Scheme:
     """The scheme of a step of length h from (q, p); `facts` are further ones of `sepv.Scheme`."""
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
@@ -34,7 +36,14 @@ def integrator(name: str, advance: Advance, *, order: float | None = None, sourc
         return system.join(*advance(system, *system.split(y.copy()), float(problem.random_step(h, dW))))
 
     return Scheme(
-        name, step, order=order, source=source, noise=False, systems=Systems.MECHANICAL, truncation=None, **facts
+        name,
+        step,
+        order=order,
+        source=source,
+        noise=False,
+        systems=Systems.MECHANICAL,
+        truncation=None,
+        **facts,
     )
 
 

@@ -1,8 +1,8 @@
 """Steps of JAX's libraries for mechanical problems: compiled, in float64, with V in JAX's arrays.
 
-A polynomial problem is data to the compiled step and is filled up with coordinates that stay at rest, q = p = 0 with mass
-1, on which V does not depend: a new random problem compiles nothing. JAX's own context manager turns float64 on around
-each call, for one thread; importing this module changes nothing in JAX.
+A polynomial problem is data to the compiled step and is filled up with coordinates that stay at rest, q = p = 0
+with mass 1, on which V does not depend: a new random problem compiles nothing. JAX's own context manager turns
+float64 on around each call, for one thread; importing this module changes nothing in JAX.
 """
 
 from __future__ import annotations
@@ -34,7 +34,9 @@ def advance_by(step: Step) -> Advance:
         n, (formulas, numbers, inverse_mass) = len(q), _posed(system)
         q, p = (np.pad(part, (0, len(inverse_mass) - n)) for part in (q, p))
         with enable_x64(True):
-            q1, p1 = _compiled(step, formulas, system.positions_first, numbers, inverse_mass, q, p, np.float64(h))
+            q1, p1 = _compiled(
+                step, formulas, system.positions_first, numbers, inverse_mass, q, p, np.float64(h)
+            )
             return np.asarray(q1)[:n], np.asarray(p1)[:n]
 
     return advance
@@ -46,7 +48,9 @@ def _compiled(step: Step, formulas: Formulas, positions_first: bool, numbers: An
         if formulas.kind == "polynomial":
             return formulas.values(jnp, numbers, q, 0, 1)[0]
         rest = jnp.zeros_like(q)
-        return formulas.hamiltonian(jnp, numbers, jnp.concatenate([q, rest] if positions_first else [rest, q]))
+        return formulas.hamiltonian(
+            jnp, numbers, jnp.concatenate([q, rest] if positions_first else [rest, q])
+        )
 
     return step(potential, *given)
 

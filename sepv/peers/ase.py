@@ -28,7 +28,11 @@ class _Forces(Calculator):
 
 def _advance(system: Mechanics, q: Array, p: Array, h: float) -> tuple[Array, Array]:
     atoms = Atoms(
-        f"H{len(q)}", positions=on_axis(q), momenta=on_axis(p), masses=masses(system), calculator=_Forces(system)
+        f"H{len(q)}",
+        positions=on_axis(q),
+        momenta=on_axis(p),
+        masses=masses(system),
+        calculator=_Forces(system),
     )
     VelocityVerlet(atoms, timestep=h).step()
     return atoms.positions[:, 0], atoms.get_momenta()[:, 0]

@@ -25,7 +25,9 @@ def _advance(make: Any, system: Mechanics, q: Array, p: Array, h: float) -> tupl
     masses = system.mass
     posed = EuclideanMetricSystem(
         lambda q: float(system.potential(q)),
-        metric=PositiveDiagonalMatrix(masses.diagonal()) if diagonal(system) else DensePositiveDefiniteMatrix(masses),
+        metric=PositiveDiagonalMatrix(masses.diagonal())
+        if diagonal(system)
+        else DensePositiveDefiniteMatrix(masses),
         grad_neg_log_dens=lambda q: -system.force(q),
     )
     state = make(posed, step_size=h).step(ChainState(pos=q, mom=p, dir=1))

@@ -63,7 +63,9 @@ class Peer:
 
 def names() -> list[str]:
     """The libraries that have a peer, installed or not."""
-    own = sorted(p.stem for p in Path(__file__).parent.glob("*.py") if p.stem not in _NO_PEERS and p.stem[0] != "_")
+    own = sorted(
+        p.stem for p in Path(__file__).parent.glob("*.py") if p.stem not in _NO_PEERS and p.stem[0] != "_"
+    )
     return list(dict.fromkeys((*own, *(point.name for point in metadata.entry_points(group=GROUP)))))
 
 

@@ -36,7 +36,11 @@ def _advance(name: str, order: int, system: Mechanics, q: Array, p: Array, h: fl
 def _scheme(name: str, order: int, claims: tuple[str, ...], source: str, note: str = "") -> Scheme:
     advance = partial(_advance, name, order if name != "ias15" else 0)
     return integrator(
-        f"rebound {name}{note}", advance, order=order if name != "ias15" else None, claims=claims, source=source
+        f"rebound {name}{note}",
+        advance,
+        order=order if name != "ias15" else None,
+        claims=claims,
+        source=source,
     )
 
 
@@ -45,9 +49,14 @@ leapfrog = _scheme("leapfrog", 2, SYMPLECTIC + REVERSIBLE, _LEAPFROG)
 leapfrog4 = _scheme("leapfrog", 4, SYMPLECTIC + REVERSIBLE, _LEAPFROG, ", order 4")
 leapfrog6 = _scheme("leapfrog", 6, SYMPLECTIC + REVERSIBLE, _LEAPFROG, ", order 6")
 leapfrog8 = _scheme("leapfrog", 8, SYMPLECTIC + REVERSIBLE, _LEAPFROG, ", order 8")
-ias15 = _scheme("ias15", 15, (), 'REBOUND, IAS15: "in most cases accurate down to machine precision", "non-symplectic".')
+ias15 = _scheme(
+    "ias15", 15, (), 'REBOUND, IAS15: "in most cases accurate down to machine precision", "non-symplectic".'
+)
 janus = _scheme(
-    "janus", 6, SYMPLECTIC + REVERSIBLE, 'REBOUND, JANUS: "bit-wise time-reversible high-order symplectic". Order 6.'
+    "janus",
+    6,
+    SYMPLECTIC + REVERSIBLE,
+    'REBOUND, JANUS: "bit-wise time-reversible high-order symplectic". Order 6.',
 )
 
 PEER = Peer(

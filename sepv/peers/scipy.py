@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -27,7 +26,9 @@ def _advance(method: str, system: Mechanics, q: Array, p: Array, h: float) -> tu
 
 
 def _scheme(method: str) -> Scheme:
-    source = f'scipy.integrate.solve_ivp, method="{method}", rtol=1e-3, atol=1e-6 by default; it claims no law.'
+    source = (
+        f'scipy.integrate.solve_ivp, method="{method}", rtol=1e-3, atol=1e-6 by default; it claims no law.'
+    )
     return integrator(f"scipy {method}", partial(_advance, method), source=source)
 
 

@@ -58,9 +58,11 @@ def test_every_integrator_steps_with_its_order(library: str) -> None:
         assert near < 1e-15 or np.log2(far / near) > scheme.order + 0.5, name
 
 
-@pytest.mark.parametrize("name", ["mici-leapfrog", "ase-velocity-verlet", "numpyro-velocity-verlet", "openmm-verlet"])
+@pytest.mark.parametrize(
+    "name", ["mici-leapfrog", "ase-velocity-verlet", "numpyro-velocity-verlet", "openmm-verlet"]
+)
 def test_a_library_is_given_masses_and_forces_in_either_order_of_y(name: str) -> None:
-    peer(name.split("-")[0])
+    peer(name.split("-", maxsplit=1)[0])
     scheme = load_scheme(name)
     for problem in (pendulum(noise=()), by_name("pendulum-chain")):
         y, h = np.array(problem.initial, dtype=np.float64), 0.125
