@@ -1,4 +1,8 @@
-"""REBOUND's integrators under forces of the problem's own. Needs the extra ``simulators``."""
+"""REBOUND's integrators under forces of the problem's own. Needs the extra ``simulators``.
+
+JANUS computes on integers of 64 bits, x/scale and v/scale: its documentation asks for the scale of the problem.
+Here it is 2⁻⁵⁶ times a power of two above the state and its change in a step, below the rounding of binary64.
+"""
 
 from __future__ import annotations
 
@@ -14,13 +18,18 @@ from sepv.problem import Array, Mechanics
 from sepv.schemes import Scheme
 
 
-def _advance(name: str, order: int, system: Mechanics, q: Array, p: Array, h: float) -> tuple[Array, Array]:
+def _advance(
+    name: str, order: int | None, system: Mechanics, q: Array, p: Array, h: float
+) -> tuple[Array, Array]:
     simulation, mass = rebound.Simulation(), masses(system)
     simulation.gravity, simulation.integrator, simulation.dt = "none", name, h
-    if order:
+    if order is not None:
         simulation.integrator.order = order
-    for i, m in enumerate(mass):
-        simulation.add(m=m, x=q[i], vx=p[i] / m)
+    if name == "janus":
+        simulation.integrator.scale_pos = _scale(q, h * p / mass)
+        simulation.integrator.scale_vel = _scale(p / mass, h * system.force(q) / mass)
+    for m, x, v in zip(mass, q, p / mass, strict=True):
+        simulation.add(m=m, x=x, vx=v)
     particles = simulation.particles
 
     def forces(_simulation: Any) -> None:
@@ -29,34 +38,33 @@ def _advance(name: str, order: int, system: Mechanics, q: Array, p: Array, h: fl
             particle.ax += a
 
     simulation.additional_forces = forces
-    simulation.steps(1) if name != "ias15" else simulation.integrate(h)
+    if order is None:  # it chooses its steps
+        simulation.integrate(h)
+    else:
+        simulation.steps(1)
     return np.array([a.x for a in particles]), mass * np.array([a.vx for a in particles])
 
 
-def _scheme(name: str, order: int, claims: tuple[str, ...], source: str, note: str = "") -> Scheme:
-    advance = partial(_advance, name, order if name != "ias15" else 0)
+def _scale(values: Array, changes: Array) -> float:
+    return float(2.0 ** (np.frexp(max(np.abs(values).max(), np.abs(changes).max()))[1] - 56))
+
+
+def _scheme(name: str, order: int | None, source: str, note: str = "") -> Scheme:
+    claims = () if order is None else SYMPLECTIC + REVERSIBLE
+    advance = partial(_advance, name, order)
     return integrator(
-        f"rebound {name}{note}",
-        advance,
-        order=order if name != "ias15" else None,
-        claims=claims,
-        source=source,
+        f"rebound {name}{note}", advance, order=order, claims=claims, source=f"REBOUND, {source}"
     )
 
 
-_LEAPFROG = 'REBOUND, LEAPFROG: "symplectic. By default it is second order … Higher orders of 4, 6, and 8".'
-leapfrog = _scheme("leapfrog", 2, SYMPLECTIC + REVERSIBLE, _LEAPFROG)
-leapfrog4 = _scheme("leapfrog", 4, SYMPLECTIC + REVERSIBLE, _LEAPFROG, ", order 4")
-leapfrog6 = _scheme("leapfrog", 6, SYMPLECTIC + REVERSIBLE, _LEAPFROG, ", order 6")
-leapfrog8 = _scheme("leapfrog", 8, SYMPLECTIC + REVERSIBLE, _LEAPFROG, ", order 8")
-ias15 = _scheme(
-    "ias15", 15, (), 'REBOUND, IAS15: "in most cases accurate down to machine precision", "non-symplectic".'
-)
+_LEAPFROG = 'LEAPFROG: "It is symplectic. By default it is second order … Higher orders of 4, 6, and 8 can be selected".'
+leapfrog = _scheme("leapfrog", 2, _LEAPFROG)
+leapfrog4, leapfrog6, leapfrog8 = (_scheme("leapfrog", k, _LEAPFROG, f", order {k}") for k in (4, 6, 8))
+ias15 = _scheme("ias15", None, 'IAS15: "non-symplectic", "in most cases accurate down to machine precision".')
 janus = _scheme(
     "janus",
     6,
-    SYMPLECTIC + REVERSIBLE,
-    'REBOUND, JANUS: "bit-wise time-reversible high-order symplectic". Order 6.',
+    'JANUS: "a bit-wise time-reversible high-order symplectic integrator"; its default order is 6.',
 )
 
 PEER = Peer(
