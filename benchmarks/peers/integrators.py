@@ -80,13 +80,14 @@ def _timed(cell: Cell) -> Cell:
 
 def document(found: Sequence[Row], scripts: Sequence[Script], command: str) -> str:
     """The page, in Markdown."""
-    heads = ["integrator", *ASKED, "seconds"]
+    heads = ["integrator", "order", *ASKED, "seconds"]
     lines = []
     for row in found:
         marks = [MARKS[Verdict(f["verdict"])] + (" +" if f["claimed"] else "") for f in row.found.values()]
         seconds = sum(f["seconds"] for f in row.found.values())
         mark = " †" if any(row.scheme.name in s.title for s in scripts) else ""
-        lines.append((row.scheme.name + mark, *marks, f"{seconds:.0f}"))
+        order = "" if row.scheme.order is None else f"{row.scheme.order:g}"
+        lines.append((row.scheme.name + mark, order, *marks, f"{seconds:.0f}"))
     versions = dict.fromkeys(f"{row.library} {row.release}" for row in found)
     parts = [
         "# What integrators of samplers and simulators keep",

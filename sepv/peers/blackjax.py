@@ -30,28 +30,20 @@ def _step(make: Any, V: Any, inverse_mass: Any, q: Any, p: Any, h: Any) -> tuple
     return state.position, state.momentum
 
 
-def _scheme(name: str, order: int, source: str, note: str = "", **options: Any) -> Scheme:
+def _scheme(name: str, order: int, note: str = "", **options: Any) -> Scheme:
     advance = advance_by(partial(_step, partial(getattr(integrators, name), **options)))
     claims = SYMPLECTIC + REVERSIBLE
-    return integrator(
-        f"blackjax {name}{note}", advance, order=order, claims=claims, source=f"{_MODULE} {source}"
-    )
+    return integrator(f"blackjax {name}{note}", advance, order=order, claims=claims, source=_MODULE)
 
 
-velocity_verlet = _scheme(
-    "velocity_verlet", 2, 'Of two stages: "The velocity Verlet (or Verlet-Störmer) integrator."'
-)
-mclachlan = _scheme("mclachlan", 2, "Two-stage palindromic, McLachlan (1995): order 2.")
-yoshida = _scheme("yoshida", 2, "Three stages palindromic, McLachlan (1995): order 2, in spite of the name.")
-omelyan = _scheme("omelyan", 4, "Eleven-stage palindromic, Omelyan (2003): order 4.")
-implicit_midpoint = _scheme("implicit_midpoint", 2, "Its solver stops at max|x − f(x)| ≤ 1e-6 by default.")
-implicit_midpoint_to_rounding = _scheme(
-    "implicit_midpoint",
-    2,
-    "Its solver stops at 100 iterations or x = f(x).",
-    ", convergence_tol=0",
-    convergence_tol=0.0,
-)
+# The page names no orders; these are of the methods that the source describes.
+velocity_verlet = _scheme("velocity_verlet", 2)
+mclachlan = _scheme("mclachlan", 2)
+yoshida = _scheme("yoshida", 2)
+omelyan = _scheme("omelyan", 4)
+# Its solver stops at max|x − f(x)| ≤ convergence_tol, by default 1e-6, or after 100 iterations.
+implicit_midpoint = _scheme("implicit_midpoint", 2)
+implicit_midpoint_to_rounding = _scheme("implicit_midpoint", 2, ", convergence_tol=0", convergence_tol=0.0)
 
 PEER = Peer(
     "blackjax",
