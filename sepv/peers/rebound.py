@@ -57,7 +57,7 @@ def _scheme(name: str, order: int | None, source: str, note: str = "") -> Scheme
     )
 
 
-_LEAPFROG = 'LEAPFROG: "It is symplectic. By default it is second order … Higher orders of 4, 6, and 8 can be selected".'
+_LEAPFROG = 'LEAPFROG: "It is symplectic. By default it is second order … Higher orders of 4, 6, and 8".'
 leapfrog = _scheme("leapfrog", 2, _LEAPFROG)
 leapfrog4, leapfrog6, leapfrog8 = (_scheme("leapfrog", k, _LEAPFROG, f", order {k}") for k in (4, 6, 8))
 ias15 = _scheme("ias15", None, 'IAS15: "non-symplectic", "in most cases accurate down to machine precision".')
