@@ -208,7 +208,7 @@ def main(out: Path | None, keep: Path | None, libraries: tuple[str, ...], seed: 
     with measuring(keep) as line:
         found = rows(libraries or LIBRARIES, effort, keep, line)
         line.update("the scripts that show deviations", 1.0)
-        shown = deviations_shown_by(out.parent / "peers") if out else []
+        shown = deviations_shown_by(out.parent / "peers", LIBRARIES) if out else []
     put(out, lambda arguments: document(found, shown, f"{COMMAND}{arguments}"), libraries, seed)
 
 

@@ -13,7 +13,7 @@ import ast
 import datetime
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -57,8 +57,8 @@ class Shown:
         return None if self.code not in (0, 1) or "Traceback" in self.errors else self.code == 1
 
 
-def shown_by(folder: Path, library: str = "") -> Iterator[Shown]:
-    """Run every script of the folder, or those about one library, each in a process of its own.
+def shown_by(folder: Path, libraries: Collection[str] = ()) -> Iterator[Shown]:
+    """Run every script of the folder, or those about some libraries, each in a process of its own.
 
     A UsageError for a script that does not quote the library's own notes.
     """
@@ -66,7 +66,7 @@ def shown_by(folder: Path, library: str = "") -> Iterator[Shown]:
         tree = ast.parse(script.read_text("utf-8"))
         docstring = ast.get_docstring(tree) or script.stem
         title, _, rest = docstring.partition("\n")
-        if library and title.split()[0] != library:
+        if libraries and title.split()[0] not in libraries:
             continue
         notes = _notes(script.name, tree)
         done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, check=False)
@@ -87,10 +87,10 @@ class Deviation:
         return self.text.partition("\n")[0].removeprefix("### ")
 
 
-def deviations_shown_by(folder: Path) -> list[Deviation]:
+def deviations_shown_by(folder: Path, libraries: Collection[str] = ()) -> list[Deviation]:
     """The docstring and the output of every script that still shows its deviation."""
     found = []
-    for script in shown_by(folder):
+    for script in shown_by(folder, libraries):
         if not script.deviates:
             click.echo(f"{folder / script.name} left out: exit code {script.code}\n{script.errors}", err=True)
             continue

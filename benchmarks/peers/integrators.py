@@ -1,9 +1,9 @@
 """The page of what integrators of samplers and simulators keep: ``python -m benchmarks.peers.integrators``.
 
-Every installed peer's integrators of mechanical systems (`Peer.integrators`), on random ones: the laws that are
-claimed, and a few beside them. Scripts in the folder ``integrators`` beside the output
-(`benchmarks.peers.deviations`) are quoted where they show, without sepv, that a measurement differs from a
-library's documentation.
+Every installed peer's integrators of mechanical systems (`Peer.integrators`), on random ones. Scripts show, without
+sepv, why a claim is not found to hold: those in the folder ``peers`` beside the page where a library's
+documentation says otherwise (`benchmarks.peers.deviations`), those in the folder ``integrators`` where it is a
+matter of rounding.
 """
 
 from __future__ import annotations
@@ -17,8 +17,7 @@ from typing import Any
 import click
 
 from benchmarks.peers.compliance_measurements import law_cells, release
-from benchmarks.peers.deviations import Shown as Script
-from benchmarks.peers.deviations import section, shown_by
+from benchmarks.peers.deviations import Deviation, deviations_shown_by, linked
 from benchmarks.peers.kept_measurements import Cell, measured
 from benchmarks.peers.options import measuring, page_options, put
 from sepv._terminal import markdown
@@ -78,14 +77,16 @@ def _timed(cell: Cell) -> Cell:
     return replace(cell, measure=measure)
 
 
-def document(found: Sequence[Row], scripts: Sequence[Script], command: str) -> str:
+def document(
+    found: Sequence[Row], differing: Sequence[Deviation], rounded: Sequence[Deviation], command: str
+) -> str:
     """The page, in Markdown."""
     heads = ["integrator", "order", *ASKED, "seconds"]
     lines = []
     for row in found:
         marks = [MARKS[Verdict(f["verdict"])] + (" +" if f["claimed"] else "") for f in row.found.values()]
         seconds = sum(f["seconds"] for f in row.found.values())
-        mark = " †" if any(row.scheme.name in s.title for s in scripts) else ""
+        mark = " †" if any(row.scheme.name == d.solver for d in (*differing, *rounded)) else ""
         order = "" if row.scheme.order is None else f"{row.scheme.order:g}"
         lines.append((row.scheme.name + mark, order, *marks, f"{seconds:.0f}"))
     versions = dict.fromkeys(f"{row.library} {row.release}" for row in found)
@@ -99,8 +100,9 @@ def document(found: Sequence[Row], scripts: Sequence[Script], command: str) -> s
         "## What is claimed",
         "\n".join(dict.fromkeys(f"- {row.scheme.source}" for row in found)),
         "## Where a measurement differs from a library's documentation",
-        "\n\n".join(section(script, "integrators") for script in scripts)
-        or "Nothing found that reproduces in the library's own terms.",
+        linked(differing) or "Nothing found that reproduces in the library's own terms.",
+        "## Kept, but not to rounding" if rounded else "",
+        *(d.text for d in rounded),
         "## What was read",
         READ,
     ]
@@ -141,12 +143,13 @@ def main(out: Path | None, keep: Path | None, libraries: tuple[str, ...], seed: 
     """Measure what the integrators of installed libraries keep, and write the page as Markdown."""
     # Counterexamples are not shown here, so that little is spent on simplifying them.
     effort = Effort(seed=seed, shrink_checks=50)
-    folder = (out.parent if out else Path("docs")) / "integrators"
+    docs = out.parent if out else Path("docs")
     with measuring(keep) as line:
         found = rows(libraries, effort, keep, line)
         line.update("the scripts that show deviations", 1.0)
-        shown = [script for script in shown_by(folder) if script.deviates]
-    put(out, lambda arguments: document(found, shown, f"{COMMAND}{arguments}"), libraries, seed)
+        own = {row.library for row in found}
+        differing, rounded = (deviations_shown_by(docs / name, own) for name in ("peers", "integrators"))
+    put(out, lambda arguments: document(found, differing, rounded, f"{COMMAND}{arguments}"), libraries, seed)
 
 
 if __name__ == "__main__":

@@ -118,7 +118,7 @@ def _path_entry(library: str, solver: PathSolver, found: dict[tuple[str, str], A
 
 
 def _scripts(library: str, folder: Path) -> Iterator[dict[str, Any]]:
-    for script in shown_by(folder, library):
+    for script in shown_by(folder, [library]):
         failed = script.errors.strip().splitlines()[-1:] if script.deviates is None else []
         output = "\n".join([script.output, *failed]).strip()
         yield {"name": script.name, "title": script.title, "deviates": script.deviates, "output": output}

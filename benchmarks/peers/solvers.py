@@ -191,7 +191,7 @@ def main(out: Path | None, keep: Path | None, libraries: tuple[str, ...], seed: 
     with measuring(keep) as bar:
         found = lines(libraries or LIBRARIES, Effort(seed=seed, shrink_checks=50), keep, bar)
         bar.update("the scripts that show deviations", 1.0)
-        shown = deviations_shown_by(out.parent / "peers") if out else []
+        shown = deviations_shown_by(out.parent / "peers", LIBRARIES) if out else []
     put(out, lambda arguments: document(found, shown, f"{COMMAND}{arguments}"), libraries, seed)
 
 

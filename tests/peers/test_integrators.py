@@ -22,7 +22,8 @@ from sepv.verification import Effort, verify
 LIBRARIES = (
     "ase", "blackjax", "jax_md", "mici", "numpyro", "openmm", "pymc", "rebound", "scipy", "torch_sim",
 )  # fmt: skip
-SCRIPTS = sorted((Path(__file__).resolve().parents[2] / "docs" / "integrators").glob("*.py"))
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+SCRIPTS = [path for folder in ("peers", "integrators") for path in sorted((DOCS / folder).glob("*.py"))]
 NONE = np.zeros(0)
 
 
@@ -104,8 +105,9 @@ def test_the_page_names_claims_defects_and_scripts() -> None:
     held = {"verdict": "holds", "claimed": True, "message": "", "defect": 1.0, "bound": 2.0, "seconds": 1.0}
     found = dict.fromkeys(page.ASKED, held)
     found["symplecticity"] = {**held, "verdict": "violated", "defect": 30.0}
-    script = page.Script("s.py", "lib verlet: no.", "Why.", (), 1, "shown", "")
-    text = page.document([page.Row("lib", "1.0", scheme, found)], [script], "the command")
+    here = [page.Deviation("lib verlet", "### lib verlet: no.")]
+    text = page.document([page.Row("lib", "1.0", scheme, found)], here, [], "the command")
     assert "lib verlet †" in text
     assert "- lib verlet, symplecticity: 30 against a bound of 2" in text
     assert 'its manual: "symplectic"' in text
+    assert "- lib verlet: no ([shown](deviations.md))." in text

@@ -270,7 +270,7 @@ def test_an_entry_point_that_gives_no_peer_says_so(monkeypatch: pytest.MonkeyPat
 
 
 def test_a_library_is_named_by_what_imports_it_and_its_own_solvers() -> None:
-    assert names()[:3] == ["diffrax", "sdeint", "torchsde"]
+    assert {"diffrax", "sdeint", "torchsde"} <= set(names())
     scheme = load_scheme("sdeint-strat-heun")
     assert scheme.name == "sdeint stratHeun"
 
