@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
-from functools import partial
+from functools import cache, partial
 from importlib import resources
 from importlib.metadata import packages_distributions, version
 from typing import Any
@@ -149,6 +149,7 @@ def _path_errors(solver: PathSolver, problem: Problem, setup: Setup, seed: int) 
     )
 
 
+@cache
 def release(library: str) -> str:
     """The version of a library that is installed here."""
     return __version__ if library == "sepv" else version(packages_distributions().get(library, [library])[0])

@@ -22,7 +22,7 @@ from benchmarks.peers.kept_measurements import Cell, measured
 from benchmarks.peers.options import measuring, page_options, put
 from sepv._terminal import markdown
 from sepv._version import __version__
-from sepv.peers.peer import installed, names
+from sepv.peers.peer import installed, load, names
 from sepv.schemes import Scheme
 from sepv.verification import Effort, Verdict, load_laws
 from sepv.verification._progress import Shown
@@ -44,7 +44,7 @@ class Row:
 
 def rows(libraries: Sequence[str], effort: Effort, folder: Path | None, shown: Shown) -> list[Row]:
     """The rows of the installed libraries, or of these among them."""
-    listed = [p for p in installed() if p.integrators and p.library in (libraries or [p.library])]
+    listed = [load(name) for name in libraries] if libraries else installed()
     jobs = [(peer.library, scheme) for peer in listed for scheme in peer.integrators.values()]
     laws = load_laws(ASKED)
     cells = [_timed(cell) for library, scheme in jobs for cell in law_cells(library, scheme, laws, effort)]
