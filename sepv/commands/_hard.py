@@ -1,4 +1,4 @@
-"""``sepv hard``: a scheme where schemes break."""
+"""``sepv hard``: run a scheme on steps that are hard for a stated reason."""
 
 from __future__ import annotations
 

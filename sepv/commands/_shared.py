@@ -40,7 +40,7 @@ FILE, OUT, FOLDER = click.Path(dir_okay=False), click.Path(dir_okay=False), _Fol
 
 
 class Finite(click.FloatRange):
-    """A finite number within bounds: NaN is within any, and an infinity ends in no answer."""
+    """A finite number within bounds. click alone takes NaN for a number within any bounds."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Convert as click does, and refuse numbers that are not finite."""

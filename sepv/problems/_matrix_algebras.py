@@ -121,7 +121,7 @@ def algebra_of(problem: Problem, y: Array) -> MatrixAlgebra:
     B = problem.structure(y)
     for name in candidates(len(y)):
         c = constants(name)
-        # Sums of a few terms, in any order.
+        # B may be summed in any order: equal to a few roundings of its terms.
         if np.all(np.abs(np.tensordot(c, y, 1) - B) <= 8 * EPS * np.tensordot(np.abs(c), np.abs(y), 1)):
             return named(name)
     raise Skipped(

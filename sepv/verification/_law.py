@@ -170,7 +170,7 @@ class Effort:
             require_whole(key, getattr(self, key), "leave it out for the usual effort", least)
 
     def deeper(self) -> Effort:
-        """The nightly effort."""
+        """The effort of a nightly run: more examples, designs and paths."""
         return replace(self, examples=1000, designs=20, paths=16384, shrink_checks=5000)
 
 

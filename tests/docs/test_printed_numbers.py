@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from sepv.properties.test_energy_drift import quantity
 
-from sepv import exact_flow, problems, schemes
+from sepv import exact_flow, integrate, problems, schemes
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.problems._common import hat
 from sepv.problems._polynomial_system import drift_of_energy, started
@@ -107,3 +108,22 @@ def test_a_refused_step_counts_as_solvable_where_continuation_solves_it() -> Non
         refused[path] = step
         found = SimpleNamespace(failed_step=refused, y=states)
         assert _solvable(found, problems.lotka_volterra(), 2.0**-5, 1024, 0) == solvable  # type: ignore[arg-type]
+
+
+def test_the_midpoint_rule_keeps_the_impulse_of_vortices_and_two_one_their_energy() -> None:
+    printed(
+        "vortices.md",
+        "The midpoint rule keeps the quadratic impulse and moves H by 2e-06.",
+        "The scheme (2.1) keeps H and moves the impulse by 8e-06. Both keep the linear impulse.",
+    )
+    block = (
+        (DOCS / "vortices.md").read_text("utf-8").partition("```python\n")[2].partition("\nif __name__")[0]
+    )
+    vortices: dict[str, Any] = {}
+    exec(block, vortices)
+    problem, strength = vortices["problem"], vortices["STRENGTH"]
+    for name, moved in (("midpoint", (2e-6, 0.0)), ("energy-preserving", (0.0, 8e-6))):
+        y = integrate(name, problem, h=1 / 64, T=8.0, seed=1).y
+        seen = problem.hamiltonian(y), strength @ (y[::2] ** 2 + y[1::2] ** 2)
+        assert [float(f"{np.ptp(v):.0e}") for v in seen] == pytest.approx(moved, abs=1e-12)
+        assert np.ptp(strength @ y[::2]) < 1e-12

@@ -63,7 +63,7 @@ class ProjectedWriter(Writer):
         return [*code.lines, *end]
 
     def iteration(self) -> list[str]:
-        """An iteration of a group."""
+        """Code of an iteration for a group of lanes: a step of the projection, where lanes are busy."""
         code = CodeBuilder(self.parameters)
         y, z = self.loaded(code, "Y", "y"), self.loaded(code, "Z", "z")
         code.lines += ["busy = I[BUSY + k] == 1", f"scale = {self.at('X')}", f"before = {self.at('P')}"]

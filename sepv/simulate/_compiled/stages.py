@@ -122,7 +122,7 @@ class StagesWriter(Writer):
         return code.lines
 
     def blind(self) -> list[str]:
-        """A sweep without a test, by the nodes of the stages alone, which suffice for a start."""
+        """Code of first sweeps without a test, with averages at the nodes of the stages: that suffices for a start."""
         code = CodeBuilder(self.parameters)
         y, R = self.lane(code)
         for _ in range(FUSED if self.straight else 1):

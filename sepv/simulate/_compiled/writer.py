@@ -67,7 +67,7 @@ class Writer(ABC):
             "ENERGY": self.offset["WH"] // self.lanes, "CASIMIR": self.offset["WC"] // self.lanes,
             "STAGES": self.formula.stages, "UNKNOWNS": self.offset["Z"] // self.lanes, **self.numbers(),
         }  # fmt: skip
-        # Only now: writing the pieces has named the coefficients.
+        # The pieces are written first, because writing them names the coefficients.
         names = [f"c{j}" for j in range(self.noises)] + [f"p{i}" for i in range(len(self.parameters))]
         preamble = self.problem.preamble + self.imports
         return text(preamble, numbers, names, pieces, self.tables(), self.kernel)

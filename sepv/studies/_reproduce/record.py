@@ -166,7 +166,7 @@ def counts(statements: Iterable[Statement]) -> dict[str, int]:
 
 
 def in_words(counts: Mapping[str, int]) -> str:
-    """12 statements: 10 hold, 1 does not, 1 open."""
+    """The counts of verdicts in words, as in: 12 statements: 10 hold, 1 does not, 1 open."""
     holds, fails = counts["holds"], counts["fails"]
     return (
         f"{counted(sum(counts.values()), 'statement')}: {holds} hold{'s' * (holds == 1)}, "

@@ -81,7 +81,7 @@ def _put(entries: tuple[Any, ...], n: int, *new: Any) -> tuple[Any, ...]:
 
 
 def _rounded(v: float) -> float:
-    """The next lower power of two."""
+    """The power of two next to v towards zero, with the sign of v."""
     return float(np.sign(v) * 2.0 ** np.floor(np.log2(abs(v)))) if v else 0.0
 
 
