@@ -46,16 +46,16 @@ def emit(code: CodeBuilder, values: Mapping[int, Expression], outputs: Sequence[
     lines = reachable(outputs, values)
     users = Counter(i for symbol in lines for i in symbol.line.arguments)
     users.update(symbol.index for symbol in outputs)
-    found: dict[int, Expression] = {}
+    expressions: dict[int, Expression] = {}
 
     def value(index: int) -> Expression:
         """A line's value; a product with one user is written where it is used."""
-        if index not in found:
-            found[index] = code.product(*map(value, tape.lines[index].arguments))
-        return found[index]
+        if index not in expressions:
+            expressions[index] = code.product(*map(value, tape.lines[index].arguments))
+        return expressions[index]
 
     def factors(symbol: Symbol) -> tuple[Expression, Expression] | None:
-        if symbol.index in found or symbol.line.name not in _PRODUCTS:
+        if symbol.index in expressions or symbol.line.name not in _PRODUCTS:
             return None
         a, b = symbol.line.arguments
         return value(a), value(b)
@@ -63,16 +63,16 @@ def emit(code: CodeBuilder, values: Mapping[int, Expression], outputs: Sequence[
     for symbol in lines:
         index, line, tape = symbol.index, symbol.line, symbol.tape
         if index in values:
-            found[index] = values[index]
+            expressions[index] = values[index]
         elif line.name == "constant":
-            found[index] = code.number(line.value) if line.value else None
+            expressions[index] = code.number(line.value) if line.value else None
         elif line.name in ("add", "subtract"):
             a, b = symbol.arguments
             second = factors(b)
             first = factors(a) if second is None else None
-            found[index] = _sum(code, line.name, (a, first), (b, second), value)
+            expressions[index] = _sum(code, line.name, (a, first), (b, second), value)
         elif line.name not in _PRODUCTS or users[index] > 1:
-            found[index] = _operation(code, symbol, [value(i) for i in line.arguments])
+            expressions[index] = _operation(code, symbol, [value(i) for i in line.arguments])
     return [value(symbol.index) for symbol in outputs]
 
 
@@ -110,8 +110,8 @@ def _operation(code: CodeBuilder, symbol: Symbol, arguments: list[Expression]) -
     if name in _CONDITIONS:
         return code.let(_CONDITIONS[name].format(*texts))
     call, place = _CALLS.get(name, (name, None))
-    found = code.let(f"{call}({texts[0]})")
-    return found if place is None else code.let(f"{found}[{place}]")
+    result = code.let(f"{call}({texts[0]})")
+    return result if place is None else code.let(f"{result}[{place}]")
 
 
 _CONDITIONS = {
@@ -152,35 +152,35 @@ class RecordedProblem(Recorded):
 
     def cost(self, formula: Formula, step: Sequence[str]) -> tuple[int, int]:
         """Evaluations of ∇H, and of B or its substitute, in R."""
-        found = self.equation_of(formula, len(step))
-        return found.gradients, found.structures
+        equation = self.equation_of(formula, len(step))
+        return equation.gradients, equation.structures
 
     def increment(
         self, code: CodeBuilder, formula: Formula, y: Sequence[str], z: Sequence[str], step: Sequence[str]
     ) -> list[Expression]:
         """R(y, z; step), of an explicit formula without z."""
-        found = self.equation_of(formula, len(step), apart=bool(z))
-        return printed(code, [(self.y, y), (self.z, z), (found.step, step)], found.R)
+        equation = self.equation_of(formula, len(step), apart=bool(z))
+        return printed(code, [(self.y, y), (self.z, z), (equation.step, step)], equation.R)
 
     def residual(
         self, code: CodeBuilder, formula: Formula, y: Sequence[str], z: Sequence[str], step: Sequence[str],
         middle: Sequence[str] = (),
     ) -> list[Expression]:  # fmt: skip
         """F = z − R(y, z; step), with ȳ if it is already known."""
-        found, F = self.equation_of(formula, len(step)), self.system(formula, len(step))[0]
-        inputs = [(self.y, y), (self.z, z), (found.step, step), (self.middle, middle)]
+        equation, F = self.equation_of(formula, len(step)), self.system(formula, len(step))[0]
+        inputs = [(self.y, y), (self.z, z), (equation.step, step), (self.middle, middle)]
         return printed(code, inputs, F)
 
     def equation(
         self, code: CodeBuilder, formula: Formula, y: Sequence[str], z: Sequence[str], step: Sequence[str]
     ) -> tuple[list[Expression], Table]:
         """F = z − R(y, z; step) and A = ∂F/∂z, from the record of the scheme's formula."""
-        d, found, (F, A) = (
+        d, equation, (F, A) = (
             self.dimension,
             self.equation_of(formula, len(step)),
             self.system(formula, len(step)),
         )
-        entries = printed(code, [(self.y, y), (self.z, z), (found.step, step)], [*F, *A.ravel()])
+        entries = printed(code, [(self.y, y), (self.z, z), (equation.step, step)], [*F, *A.ravel()])
         return entries[:d], _table(entries[d:], d)
 
     def hamiltonian(self, code: CodeBuilder, y: Sequence[str]) -> Expression:
@@ -220,10 +220,13 @@ class RecordedProblem(Recorded):
         See `sepv.schemes._projected`; the first two in one order.
         """
         casimirs = self.problem.casimirs, self.problem.linear_casimirs
-        found = directions([self.slope, *casimir_gradients(*casimirs, 2.0 * self.y)])
-        values = [self.tape.symbol(v) for v in (*np.ravel(found.q), *found.inverse, *chain(*found.products))]
+        orthogonal = directions([self.slope, *casimir_gradients(*casimirs, 2.0 * self.y)])
+        values = [
+            self.tape.symbol(v)
+            for v in (*np.ravel(orthogonal.q), *orthogonal.inverse, *chain(*orthogonal.products))
+        ]
         known = self.tape.vector(len(values))
-        symbols, K = iter(known), len(found.q)
+        symbols, K = iter(known), len(orthogonal.q)
         q = [array([next(symbols) for _ in self.y], (self.dimension,)) for _ in range(K)]
         inverse = [next(symbols) for _ in range(K)]
         again = Directions(q, inverse, [[next(symbols) for _ in range(k)] for k in range(K)])

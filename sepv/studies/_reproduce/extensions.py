@@ -43,7 +43,7 @@ def errors(samples: int, seed: int) -> dict[str, list[float]]:
     start = np.array(problem.initial)
     fine = wiener.increments(seed, T=T, steps=FINE, noises=problem.noises, paths=range(samples))
     exact = heun(problem, start, T, fine)
-    found: dict[str, list[float]] = {"without": [], "with": [], "energy": []}
+    errors: dict[str, list[float]] = {"without": [], "with": [], "energy": []}
     for steps in STEPS:
         dW, A = wiener.coarsen(fine, FINE // steps), areas(fine, steps)
         plain = corrected = np.repeat(start[:, None], samples, axis=1)
@@ -51,10 +51,10 @@ def errors(samples: int, seed: int) -> dict[str, list[float]]:
             plain = schemes.several_structures.step(problem, plain, T / steps, dW[n])
             corrected = step_with_areas(problem, corrected, T / steps, dW[n], A[n])
         for key, y in (("without", plain), ("with", corrected)):
-            found[key].append(float(np.sqrt(np.mean(np.sum((y - exact) ** 2, axis=0)))))
+            errors[key].append(float(np.sqrt(np.mean(np.sum((y - exact) ** 2, axis=0)))))
         energy = problem.hamiltonian(corrected) - problem.hamiltonian(start)
-        found["energy"].append(float(np.max(np.abs(energy))))
-    return found
+        errors["energy"].append(float(np.max(np.abs(energy))))
+    return errors
 
 
 def staged(stages: int, samples: int, seed: int) -> list[float]:
@@ -63,20 +63,20 @@ def staged(stages: int, samples: int, seed: int) -> list[float]:
     start = np.array(problem.initial)
     fine = wiener.increments(seed, T=T, steps=STAGED[-1], noises=problem.noises, paths=range(samples))
     assert problem.closed_form is not None
-    exact, found = problem.closed_form(start, T, fine.sum(axis=0)), []
+    exact, errors = problem.closed_form(start, T, fine.sum(axis=0)), []
     for steps in STAGED:
         y = np.repeat(start[:, None], samples, axis=1)
         for dW in wiener.coarsen(fine, STAGED[-1] // steps):
             y = step_with_stages(problem, stages, y, T / steps, dW)
-        found.append(float(np.sqrt(np.mean(np.sum((y - exact) ** 2, axis=0)))))
-    return found
+        errors.append(float(np.sqrt(np.mean(np.sum((y - exact) ** 2, axis=0)))))
+    return errors
 
 
 def weak(scheme: str, increments: str | None = None) -> dict[str, list[float]]:
     """Largest errors of E g after one step over polynomials g and states of the pendulum, by quadrature."""
     method = weakly(schemes.by_name(scheme), increments)
-    found = local_errors(method, problems.by_name("pendulum"), Run())
-    return {"h": found.h.tolist(), "weak": found.weak.tolist()}
+    local = local_errors(method, problems.by_name("pendulum"), Run())
+    return {"h": local.h.tolist(), "weak": local.weak.tolist()}
 
 
 def jobs(size: Size) -> list[Job]:
@@ -102,10 +102,10 @@ def panels(results: Results) -> list[Panel]:
     ]
 
 
-def _areas(found: dict[str, list[float]]) -> Panel:
+def _areas(errors: dict[str, list[float]]) -> Panel:
     h = T / np.array(STEPS)
-    slopes = {key: judge.slope(h, found[key]) for key in ("without", "with")}
-    energy, limit = max(found["energy"]), 64 * EPS
+    slopes = {key: judge.slope(h, errors[key]) for key in ("without", "with")}
+    energy, limit = max(errors["energy"]), 64 * EPS
     without = judge.near(slopes["without"], 0.5, 0.25, np.inf)
     statement = Statement(
         "(ours) With Lévy areas the energy-preserving scheme for several structures has mean-square order 1 "
@@ -117,17 +117,17 @@ def _areas(found: dict[str, list[float]]) -> Panel:
     )  # fmt: skip
     return Panel(
         key="theory-areas", title="Noises that do not commute, with and without areas", source="§1",
-        series=(points("increments only", h, found["without"]), points("increments and areas", h, found["with"])),
+        series=(points("increments only", h, errors["without"]), points("increments and areas", h, errors["with"])),
         parameters={"problem": TOPS, "T": T, "N": list(STEPS)}, slopes=(0.5, 1.0),
         chosen=(f"areas of the polygon with {FINE} steps, on which Heun's method serves as the reference",),
-        statements=(statement,), numbers={**found, "slopes": slopes},
+        statements=(statement,), numbers={**errors, "slopes": slopes},
         description="Without areas the errors fall along slope one half, with areas along slope one.",
     )  # fmt: skip
 
 
-def _staged(found: dict[int, list[float]]) -> Panel:
+def _staged(errors_by_stages: dict[int, list[float]]) -> Panel:
     h = T / np.array(STAGED)
-    slopes = {s: judge.slope(h, e) for s, e in found.items()}
+    slopes = {s: judge.slope(h, e) for s, e in errors_by_stages.items()}
     statement = Statement(
         "(ours) The order can be raised with several structures too, where all flows commute: s stages, order s",
         "§5; §1: energy-preserving schemes for several structures",
@@ -137,16 +137,16 @@ def _staged(found: dict[int, list[float]]) -> Panel:
     )  # fmt: skip
     return Panel(
         key="theory-several-stages", title="Several structures, commuting flows, s stages", source="§1, §5",
-        series=tuple(points(f"s = {s}", h, e) for s, e in found.items()),
+        series=tuple(points(f"s = {s}", h, e) for s, e in errors_by_stages.items()),
         parameters={"problem": "commuting-rotations", "T": T, "N": list(STAGED)}, slopes=(1.0, 2.0, 3.0),
         chosen=("increments are not truncated",), statements=(statement,),
         description="Errors fall with a slope that is the number of stages.",
-        numbers={f"s = {s}": {"errors": e, "slope": slopes[s]} for s, e in found.items()},
+        numbers={f"s = {s}": {"errors": e, "slope": slopes[s]} for s, e in errors_by_stages.items()},
     )  # fmt: skip
 
 
-def _weak(found: dict[str, dict[str, list[float]]]) -> Panel:
-    slopes = {name: judge.finest_slope(e["h"], e["weak"]) for name, e in found.items()}
+def _weak(errors: dict[str, dict[str, list[float]]]) -> Panel:
+    slopes = {name: judge.finest_slope(e["h"], e["weak"]) for name, e in errors.items()}
     ours, theirs, modified = (slopes[name] for name in WEAK)
     few = {(name, law): slopes[f"{name}, {law}"] for name, law, _ in POINTS}
     enough = (judge.above(v, q + 0.75, q + 0.5) for v, (*_, q) in zip(few.values(), POINTS, strict=True))
@@ -168,11 +168,11 @@ def _weak(found: dict[str, dict[str, list[float]]]) -> Panel:
     return Panel(
         key="theory-weak-order", title="One step: errors of expectations", source="§5",
         y=Axis("largest error of E g after one step", log=True),
-        series=tuple(points(n, found[n]["h"], found[n]["weak"], n) for n in WEAK),
+        series=tuple(points(n, errors[n]["h"], errors[n]["weak"], n) for n in WEAK),
         parameters={"problem": "pendulum", "k": 2}, slopes=(2.0, 3.0), statements=statements,
         chosen=("g: all monomials up to degree 3, powers of linear forms up to twice the weak order plus one",),
         description="Energy-preserving and midpoint scheme fall along slope two, the modified one along slope three.",
-        numbers={n: {**e, "slope": slopes[n]} for n, e in found.items()},
+        numbers={n: {**e, "slope": slopes[n]} for n, e in errors.items()},
     )  # fmt: skip
 
 

@@ -46,9 +46,9 @@ def jobs(size: Size) -> list[Job]:
 
 def long_time(results: Results) -> list[Panel]:
     """Figure 4.1: phase space, energy, position."""
-    found = RUNS.found(results)
-    parameters = {"x0": 0.1, "p0": 0.2, "c": 1.0, "h": H, "N": found["energy-preserving"].steps}
-    return [part(found, parameters) for part in (_phase_space, _energy, _position)]
+    by_scheme = RUNS.found(results)
+    parameters = {"x0": 0.1, "p0": 0.2, "c": 1.0, "h": H, "N": by_scheme["energy-preserving"].steps}
+    return [part(by_scheme, parameters) for part in (_phase_space, _energy, _position)]
 
 
 def convergence(results: Results) -> list[Panel]:
@@ -56,8 +56,8 @@ def convergence(results: Results) -> list[Panel]:
     return [order.panel(ORDER, results), order.fine_panel(FINE, results)]
 
 
-def _phase_space(found: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel:
-    preserving, angle = found["energy-preserving"], np.linspace(0, 2 * np.pi, 181)
+def _phase_space(by_scheme: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel:
+    preserving, angle = by_scheme["energy-preserving"], np.linspace(0, 2 * np.pi, 181)
     circle = series("exact: the energy circle", RADIUS * np.cos(angle), RADIUS * np.sin(angle))
     off = float(np.max(np.abs(np.hypot(*preserving.y) / RADIUS - 1)))
     limit = runs.rounding_bound(preserving.steps)
@@ -69,39 +69,39 @@ def _phase_space(found: dict[str, runs.Run], parameters: dict[str, Any]) -> Pane
     return Panel(
         key="4.1-phase-space", title="Oscillator: phase space", source="Figure 4.1, left",
         x=Axis("position x"), y=Axis("momentum p"), equal=True, window=WINDOW,
-        series=(circle, *(series(n, x, p, n, "points") for n, r in found.items() for p, x in [_inside(r.y)])),
+        series=(circle, *(series(n, x, p, n, "points") for n, r in by_scheme.items() for p, x in [_inside(r.y)])),
         parameters=parameters,
         chosen=(
             f"|x|, |p| ≤ {WINDOW:g}, beyond which the explicit schemes go on to the end of the run",
             "at most 250 points of each solution are drawn (the paper: not all)",
         ),
-        statements=(kept, _cayley(), _not_suited(found)),
+        statements=(kept, _cayley(), _not_suited(by_scheme)),
         description="The energy-preserving scheme stays on the circle of the initial energy; the others leave it.",
     )  # fmt: skip
 
 
-def _energy(found: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel:
-    statements = [runs.statement(found["energy-preserving"], "energy", constant=True, source="§4.1")]
+def _energy(by_scheme: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel:
+    statements = [runs.statement(by_scheme["energy-preserving"], "energy", constant=True, source="§4.1")]
     courses = []
     for name in EXPLICIT:
-        lost = runs.statement(found[name], "energy", constant=False, source="§4.1")
-        statements += [lost, _growth(found[name])]
-        factor = found[name].energy[-1] / found[name].energy[0]
+        lost = runs.statement(by_scheme[name], "energy", constant=False, source="§4.1")
+        statements += [lost, _growth(by_scheme[name])]
+        factor = by_scheme[name].energy[-1] / by_scheme[name].energy[0]
         courses.append(
             f"{SENTENCE[name]} {'grows to' if factor > 1 else 'falls to'} {factor:.2g} times its start"
         )
     return Panel(
         key="4.1-energy", title="Oscillator: energy", source="Figure 4.1, middle",
-        x=TIME, y=Axis("energy H", log=True), series=tuple(runs.curve(r, r.energy) for r in found.values()),
+        x=TIME, y=Axis("energy H", log=True), series=tuple(runs.curve(r, r.energy) for r in by_scheme.values()),
         parameters=parameters, statements=tuple(statements),
         chosen=("a logarithmic axis, because the energies grow or decay exponentially",),
         description=f"One horizontal line, the energy-preserving scheme; of the others {', '.join(courses)}.",
     )  # fmt: skip
 
 
-def _position(found: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel:
-    shown, preserving = ("energy-preserving", "euler-heun"), found["energy-preserving"]
-    largest = {n: float(np.max(np.abs(r.y[1]))) for n, r in found.items()}
+def _position(by_scheme: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel:
+    shown, preserving = ("energy-preserving", "euler-heun"), by_scheme["energy-preserving"]
+    largest = {n: float(np.max(np.abs(r.y[1]))) for n, r in by_scheme.items()}
     ours, heun, *others = (largest[n] for n in (*shown, "euler-maruyama", "milstein"))
     stays = ours <= RADIUS * (1 + runs.rounding_bound(preserving.steps))
     seen = "; ".join(f"largest |x| of {SENTENCE[n]} {largest[n]:.3g}" for n in ("euler-maruyama", "milstein"))
@@ -120,7 +120,7 @@ def _position(found: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel:
     return Panel(
         key="4.1-position", title="Oscillator: position", source="Figure 4.1, right",
         x=TIME, y=Axis("position x"), window=WINDOW,
-        series=tuple(series(n, found[n].t, found[n].y[1], n) for n in shown), parameters=parameters,
+        series=tuple(series(n, by_scheme[n].t, by_scheme[n].y[1], n) for n in shown), parameters=parameters,
         chosen=(
             f"|x| ≤ {WINDOW:g}; Euler-Heun's position goes on to {heun:.2g}",
             "the exact solution is not drawn: at this length it fills the same band",
@@ -180,14 +180,14 @@ def _growth(run: runs.Run) -> Statement:
     )  # fmt: skip
 
 
-def _not_suited(found: dict[str, runs.Run]) -> Statement:
-    ratios = {SENTENCE[n]: found[n].energy / found[n].energy[0] for n in EXPLICIT}
+def _not_suited(by_scheme: dict[str, runs.Run]) -> Statement:
+    ratios = {SENTENCE[n]: by_scheme[n].energy / by_scheme[n].energy[0] for n in EXPLICIT}
     left = [bool(r.max() > 2 or r.min() < 0.5) for r in ratios.values()]
     return Statement(
         "Euler-Maruyama's, Euler-Heun's and Milstein's methods are not appropriate for simulations of the stochastic "
         "oscillator over long time intervals", "§4.1",
         # Over a shorter run than the paper's, small growth says nothing.
-        judge.decide(all(left), not any(left) and found["milstein"].steps >= STEPS),
+        judge.decide(all(left), not any(left) and by_scheme["milstein"].steps >= STEPS),
         "; ".join(f"{name}: H/H_0 from {r.min():.2g} to {r.max():.2g}" for name, r in ratios.items()),
         "the energy of the sample leaves the factor 2 around its start",
     )  # fmt: skip

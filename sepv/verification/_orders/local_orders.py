@@ -104,9 +104,9 @@ def strong_order(scheme: Scheme, column: str) -> float:
     return order_of(scheme.mean_square_order, column, unclaimed(column))
 
 
-def mean_slope(found: LocalErrors, order: float) -> float:
+def mean_slope(local: LocalErrors, order: float) -> float:
     """The least slope of a mean or weak error for an order: half-way below p + 1, or all that the quadrature shows."""
-    power = min(order + 1, found.exact_order)
+    power = min(order + 1, local.exact_order)
     return power - (MARGIN if power <= SHARP else 2 * MARGIN)
 
 
@@ -149,28 +149,28 @@ def judge(
     unknown = ""
     for problem in problems_for(scheme):
         try:
-            found = measure(scheme, problem, run)
+            local = measure(scheme, problem, run)
         except Skipped as skip:  # schemes may refuse some problems
             skipped.append(skip)
             lines.append(f"{problem.name}: skipped, {skip.reason}")
             continue
-        checks += found.steps
-        if found.h.size < enough:
-            return _failed(law, found)
-        order, needed = claimed(found), partial(needs, found)
-        sizes, bound = errors(found), needed(order)
+        checks += local.steps
+        if local.h.size < enough:
+            return _failed(law, local)
+        order, needed = claimed(local), partial(needs, local)
+        sizes, bound = errors(local), needed(order)
         if np.all(np.isnan(sizes)):
-            known = bool(np.any(found.rms > 0))
+            known = bool(np.any(local.rms > 0))
             lacks = "no moments of the solution are known" if known else "only moments are known"
             unknown = f"of {problem.name} {lacks}"
             lines.append(f"{problem.name}: skipped, {unknown}")
             continue
-        seen = _slope_of(scheme, found, sizes, bound)
+        seen = _slope_of(scheme, local, sizes, bound)
         slopes.append((seen, bound))
-        measured.append(_measured(found, sizes, seen, bound, order_shown(seen, order, spacing, needed)))
+        measured.append(_measured(local, sizes, seen, bound, order_shown(seen, order, spacing, needed)))
         lines.append(f"{problem.name}: {seen.text}, {bound:g} needed")
         if seen.verdict is Verdict.VIOLATED and not shown:
-            shown.append(example(scheme, problem, float(found.h[0])))
+            shown.append(example(scheme, problem, float(local.h[0])))
     if not slopes and unknown and not skipped:  # the law itself cannot decide
         return law.finding(Verdict.NOT_APPLICABLE, message=unknown)
     if not slopes:
@@ -185,12 +185,12 @@ def judge(
     )  # fmt: skip
 
 
-def _slope_of(scheme: Scheme, found: LocalErrors, errors: Array, bound: float) -> Slope:
+def _slope_of(scheme: Scheme, local: LocalErrors, errors: Array, bound: float) -> Slope:
     """Judge the slope of errors above rounding, and above the errors of the scheme's solver and of the flow."""
     tolerance = scheme.solver_tolerance
     return judge_slope(
-        found.h, errors, bound, (ROUNDING * EPS + 2 * tolerance) * found.scale + 2 * found.flow,
-        CLEAR * (FLOOR * EPS + tolerance) * found.scale,
+        local.h, errors, bound, (ROUNDING * EPS + 2 * tolerance) * local.scale + 2 * local.flow,
+        CLEAR * (FLOOR * EPS + tolerance) * local.scale,
     )  # fmt: skip
 
 
@@ -203,10 +203,10 @@ def _worst(slopes: list[tuple[Slope, float]]) -> tuple[Verdict, Slope, float]:
 
 
 def _measured(
-    found: LocalErrors, errors: Array, seen: Slope, bound: float, order: float | None
+    local: LocalErrors, errors: Array, seen: Slope, bound: float, order: float | None
 ) -> dict[str, Any]:
     return {
-        "problem": found.problem, "h": found.h.tolist(), "error": errors.tolist(), "slope": finite(seen.value),
+        "problem": local.problem, "h": local.h.tolist(), "error": errors.tolist(), "slope": finite(seen.value),
         "needed": bound, "verdict": seen.verdict.value, "order": order,
     }  # fmt: skip
 
@@ -216,12 +216,12 @@ def _errors_text(m: dict[str, Any]) -> str:
     return f"{m['problem']}: errors {errors} for h = {', '.join(f'{h:.2g}' for h in m['h'])}"
 
 
-def _failed(law: Law, found: LocalErrors) -> Finding:
-    sizes = ", ".join(f"{h:.2g}" for h, _ in found.failed)
+def _failed(law: Law, local: LocalErrors) -> Finding:
+    sizes = ", ".join(f"{h:.2g}" for h, _ in local.failed)
     reason = f"steps were not solved, not finite or out of the domain for h = {sizes}" if sizes else "no flow"
     return law.finding(
         Verdict.ERROR,
-        checks=found.steps,
-        message=f"{found.problem}: {reason}; only h smaller than all of these can be judged, and too few are left"
-        + "".join(f"\n{found.problem}, {step}" for _, step in found.failed[-1:]),
+        checks=local.steps,
+        message=f"{local.problem}: {reason}; only h smaller than all of these can be judged, and too few are left"
+        + "".join(f"\n{local.problem}, {step}" for _, step in local.failed[-1:]),
     )
