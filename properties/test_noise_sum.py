@@ -117,7 +117,7 @@ law = searched(
     cost=0.8,
     steps=171,
     cases=Cases(
-        where={"m": ("2", "3–4", "5–8")},
+        where={"m": ("2", "3–4", "5–20")},
         adapt=several_noises,
         why="the problems have one structure for each noise",
     ),

@@ -63,10 +63,10 @@ def contraction_ball(problem: Problem, y: Array) -> tuple[float, float]:
     sizes = [(1 + largest) * 2.0**-k for k in range(6)] + [largest * 2.0**-k for k in range(-1, 6) if largest]
     balls = np.array(sizes)
     reach = np.abs(y)[:, None] + balls
-    B, g, dB, H = majorants(problem, reach)
-    field = np.max(np.maximum(matvec(B, g), pushes(problem)[:, None]), axis=0)
-    slope = np.max(np.sum(matvec(dB, g) + matmul(B, H), axis=1), axis=0)
     with np.errstate(all="ignore"):
+        B, g, dB, H = majorants(problem, reach)
+        field = np.max(np.maximum(matvec(B, g), pushes(problem)[:, None]), axis=0)
+        slope = np.max(np.sum(matvec(dB, g) + matmul(B, H), axis=1), axis=0)
         # Where nothing moves every step is short enough; majorants that overflow leave no step at all.
         radii = np.minimum(
             np.where(field > 0, balls / field, np.inf), np.where(slope > 0, CONTRACTION / slope, np.inf)

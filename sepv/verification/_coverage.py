@@ -10,7 +10,7 @@ from rich.console import Console
 from sepv._terminal import Table, columns, fits, print_table
 from sepv.problem import Systems
 from sepv.verification import _corpus as corpus
-from sepv.verification._cases.strata import Space
+from sepv.verification._cases.strata import KIND, Space
 from sepv.verification._law import Law
 
 
@@ -25,9 +25,10 @@ def pairs(space: Space) -> tuple[int, int]:
 
 def cases_by_stratum(space: Space) -> dict[tuple[str, str], int]:
     """The number of cases of one design in each stratum, by the names of axis and stratum."""
-    return Counter(
+    found = Counter(
         (axis, stratum.name) for row in space.design().rows for axis, stratum in space.levels(row).items()
     )
+    return found + Counter((KIND, kind) for kind in space.further(0))
 
 
 def impossible(space: Space) -> dict[str, list[str]]:
@@ -58,6 +59,7 @@ def show(laws: Iterable[Law], systems: Systems, out: Console) -> None:
     out.print("witnesses: cases that caught a fault once (docs/vectors.md), asked before the design")
     shown = (axis for name in order for axis in spaces[name].axes)
     seen = dict.fromkeys((axis.name, stratum.name) for axis in shown for stratum in axis.strata)
+    seen |= dict.fromkeys((KIND, kind.name) for name in order for kind in spaces[name].kinds)
     axes = list(dict.fromkeys(axis for axis, _ in seen))
     keys = sorted(seen, key=lambda key: axes.index(key[0]))
 

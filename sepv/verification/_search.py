@@ -25,12 +25,14 @@ from sepv._journal import note_case
 from sepv._patches import without_local_constants
 from sepv._terminal import counted
 from sepv.errors import SchemeFault, SepvError, Skipped, StepFailure, UsageError
+from sepv.problem import PolynomialSystem
 from sepv.record._binary64 import EPS
 from sepv.schemes import Scheme
 from sepv.schemes._scheme import takes
 from sepv.verification import _corpus as corpus
 from sepv.verification._cases import case as cases_of
 from sepv.verification._cases.case import Case
+from sepv.verification._cases.ends import beyond, in_other_units
 from sepv.verification._cases.fixed_cases import may_be_refused
 from sepv.verification._cases.of_law import EVERYTHING, Cases, Question
 from sepv.verification._cases.shrink import shrunk
@@ -40,6 +42,9 @@ from sepv.verification._law import Effort, Finding, Law, Measurement, Run, Verdi
 Check = Callable[[Scheme, Case], Measurement]
 
 
+# Reasons to leave out a state of extreme size.
+FAR = "a step from a state larger or smaller than 2^±21"
+FAR_OFF = f"{FAR} was not asked of a solver with a tolerance, which may be absolute"
 # The factor on the number of random examples for a law without a design.
 UNDESIGNED = 12
 # A search ends after this many refused cases for each accepted one.
@@ -309,23 +314,26 @@ def _measure(log: _Log, scheme: Scheme, case: Case, check: Check, faults_violate
     try:
         if scheme.longest_step is not None and not takes(scheme, *case.build()):
             raise Skipped("a longer step than the scheme says it takes (longest_step)")
+        if scheme.solver_tolerance and beyond(case):
+            raise Skipped(FAR_OFF)
         measured = check(scheme, case)
     except Skipped as skipped:
         if case.given != "data":
             # A scheme that cannot run functions gets the same system as data, so that the design stays whole.
             log.checks -= 1
             return _measure(log, scheme, replace(case, given="data"), check, faults_violate)
-        log.skip(skipped.reason, may=may_be_refused(case))
+        log.skip(skipped.reason, may=skipped.reason == FAR_OFF or may_be_refused(case))
         raise
     except (SepvError, ArithmeticError) as error:
         if isinstance(error, StepFailure) and may_be_refused(case):
             reason = "a longer step than every scheme must take was refused"
             log.skip(reason, may=True)
             raise Skipped(reason) from error
-        if case.h < 0:
-            # A scheme that fails for h < 0 is reported as skipped, not as violating. Errors of one kind share a line
-            # with the first message.
-            kind = f"a step back in time, h < 0, ended in {type(error).__name__}"
+        if case.h <= 0 or (beyond(case) and isinstance(error, StepFailure)):
+            # A scheme that fails for h ≤ 0, which no path has, or refuses a state of extreme size is reported as
+            # skipped, not as violating. Errors of one kind share a line with the first message.
+            back = "a step back in time, h < 0," if case.h < 0 else "a step with h = 0"
+            kind = f"{back if case.h <= 0 else FAR} ended in {type(error).__name__}"
             said = str(error).partition("\n")[0]
             reason = next((r for r in log.skipped if r.startswith(kind)), f"{kind}, the first: {said}")
             log.skip(reason)
@@ -361,6 +369,21 @@ def _may_be_a_tolerance(
     )
 
 
+def _has_a_unit(scheme: Scheme, check: Check, case: Case) -> str:
+    """The reason why a step at an extreme |y| violates, if it does not in units in which |y| is near 1."""
+    if not beyond(case) or not isinstance(case.problem, PolynomialSystem):
+        return ""
+    near = in_other_units(case, -round(math.log2(max(map(abs, case.y)))))
+    found = _measured_again(scheme, check, near)
+    if found is None or found.violates:
+        return ""
+    return (
+        "\nin units in which |y| is near 1 the same step obeys the law: a number of the scheme has a unit, as a "
+        "threshold or an absolute tolerance has; if it is its solver's, state it, Scheme(…, solver_tolerance=…), and "
+        "no such state is asked"
+    )
+
+
 def _is_a_power(scheme: Scheme, check: Check, case: Case, defect: float) -> bool:
     """True if the defect is that of a method of some order: c Δ^p with p ≥ 2, at Δ, Δ/2 and Δ/4.
 
@@ -370,16 +393,24 @@ def _is_a_power(scheme: Scheme, check: Check, case: Case, defect: float) -> bool
     defects = [defect]
     for share in (0.5, 0.25):
         shorter = replace(case, h=share * case.h, dW=tuple(share * w for w in case.dW))
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            try:
-                defects.append(check(scheme, shorter).defect)
-            except (SepvError, ArithmeticError):
-                return False
+        found = _measured_again(scheme, check, shorter)
+        if found is None:
+            return False
+        defects.append(found.defect)
     if not 0 < min(defects) <= max(defects) < math.inf:
         return False
     slopes = [math.log2(long / short) for long, short in pairwise(defects)]
     return min(slopes) > 1.5 and abs(slopes[0] - slopes[1]) < 1
+
+
+def _measured_again(scheme: Scheme, check: Check, case: Case) -> Measurement | None:
+    """The measurement of another case, for advice; None where it cannot be made."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            return check(scheme, case)
+        except (SepvError, ArithmeticError):
+            return None
 
 
 def _conclude(law: Law, scheme: Scheme, log: _Log, check: Check) -> Finding:
@@ -390,7 +421,8 @@ def _conclude(law: Law, scheme: Scheme, log: _Log, check: Check) -> Finding:
         seen |= {"defect": measured.defect, "bound": measured.bound}
     if log.violation is not None:
         case, measured = log.violation
-        advice = _may_be_a_tolerance(law, scheme, check, case, measured, log.largest)
+        advice = _has_a_unit(scheme, check, case)
+        advice = advice or _may_be_a_tolerance(law, scheme, check, case, measured, log.largest)
         message = f"{case.describe()}\n{measured.detail}{advice}"
         if log.crash is None:
             return law.finding(Verdict.VIOLATED, message=message, **_witness(law, case), **seen)

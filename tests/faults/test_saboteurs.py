@@ -138,7 +138,9 @@ def test_examples_end_with_the_first_violation() -> None:
     (holding,) = fault_detection.detect("b-doubled", 0, ["energy"], examples=7)
     assert violated.examples < 20
     (energy,) = load_laws(["energy"])
-    designed = len(energy.cases.space(Systems.SINGLE).design().rows)  # type: ignore[union-attr]
+    space = energy.cases.space(Systems.SINGLE)  # type: ignore[union-attr]
+    assert space is not None
+    designed = len(space.design().rows) + len(space.kinds)
     assert holding.examples == designed + 7 + len((*fixed_cases(), *for_energy()))
 
 

@@ -67,7 +67,30 @@ SABOTEURS.rows(
      ("energy", "midpoint", "symmetry", "reference"), implicit(with_average(_shortcut))),
     ("off-at-huge-states", "y1 has a relative error of 1e-10 where |y| exceeds 1e40", ("reference",),
      answering(lambda y, y1: np.where(np.max(np.abs(y), axis=0) > 1e40, y1 * (1 + 1e-10), y1))),
+    ("squares-underflow", "|y|⁴ decides if a state moves, which is 0 for |y| < 1e-81", ("reference", "midpoint"),
+     answering(lambda y, y1: np.where(np.sum(y**4, axis=0) > 0, y1, y))),
+    ("still-near-rest", "a component does not move where it would by less than 1e-9 of |y|",
+     ("reference", "midpoint"),
+     answering(lambda y, y1: np.where(np.max(np.abs(y1 - y), axis=0) < 1e-9 * np.max(np.abs(y), axis=0), y, y1))),
 )  # fmt: skip
+
+
+@SABOTEURS.around("a step with |Δ| below 1e-12 is none", ("reference", "midpoint", "reduction"))
+def short_step_is_none(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    return np.where(np.abs(problem.random_step(h, dW)) < 1e-12, y, step(problem, y, h, dW))
+
+
+@SABOTEURS.around("a step with |Δ| above 50 is made of two", ("reference", "midpoint", "reduction"))
+def long_step_halved(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    halved = step(problem, step(problem, y, h / 2, dW / 2), h / 2, dW / 2)
+    return np.where(np.abs(problem.random_step(h, dW)) > 50, halved, step(problem, y, h, dW))
+
+
+@SABOTEURS.around("y1 − y0 is divided by Δ and multiplied again", ("contract",))
+def divided_by_the_step(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    delta = problem.random_step(h, dW)
+    with np.errstate(all="ignore"):
+        return y + (step(problem, y, h, dW) - y) / delta * delta
 
 
 @SABOTEURS.around("in one step of twenty a component is moved by one ulp to where H is larger", ("rounding",))

@@ -76,6 +76,21 @@ def _constant_b_only(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     return step[0] * matvec(fields.structure(predicted), fields.mean_gradient(y, z))
 
 
+def _first(y: Any, count: int) -> Any:
+    """1 for so many components and 0 for the others, (d, 1, ...)."""
+    return (np.arange(len(y)) < count).reshape(-1, *(1,) * (np.ndim(y) - 1))
+
+
+def _constant(fields: Fields, y: Any) -> Any:
+    return fields.problem.hamiltonian(np.zeros_like(y))
+
+
+def _block_by_block(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    B = fields.structure(middle(y, z))
+    before = np.logical_and.accumulate(np.any(B != 0, axis=1), axis=0)
+    return step[0] * matvec(B, fields.mean_gradient(y, z)) * before
+
+
 def _three_components_only(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     B, g = fields.structure(middle(y, z)), fields.mean_gradient(y, z)
     return step[0] * matvec(B[:, :3], g[:3])
@@ -102,6 +117,8 @@ SABOTEURS.rows(
      quadrature(of_degree(lambda _: 2))),
     ("one-node-short", "the quadrature has one node less than the degree of H needs", _NODES,
      quadrature(of_degree(lambda degree: -(-degree // 2) - 1))),
+    ("six-nodes", "no more than six quadrature nodes: right only up to degree 12", ("energy",),
+     quadrature(of_degree(lambda degree: min(6, -(-degree // 2))))),
     ("four-nodes", "four quadrature nodes for every H: right only up to degree 8", ("energy",),
      quadrature(lambda problem: 4 if problem.mean_gradient is None else None)),
     ("cubic-as-quadratic", "one quadrature node where H has degree three, and as many as it takes elsewhere",
@@ -120,6 +137,13 @@ SABOTEURS.rows(
      lambda fields, y, z, step: formula(fields, y, z, step) + 1e-9 * step[0] ** 2 * middle(y, z)),
     ("two-dimensions-only", "B is taken at y0 unless d = 2", _TURNED + _WRONG_LIMIT,
      lambda fields, *more: (formula if fields.problem.dimension == 2 else b_at_y0)(fields, *more)),
+    ("sixteen-components-only", "components beyond the sixteenth do not move",
+     ("midpoint", "reference", "reduction", "equivariance"),
+     lambda fields, y, z, step: formula(fields, y, z, step) * _first(y, 16)),
+    ("block-by-block", "rows of B after one of zeros count as zero", ("midpoint", "reference", "reduction"),
+     _block_by_block),
+    ("zero-of-energy", "the step depends on the constant in H by 1e-6 of it", ("midpoint", "reference", "reduction"),
+     lambda fields, y, z, step: formula(fields, y, z, step) * (1 + 1e-6 * np.tanh(_constant(fields, y)))),
     ("three-components-only", "the product B∇̄H stops at the third component",
      ("energy", "midpoint", "reference", "expansion", "equivariance"), _three_components_only),
     by=implicit,

@@ -101,6 +101,14 @@ SABOTEURS.rows(
      lambda c, h, w: 1.001 * h + np.sum(c * w, axis=0)),
     ("fifth-noise-dropped", "four noises are seen, and no more", _LOCAL,
      lambda c, h, w: h + np.sum((c * w)[:4], axis=0)),
+    ("ten-noises-only", "ten noises are seen, and no more", ("midpoint", "reference", "noise-sum", "random-step"),
+     lambda c, h, w: h + np.sum((c * w)[:10], axis=0)),
+    ("two-digits", "the c_j are rounded to two digits", ("midpoint", "reference", "noise-sum"),
+     lambda c, h, w: h + np.sum(np.round(c, 2) * w, axis=0)),
+    ("faint-noise-dropped", "noises below a thousandth of h are left out", ("reference", "noise-sum", "random-step"),
+     lambda c, h, w: h + np.sum(np.where(np.abs(c * w) < 1e-3 * abs(h), 0.0, c * w), axis=0)),
+    ("unmoved-without-drift", "a step with h = 0 returns y0, whatever the noise",
+     ("midpoint", "reference", "random-step"), lambda c, h, w: h + np.sum(c * w, axis=0) * (h != 0)),
     by=_with,
 )  # fmt: skip
 

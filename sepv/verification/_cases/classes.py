@@ -46,18 +46,27 @@ class SystemsClass:
     problems: tuple[str, ...] = ()
 
 
-def _space(make: strata.Make, *axes: Axis, **left: Strata) -> Space:
+_KINDS = (strata.UNEVEN, strata.STILL, strata.UNDONE, strata.NEAR, *strata.FAR)
+
+
+def _space(
+    make: strata.Make, *axes: Axis, kinds: tuple[strata.Stratum, ...] = _KINDS, **left: Strata
+) -> Space:
     """The space of these axes and those of every class, with only the strata in `left`; _ stands for spaces."""
     wanted = {name.replace("_", " "): names for name, names in left.items()}
     kept = [
         replace(a, strata=tuple(s for s in a.strata if s.name in wanted.get(a.name, (s.name,))))
         for a in (*_SIZES, *axes, strata.NOISES, *_STEPS)
     ]
-    whole = Space(tuple(strata.possible(kept, strata.RULES)), make)
+    whole = Space(tuple(strata.possible(kept, strata.RULES)), make, kinds=kinds)
     return replace(whole, pool=whole.part(blind=_RIGHT))
 
 
-_NOISY = ("1", "2", "3–4", "5–8")
+# Without a Δ no noise cancels h. With several Hamiltonians a step with h = 0 and ΔW ≠ 0 is that of no path: schemes for
+# them take areas or other increments whose size is that of h.
+_OF_PATHS = (strata.UNEVEN, strata.NEAR, *strata.FAR)
+_OF_STRUCTURES = (strata.STILL, *_OF_PATHS)
+_NOISY = ("1", "2", "3–4", "5–20")
 _MIDDLE = ("2", "3", "4–6", "7–9")
 _GENERAL = (strata.JACOBI, strata.CASIMIRS, strata.STRUCTURE)
 # Fewer terms, because several fields multiply them.
@@ -75,11 +84,11 @@ CLASSES: dict[Systems, SystemsClass] = {
         named=("rigid-body", "lotka-volterra"),
     ),
     Systems.SEVERAL: SystemsClass(
-        _space(maker(make.several), strata.STRUCTURES, strata.STRUCTURE, m=_NOISY, d=_MIDDLE),
+        _space(maker(make.several), strata.STRUCTURES, strata.STRUCTURE, kinds=_OF_STRUCTURES, m=_NOISY, d=_MIDDLE),
         more=(commuting_step,),
     ),
     Systems.HAMILTONIANS: SystemsClass(
-        _space(maker(make.hamiltonians, shows=False), *_GENERAL, m=_NOISY, d=_MIDDLE, **_FEWER)
+        _space(maker(make.hamiltonians, shows=False), *_GENERAL, kinds=_OF_PATHS, m=_NOISY, d=_MIDDLE, **_FEWER)
     ),
     Systems.CANONICAL_SEPARABLE: SystemsClass(
         _space(maker(families.canonical_separable, (2, 4, 6)), d=("2", "4–6"), **_SMALL),
@@ -98,16 +107,17 @@ CLASSES: dict[Systems, SystemsClass] = {
         problems=("rigid-body",),
     ),
     Systems.MATRIX_HAMILTONIANS: SystemsClass(
-        _space(maker(families.matrix_hamiltonians, (3, 6, 8), shows=False), strata.MATRICES, d=("3", "4–6", "7–9"),
-               m=_NOISY, **_SMALL),
+        _space(maker(families.matrix_hamiltonians, (3, 6, 8), shows=False), strata.MATRICES, kinds=_OF_PATHS,
+               d=("3", "4–6", "7–9"), m=_NOISY, **_SMALL),
         problems=("random-inertia", "two-spins", "commuting-twists", "twisted-top"),
     ),
     Systems.SEPARABLE_HAMILTONIANS: SystemsClass(
-        _space(maker(families.separable_hamiltonians, (2, 4), shows=False), d=("2", "4–6"), m=_NOISY, **_SMALL),
+        _space(maker(families.separable_hamiltonians, (2, 4), shows=False), kinds=_OF_PATHS, d=("2", "4–6"), m=_NOISY,
+               **_SMALL),
         problems=("noisy-henon-heiles",),
     ),
     Systems.ADDITIVE: SystemsClass(
-        _space(maker(families.additive, shows=False), *_GENERAL, m=_NOISY, d=_MIDDLE, **_SMALL),
+        _space(maker(families.additive, shows=False), *_GENERAL, kinds=_OF_PATHS, m=_NOISY, d=_MIDDLE, **_SMALL),
         problems=("noisy-henon-heiles", "pushed-rigid-body"),
     ),
 }  # fmt: skip

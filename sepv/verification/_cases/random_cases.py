@@ -20,8 +20,9 @@ from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
 from sepv.verification._cases import random_parts as some
 from sepv.verification._cases.case import Case
+from sepv.verification._cases.ends import in_other_units, is_usual
 from sepv.verification._cases.shows_faults import shows_faults
-from sepv.verification._cases.strata import Levels, Make, monomials
+from sepv.verification._cases.strata import FAR, KIND, NEAR, STILL, UNDONE, UNEVEN, Levels, Make, monomials
 from sepv.verification._contraction import contraction_ball, contraction_radius
 from sepv.verification._tolerance import gradient_majorant, structure_majorant
 
@@ -34,6 +35,12 @@ TRIES = 24
 # Δ as a share of the radius inside which y1(Δ) is analytic, from y = 0: it balances the terms omitted in the law
 # "expansion" against rounding.
 ORIGIN_SHARE = 2.0**-9
+# With more components H has a linear form of all: its other terms would leave most of them at rest.
+MANY = 12
+# Exponents of ½ of the components in which a state is near a rest point: what moves stands above rounding.
+NEARNESS = (8, 30)
+# The shares of increments in h, as a power of ten of either sign, where they are uneven.
+UNEVENNESS = 4.0
 
 
 class Parts:
@@ -49,8 +56,9 @@ class Parts:
 
     def __init__(self, levels: Levels, random: Random, dimensions: Sequence[int] = ()) -> None:
         self.levels, self.random = levels, random
-        state = levels["state"].name
-        self.at_rest, self.at_origin = state == "∇H = 0", state == "0"
+        state, kind = levels["state"].name, levels.get(KIND)
+        self.near = kind == NEAR
+        self.at_rest, self.at_origin = self.near or state == "∇H = 0", state == "0"
         if dimensions:
             low, high = levels["d"].low, levels["d"].high
             exact = float(random.choice([d for d in dimensions if low <= d <= high]))
@@ -62,13 +70,17 @@ class Parts:
             self.y, self.unit = (0.0,) * self.d, 1.0
 
     def hamiltonian(self) -> Polynomial:
-        """Draw H. At rest it has terms of degree ≥ 2 only, in components of y that it sets to zero."""
+        """Draw H. At rest it has terms of degree ≥ 2 only, in components of y that it sets to zero, or makes small."""
         d, n, random = self.d, self.degree, self.random
         if self.at_rest:
             self.zero, kept = some.rest_monomials(d, n, self.terms, random)
-            self.y = tuple(0.0 if i in self.zero else v for i, v in enumerate(self.y))
+            small = 2.0 ** -random.randint(*NEARNESS) if self.near else 0.0
+            self.y = tuple(small * v if i in self.zero else v for i, v in enumerate(self.y))
             return self._weighted(kept)
-        return self.with_slope(some.hamiltonian(d, n, self.terms, self.unit, random))
+        H = self.with_slope(some.hamiltonian(d, n, self.terms, self.unit, random))
+        if d > MANY:
+            H = poly.add(H, poly.linear([some.coefficient(random) / self.unit for _ in range(d)]))
+        return some.with_constant(H, self.y, random) if random.random() < some.SOMETIMES else H
 
     def further(self) -> Polynomial:
         """Draw the H_j of a noise: at most the degree and number of terms of H, and at rest where H is."""
@@ -116,6 +128,12 @@ def maker(system_of: SystemOf, dimensions: Sequence[int] = (), *, shows: bool = 
     """
 
     def make(levels: Levels, random: Random, attempt: int | None) -> Case | None:
+        kind = levels.get(KIND)
+        size = kind if kind in FAR and kind is not None else levels["|y|"]
+        if not is_usual(size.low):
+            usual = {axis: stratum for axis, stratum in levels.items() if stratum not in FAR}
+            near = make({**usual, "|y|": size._replace(low=0.5, high=2.0)}, random, attempt)
+            return None if near is None else _inside(in_other_units(near, round(math.log2(size.low))))
         parts = Parts(levels, random, dimensions)
         system = system_of(parts)
         if system is None:
@@ -125,8 +143,9 @@ def maker(system_of: SystemOf, dimensions: Sequence[int] = (), *, shows: bool = 
         if parts.at_rest:
             everywhere = len(parts.zero) == parts.d and attempt is not None and attempt < ATTEMPTS
             return None if everywhere else placed(system, parts.y, levels, random, moving=False)
+        usual = KIND not in levels
         case = placed(system, parts.y, levels, random, moving=attempt is not None)
-        hides = shows and attempt is not None and attempt < TRIES
+        hides = shows and usual and attempt is not None and attempt < TRIES
         return None if case is not None and hides and not shows_faults(case, levels) else case
 
     return make
@@ -189,7 +208,7 @@ def from_origin(system: PolynomialSystem, levels: Levels, random: Random) -> Cas
     radius = contraction_ball(problems.build(system), np.zeros(d))[0]
     if not 0 < radius < math.inf:
         return None
-    wanted = math.exp(random.uniform(math.log(levels["|Δ|"].low), math.log(levels["|Δ|"].high)))
+    wanted = some.number(levels["|Δ|"], random)
     power = math.floor(math.log2(radius * ORIGIN_SHARE / wanted))
     step = ORIGIN_SHARE * min(radius / 2.0**power, 1.0)
     dW = tuple(random.choice([0.0, 0.5, -0.25]) * step / (2 * m) for _ in system.noise)
@@ -207,16 +226,25 @@ def placed(
     radius = contraction_radius(problem, np.array(y))
     if not 0 < radius < math.inf or (moving and not _moves(problem, np.array(y))):
         return None
+    kind = levels.get(KIND)
+    if kind == UNDONE:
+        return _undone(system, y, levels, random, radius)
     c, sign = system.noise, levels["h"].low
-    total = math.exp(random.uniform(math.log(levels["|Δ|"].low), math.log(levels["|Δ|"].high)))
+    total = some.number(levels["|Δ|"], random)
     loud = [j for j, cj in enumerate(c) if cj]
     # Shares of |h| and of |c_jΔW_j|, with signs such that Δ is at least a quarter of their sum.
     shares = [random.uniform(0.125, 1) for _ in range(1 + len(loud))]
+    if kind == UNEVEN:
+        end = random.choice([1.0, 1.0, random.random()])
+        powers = [end, -end, *(random.uniform(-1, 1) for _ in loud)][: len(loud)]
+        shares[1:] = [10 ** (UNEVENNESS * power) for power in random.sample(powers, len(powers))]
+    if kind == STILL:
+        shares[0] = 0.0
     signs = [sign, *(random.choice([1.0, -1.0]) for _ in loud)]
     largest = sum(shares)
     if abs(sum(s * x for s, x in zip(signs, shares, strict=True))) < largest / 4:
-        signs = [sign, *([random.choice([1.0, -1.0])] * len(loud))]
-        shares[0] = min(shares[0], largest / 8) if loud else shares[0]
+        signs = [sign, *([sign if kind == UNEVEN else random.choice([1.0, -1.0])] * len(loud))]
+        shares[0] = min(shares[0], largest / 8) if loud and kind != UNEVEN else shares[0]
     unit = total / abs(sum(s * x for s, x in zip(signs, shares, strict=True)))
     length = unit * sum(shares)
     parts = [s * x * unit for s, x in zip(signs, shares, strict=True)]
@@ -224,7 +252,26 @@ def placed(
     for j, part in zip(loud, parts[1:], strict=True):
         dW[j] = part / c[j]
     power = math.floor(math.log2(radius * levels["step/radius"].high / length))
-    return Case(_scaled(system, power), y, parts[0], tuple(dW), given=levels["given as"].name)
+    return Case(_scaled(system, power), y, parts[0] + 0.0, tuple(dW), given=levels["given as"].name)
+
+
+def _inside(case: Case) -> Case:
+    """Shorten a step by halves to the contraction radius, for which other balls are tried in other units."""
+    problem, y, h, dW = case.build()
+    length = abs(h) + float(np.sum(np.abs(problem.c * dW)))
+    power = math.floor(math.log2(contraction_radius(problem, y) / length)) if length else 0
+    assert isinstance(case.problem, PolynomialSystem)
+    return case if power >= 0 else replace(case, problem=_scaled(case.problem, power))
+
+
+def _undone(
+    system: PolynomialSystem, y: tuple[float, ...], levels: Levels, random: Random, radius: float
+) -> Case:
+    """A step with Δ = 0 exactly, forward, as others may be refused: h = c_1 2^n, ΔW_1 = −2^n and nothing else."""
+    c, n = system.noise, math.floor(math.log2(some.number(levels["|Δ|"], random)))
+    dW = (-(2.0**n), *(0.0 if cj else 2.0**n for cj in c[1:]))
+    power = math.floor(math.log2(radius * levels["step/radius"].high / (c[0] * 2.0 ** (n + 1))))
+    return Case(_scaled(system, power), y, c[0] * 2.0**n, dW, given=levels["given as"].name)
 
 
 def _scaled(system: PolynomialSystem, power: int) -> PolynomialSystem:

@@ -26,13 +26,18 @@ from sepv.verification._cases.strata import Levels, Stratum, monomials
 FEW = 300
 # The most entries of B above the diagonal, for large d: its derivatives are d³ polynomials.
 MOST_ENTRIES = 8
-# The share of states, and of components of a state, that are special.
+# The share of states, of components of a state, of H and of B that are special.
 SOMETIMES = 1 / 8
 
 
 def integer(stratum: Stratum, random: Random) -> int:
     """A whole number of the stratum, ends included."""
     return random.randint(int(stratum.low), int(stratum.high))
+
+
+def number(stratum: Stratum, random: Random) -> float:
+    """A number of the stratum, evenly by its logarithm."""
+    return math.exp(random.uniform(math.log(stratum.low), math.log(stratum.high)))
 
 
 def less(stratum: Stratum, by: int) -> Stratum:
@@ -51,7 +56,7 @@ def sizes(levels: Levels, random: Random, least: int = 1) -> tuple[int, int, int
 
 def state(d: int, size: Stratum, random: Random) -> tuple[tuple[float, ...], float]:
     """A state, and the size to which coefficients are scaled: a power of two near |y|, or sometimes 1."""
-    scale = math.exp(random.uniform(math.log(size.low), math.log(size.high)))
+    scale = number(size, random)
     y = [random.choice([1.0, -1.0]) * scale * random.uniform(0.25, 1) for _ in range(d)]
     for k in range(d):
         if random.random() < SOMETIMES:
@@ -95,9 +100,20 @@ def hamiltonian(d: int, n: int, terms: int, unit: float, random: Random, *, leas
     return poly.polynomial(d, [(e, coefficient(random) * unit ** -sum(e)) for e in chosen])
 
 
+def with_constant(p: Polynomial, y: tuple[float, ...], random: Random) -> Polynomial:
+    """Add a constant of the size of the largest term of p at y: of any sign, or so that little is left of p(y)."""
+    values = [c * math.prod(v**k for v, k in zip(y, e, strict=True)) for e, c in p.terms]
+    left = random.choice([-sum(values), random.choice([2.0, -1.0, 0.25]) * max(map(abs, values))])
+    return poly.add(p, poly.constant(p.dimension, left))
+
+
 def rest_monomials(d: int, n: int, terms: int, random: Random) -> tuple[set[int], list[Exponents]]:
     """Components to be zero, all only if necessary, and monomials of degree ≥ 2 in them, the first of degree n."""
     for size in (*random.sample(range(1, d), d - 1), d):
+        # Without those of degree 0 or 1 in the components of the set.
+        left = d - size
+        if monomials(d, n) - monomials(left, n) - size * (1 + monomials(left, n - 1)) < terms:
+            continue
         zero = random.sample(range(d), size)
         found = monomials_at_rest(d, n, terms, zero, random)
         if len(found) == terms:
@@ -138,7 +154,7 @@ def scalar(d: int, degree: Stratum, unit: float, random: Random) -> Polynomial:
 def noise(m: Stratum, random: Random) -> tuple[float, ...]:
     """The c_j: c_1 is a power of two, as an exact reversal needs; the others are any, zero included."""
     count = integer(m, random)
-    more = [random.choice([1.0, 0.5, 0.25, 0.3, 1.7, 0.0]) for _ in range(count - 1)]
+    more = [random.choice([1.0, 0.5, 0.25, 0.3, 1.7, 0.0, random.uniform(0.25, 2)]) for _ in range(count - 1)]
     c = (random.choice([1.0, 0.5, 2.0]), *more)
     if count > 1 and {*c} <= {0.0, 1.0}:
         c = (*c[:-1], 0.3)  # the c_j must not all equal their squares
@@ -146,10 +162,11 @@ def noise(m: Stratum, random: Random) -> tuple[float, ...]:
 
 
 def skew(d: int, degree: Stratum, unit: float, random: Random) -> Structure:
-    """Any skew B of this degree; degree 0 is canonical in half of the cases."""
+    """Any skew B of this degree; degree 0 is canonical in half of the cases, and in some B is zero but for a block."""
     if degree.high == 0 and random.random() < 0.5:
         return planes(d)
-    pairs = list(combinations(range(d), 2))
+    moved = random.sample(range(d), random.randint(2, d)) if random.random() < SOMETIMES else range(d)
+    pairs = list(combinations(sorted(moved), 2))
     count = random.randint(min(d - 1, len(pairs)), min(len(pairs), max(d - 1, MOST_ENTRIES)))
     chosen = sorted(random.sample(pairs, count))
     n = integer(degree, random)

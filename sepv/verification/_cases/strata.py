@@ -9,13 +9,14 @@ same strata. A design may take its rows from another one, its pool, so that many
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from itertools import count, product
 from random import Random
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
+from zlib import crc32
 
 from hypothesis import assume
 from hypothesis import strategies as st
@@ -25,11 +26,15 @@ from sepv.verification._cases.covering import Design, Pair, Partial, Row, pairwi
 
 
 class Stratum(NamedTuple):
-    """A part of an axis: its name, and the range of a numerical axis."""
+    """A part of an axis: its name, and the range of a numerical axis.
+
+    With an `end` beyond the range, some cases lie between the range and this end (`ended`).
+    """
 
     name: str
     low: float = 0.0
     high: float = 0.0
+    end: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -59,24 +64,26 @@ class Rule:
     reason: str
 
 
-def _axis(name: str, *strata: tuple[str, float, float] | str, usual: int = 0) -> Axis:
+def _axis(name: str, *strata: tuple[Any, ...] | str, usual: int = 0) -> Axis:
     return Axis(name, tuple(Stratum(s) if isinstance(s, str) else Stratum(*s) for s in strata), usual)
 
 
 STATE = _axis("state", "anywhere", "∇H = 0", "0", usual=1)
 JACOBI = _axis("Jacobi", "any", "Poisson", usual=1)
 CASIMIRS = _axis("Casimirs", "none", "linear", "quadratic", "two")
-DIMENSION = _axis("d", ("2", 2, 2), ("3", 3, 3), ("4–6", 4, 6), ("7–9", 7, 9), ("10–12", 10, 12))
-DEGREE = _axis("degree of H", ("1–2", 1, 2), ("3–4", 3, 4), ("5–6", 5, 6), ("7–8", 7, 8), ("9–10", 9, 10))
+DIMENSION = _axis("d", ("2", 2, 2), ("3", 3, 3), ("4–6", 4, 6), ("7–9", 7, 9), ("10–40", 10, 12, 40))
+DEGREE = _axis("degree of H", ("1–2", 1, 2), ("3–4", 3, 4), ("5–6", 5, 6), ("7–8", 7, 8), ("9–20", 9, 10, 20))
 TERMS = _axis("terms of H", ("1–2", 1, 2), ("3–9", 3, 9), ("10–19", 10, 19), ("20–30", 20, 30))
 STRUCTURE = _axis("degree of B", ("0", 0, 0), ("1", 1, 1), ("2–3", 2, 3), ("4–6", 4, 6))
-NOISES = _axis("m", ("0", 0, 0), ("1", 1, 1), ("2", 2, 2), ("3–4", 3, 4), ("5–8", 5, 8))
+NOISES = _axis("m", ("0", 0, 0), ("1", 1, 1), ("2", 2, 2), ("3–4", 3, 4), ("5–20", 5, 8, 20))
 SIZE = _axis(
-    "|y|", ("1", 0.5, 2), ("1e3", 5e2, 2e3), ("1e6", 5e5, 2e6), ("1e-3", 5e-4, 2e-3), ("1e-6", 5e-7, 2e-6)
-)
+    "|y|", ("1", 0.5, 2), ("1e3", 5e2, 2e3), ("1e6–1e100", 5e5, 2e6, 1e100), ("1e-3", 5e-4, 2e-3),
+    ("1e-100–1e-6", 5e-7, 2e-6, 1e-100),
+)  # fmt: skip
 STEP = _axis(
-    "|Δ|", ("½–4", 0.5, 4), ("1e-2–½", 1e-2, 0.5), ("1e-5–1e-2", 1e-5, 1e-2), ("1e-9–1e-5", 1e-9, 1e-5)
-)
+    "|Δ|", ("½–1e12", 0.5, 4.0, 1e12), ("1e-2–½", 1e-2, 0.5), ("1e-5–1e-2", 1e-5, 1e-2),
+    ("1e-14–1e-5", 1e-9, 1e-5, 1e-14),
+)  # fmt: skip
 SIGN = _axis("h", ("> 0", 1, 1), ("< 0", -1, -1))
 # Steps as long as the contraction radius allows, and short ones, whose quadrature errors are below rounding.
 SHARE = _axis("step/radius", ("½–1", 0.5, 1), ("2⁻¹⁰", 2.0**-11, 2.0**-10))
@@ -91,6 +98,13 @@ ALGEBRA = _axis("algebra", "so(3)", "sl(2)", "e(2)", "heisenberg", "e(3)")
 MATRICES = _axis("matrices", "so(3)", "so(4)", "su(3)")
 STRUCTURES = _axis("structures", "any", "common Casimir", "all are B", usual=2)
 CASIMIR_DEGREE = _axis("degree of C", ("1", 1, 1), ("2", 2, 2), ("3–4", 3, 4), ("5–6", 5, 6))
+KIND = "kind of step"
+# Steps in which little moves, or that one part of Δ makes nearly alone. Most faults are hidden there: one case of each
+# follows the design.
+UNEVEN, STILL, UNDONE, NEAR = map(Stratum, ("noises 1e-4–1e4 of h", "h = 0", "Δ = 0", "near ∇H = 0"))
+FAR = Stratum("|y| = 1e-100", 1e-100, 1e-100), Stratum("|y| = 1e100", 1e100, 1e100)
+# The largest degree where |y| is 1e±100.
+LOW = 2
 FACTOR = _axis("degree of g", ("0", 0, 0), ("1–2", 1, 2), ("3–4", 3, 4))
 
 
@@ -126,6 +140,24 @@ RULES = (
 HIDING = ("step/radius", "2⁻¹⁰")
 
 
+# The shares of cases beyond the usual range of a stratum with an end: of numbers like d, which cost time, and of sizes.
+TAIL = {int: 1 / 4, float: 1 / 2}
+
+
+def ended(stratum: Stratum, random: Random) -> Stratum:
+    """The usual range, or now and then one number beyond it, evenly by its logarithm; half of the sizes are the end."""
+    kind = type(stratum.end)
+    if not stratum.end or random.random() >= TAIL[kind]:
+        return stratum._replace(end=0.0)
+    inner = stratum.low if stratum.end < stratum.low else stratum.high
+    share = random.random() if kind is int else random.choice([1.0, random.random()])
+    # A whole number n stands for [n, n + 1).
+    low, high = (math.log(v + (kind is int)) for v in (inner, stratum.end))
+    beyond = math.exp(low + share * (high - low))
+    beyond = math.floor(beyond) if kind is int else beyond
+    return Stratum(stratum.name, beyond, beyond)
+
+
 def monomials(d: int, degree: int) -> int:
     """The number of monomials of degree 1 to `degree` in d variables."""
     return math.comb(d + degree, degree) - 1
@@ -151,6 +183,7 @@ class Space:
     pool: Space | None = (
         None  # a space whose rows the design reuses where possible: their content is made already
     )
+    kinds: tuple[Stratum, ...] = ()  # of steps of which one case each follows the design
 
     def part(self, where: Mapping[str, Strata] = NOTHING, blind: Mapping[str, Strata] = NOTHING) -> Space:
         """The part with these strata, and with the usual ones of an axis that `where` does not name.
@@ -164,7 +197,9 @@ class Space:
             names = where.get(axis.name, usual)
             axes.append(Axis(axis.name, tuple(s for s in axis.strata if s.name in names), axis.usual))
         beside = {(axis, name) for axis, names in blind.items() for name in names}
-        return replace(self, axes=tuple(possible(axes, self.rules)), beside=self.beside | beside)
+        # A law that names states is about these, and no other kind of step tells it more.
+        kinds = () if STATE.name in where else self.kinds
+        return replace(self, axes=tuple(possible(axes, self.rules)), beside=self.beside | beside, kinds=kinds)
 
     def levels(self, row: Row) -> Levels:
         """The strata of a row, by axis."""
@@ -207,6 +242,21 @@ class Space:
             (row, _content(self.make, tuple(self.levels(row).items()), seed)) for row in self.design().rows
         ]
 
+    def further(self, seed: int) -> dict[str, Case]:
+        """A case of each kind of step, with the other strata of a row of the pool, or of the design."""
+        found = {}
+        for kind in self.kinds:
+            of_rows = (
+                [levels for row in rows if _fits(kind, levels := self.levels(row))]
+                for rows in (self.offered(), self.design().rows)
+            )
+            if rows := next(filter(None, of_rows), None):
+                # Equal for all laws that have this row, whatever its batch.
+                keys = [crc32(f"{seed} {kind} {_without_batch(row.items())}".encode()) for row in rows]
+                row = rows[keys.index(min(keys))]
+                found[kind.name] = _content(self.make, (*row.items(), (KIND, kind)), seed)
+        return found
+
     def strategy(self) -> st.SearchStrategy[Case]:
         """Cases of the space for Hypothesis. Examples shrink towards the first strata and few terms."""
         return _drawn(self)
@@ -236,6 +286,24 @@ class Space:
         return shown_pairs(row, self.hiding)
 
 
+def _fits(kind: Stratum, levels: Levels) -> bool:
+    """True if steps with these strata can be of this kind.
+
+    They are long ones away from rest, with a noise where it is about noises, and of low degrees for an extreme |y|,
+    whose powers are to be numbers.
+    """
+    usual = (
+        levels[STATE.name].name == STATE.strata[0].name and (SHARE.name, levels[SHARE.name].name) != HIDING
+    )
+    noisy = levels[NOISES.name].low >= {NEAR: 0, FAR[0]: 0, FAR[1]: 0, UNEVEN: 2}.get(kind, 1)
+    of_degree = [levels[a.name].high for a in (DEGREE, STRUCTURE, CASIMIR_DEGREE, FACTOR) if a.name in levels]
+    return usual and noisy and (kind not in FAR or max(of_degree) <= LOW)
+
+
+def _without_batch(levels: Iterable[tuple[str, Stratum]]) -> tuple[tuple[str, Stratum], ...]:
+    return tuple(own for own in levels if own[0] != BATCH.name)
+
+
 def _none(_levels: Levels, _random: Random, _attempt: int | None) -> Case:
     raise AssertionError("a design has rows only")
 
@@ -249,17 +317,19 @@ def _design(space: Space) -> Design:
 @cache
 def _content(make: Make, levels: tuple[tuple[str, Stratum], ...], seed: int) -> Case:
     """The case of these strata and this seed. Its content does not depend on its batch."""
-    alone = tuple((axis, s) for axis, s in levels if axis != BATCH.name)
+    alone = _without_batch(levels)
     if alone != levels:
         stratum, random = dict(levels)[BATCH.name], Random(f"{seed} {levels}")
         batch = random.randint(int(stratum.low), int(stratum.high))
         return replace(_content(make, alone, seed), batch=batch)
     random = Random(f"{seed} {[(axis, stratum.name) for axis, stratum in levels]}")
-    attempts = (make(dict(levels), random, attempt) for attempt in count())
+    # Sizes in a tail are drawn once: those that show fewer faults would be drawn less often.
+    wanted = {axis: ended(stratum, random) for axis, stratum in levels}
+    attempts = (make(dict(wanted), random, attempt) for attempt in count())
     return next(case for case in attempts if case is not None)
 
 
-_CHOICES = [st.integers(0, n) for n in range(16)]
+_CHOICES = [st.integers(0, n) for n in range(25)]
 _RANDOM = st.randoms(use_true_random=False)
 # Draws of a random search before another row is drawn.
 DRAWS = 4
@@ -273,6 +343,10 @@ def _drawn(draw: st.DrawFn, space: Space) -> Case:
         assume(open_)
         row[a] = open_[draw(_CHOICES[len(open_) - 1])] if len(open_) > 1 else open_[0]
     levels, random = space.levels(tuple(k for k in row if k is not None)), draw(_RANDOM)
+    levels = {axis: ended(stratum, random) for axis, stratum in levels.items()}
+    kinds = [kind for kind in space.kinds if _fits(kind, levels)]
+    if kinds and (kind := draw(_CHOICES[4 * len(kinds)])) > 3 * len(kinds):
+        levels[KIND] = kinds[kind - 3 * len(kinds) - 1]
     batch = levels.pop(BATCH.name, None)
     case = next(filter(None, (space.make(levels, random, None) for _ in range(DRAWS))), None)
     assume(case is not None)

@@ -49,7 +49,7 @@ class Item:
             return []
         part = self.space.part(where)
         whole = part if all(axis.strata for axis in part.axes) else self.space.part()
-        return [case for _, case in whole.cases(seed)]
+        return [*(case for _, case in whole.cases(seed)), *whole.further(seed).values()]
 
     def meets(self, adapted: Callable[[Case], Case | None], where: Mapping[str, Strata]) -> bool:
         """True if a law applies to one of thirty cases; a search would draw hundreds."""
