@@ -121,7 +121,15 @@ def outside(levels: Levels, case: Case) -> list[tuple[str, object, Case]]:
         "h": float(np.sign(h)),
         "step/radius": length / contraction_radius(problem, y),
     }
-    ends = {axis: (*s[1:3], s.end) if s.end else s[1:3] for axis, s in levels.items()}
+    # Units of time are powers of four, and |Δ| is a quarter of the parts' sum at least.
+    ends = {
+        axis: (
+            s.low,
+            s.high,
+            *((s.end / 8, 2 * s.end) if isinstance(s.end, float) else (s.end,)) * bool(s.end),
+        )
+        for axis, s in levels.items()
+    }
     if system.dimension > MANY:
         del measured["terms of H"]
     slack = {"|y|": 1e-12, "|Δ|": 1e-12, "step/radius": 1e-3}

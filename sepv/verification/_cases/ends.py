@@ -1,4 +1,4 @@
-"""States of extreme size: a case at the usual size in other units.
+"""States and steps of extreme size: a case at the usual size in other units of y and of time.
 
 The step is the same one, and a scheme without a number that has a unit gives the same digits.
 """
@@ -14,6 +14,7 @@ from sepv.problem._problem import Structure
 from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
 from sepv.verification._cases.case import Case
+from sepv.verification._cases.strata import FAR, SIZE, STEP, Levels, Stratum
 
 # The exponents of 2 that coefficients and powers of y may have: none overflows, and 2⁻¹⁰⁷⁴, the error of what
 # underflows, is 2⁻⁵³ of the smallest of them and less.
@@ -34,30 +35,68 @@ def beyond(case: Case) -> bool:
     return largest > 0 and not is_usual(largest)
 
 
-def in_other_units(case: Case, power: int) -> Case:
-    """The step from 2ⁿy with H(2⁻ⁿy), 2²ⁿB(2⁻ⁿy) and 2ⁿg_j, to 2ⁿy1; n is `power`, or as near to it as numbers go."""
+def usual(levels: Levels) -> Levels:
+    """The strata with the usual ranges of |y| and |Δ|, in which a case is drawn before `at_the_end`."""
+    ranges = {a.name: {s.name: s._replace(end=0.0) for s in a.strata} for a in (SIZE, STEP)}
+    found = {a: ranges[a].get(s.name, s) if a in ranges else s for a, s in levels.items() if s not in FAR}
+    far = next((s for s in levels.values() if s in FAR), None)
+    return {**found, SIZE.name: SIZE.strata[0]} if far else found
+
+
+def at_the_end(case: Case, levels: Levels) -> Case:
+    """The case in units in which |y| and |Δ| are as far beyond their usual ranges as the strata say."""
+    size = next((s for s in levels.values() if s in FAR), levels[SIZE.name])
+    length = levels[STEP.name]
+    ordinary = usual(levels)
+    power = _power(size, ordinary[SIZE.name], max(map(abs, case.y)))
+    total = abs(case.h) + sum(abs(c * w) for c, w in zip(_noise(case), case.dW, strict=True))
+    return in_other_units(case, power, round(_power(length, ordinary[STEP.name], total) / 2))
+
+
+def _power(wanted: Stratum, ordinary: Stratum, value: float) -> int:
+    """The exponent of 2 between a value and the number wanted, 0 where that is of the usual range."""
+    return (
+        0
+        if ordinary.low <= wanted.low <= ordinary.high or not value
+        else round(math.log2(wanted.low / value))
+    )
+
+
+def _noise(case: Case) -> tuple[float, ...]:
+    assert isinstance(case.problem, PolynomialSystem)
+    return case.problem.noise
+
+
+def in_other_units(case: Case, power: int, time: int = 0) -> Case:
+    """The step in other units of y, by 2ⁿ, and of time, by 4ᵏ, which leads to 2ⁿy1.
+
+    H is 4⁻ᵏH(2⁻ⁿy), B is 2²ⁿB(2⁻ⁿy), g_j is 2ⁿ4⁻ᵏg_j, h is 4ᵏh, and c_j and ΔW_j are 2ᵏ times what they were. n is
+    `power`, or as near to it as numbers go.
+    """
     system = case.problem
     assert isinstance(system, PolynomialSystem)
     # The brackets {H, H_j} are sums of products of three coefficients.
-    most = EXPONENTS / 3 if system.noise_hamiltonians else EXPONENTS
+    most = (EXPONENTS / 3 if system.noise_hamiltonians else EXPONENTS) - 2 * abs(time)
     while power and any(abs(e) > most for e in _exponents(case, system, power)):
         power = int(power / 1.25)
-    H = system.hamiltonian
     changed = replace(
         system,
-        hamiltonian=_scaled(H, 0, power),
+        hamiltonian=_scaled(system.hamiltonian, 0, power, time),
         structure=_of(system.structure, power),
+        noise=tuple(math.ldexp(c, time) for c in system.noise),
         nambu=system.nambu and (_scaled(system.nambu[0], 3, power), _scaled(system.nambu[1], 0, power)),
         noise_structures=tuple(_of(G, power) for G in system.noise_structures),
-        noise_hamiltonians=tuple(_scaled(p, 0, power) for p in system.noise_hamiltonians),
-        noise_vectors=tuple(tuple(math.ldexp(v, power) for v in g) for g in system.noise_vectors),
+        noise_hamiltonians=tuple(_scaled(p, 0, power, time) for p in system.noise_hamiltonians),
+        noise_vectors=tuple(tuple(math.ldexp(v, power - 2 * time) for v in g) for g in system.noise_vectors),
     )
-    return replace(case, problem=changed, y=tuple(math.ldexp(v, power) for v in case.y))
+    y, dW = (tuple(math.ldexp(v, e) for v in vector) for vector, e in ((case.y, power), (case.dW, time)))
+    return replace(case, problem=changed, y=y, h=math.ldexp(case.h, 2 * time), dW=dW)
 
 
-def _scaled(p: Polynomial, weight: int, power: int) -> Polynomial:
-    """2^(n weight) p(2⁻ⁿy), n = `power`."""
-    return poly.polynomial(p.dimension, [(e, math.ldexp(c, power * (weight - sum(e)))) for e, c in p.terms])
+def _scaled(p: Polynomial, weight: int, power: int, time: int = 0) -> Polynomial:
+    """4⁻ᵏ2^(n weight) p(2⁻ⁿy), n = `power` and k = `time`."""
+    terms = [(e, math.ldexp(c, power * (weight - sum(e)) - 2 * time)) for e, c in p.terms]
+    return poly.polynomial(p.dimension, terms)
 
 
 def _of(B: Structure, power: int) -> Structure:

@@ -20,9 +20,9 @@ from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
 from sepv.verification._cases import random_parts as some
 from sepv.verification._cases.case import Case
-from sepv.verification._cases.ends import in_other_units, is_usual
+from sepv.verification._cases.ends import at_the_end, usual
 from sepv.verification._cases.shows_faults import shows_faults
-from sepv.verification._cases.strata import FAR, KIND, NEAR, STILL, UNDONE, UNEVEN, Levels, Make, monomials
+from sepv.verification._cases.strata import KIND, NEAR, STILL, UNDONE, UNEVEN, Levels, Make, monomials
 from sepv.verification._contraction import contraction_ball, contraction_radius
 from sepv.verification._tolerance import gradient_majorant, structure_majorant
 
@@ -127,13 +127,7 @@ def maker(system_of: SystemOf, dimensions: Sequence[int] = (), *, shows: bool = 
     until every fault would show (`sepv.verification._cases.shows_faults`).
     """
 
-    def make(levels: Levels, random: Random, attempt: int | None) -> Case | None:
-        kind = levels.get(KIND)
-        size = kind if kind in FAR and kind is not None else levels["|y|"]
-        if not is_usual(size.low):
-            usual = {axis: stratum for axis, stratum in levels.items() if stratum not in FAR}
-            near = make({**usual, "|y|": size._replace(low=0.5, high=2.0)}, random, attempt)
-            return None if near is None else _inside(in_other_units(near, round(math.log2(size.low))))
+    def drawn(levels: Levels, random: Random, attempt: int | None) -> Case | None:
         parts = Parts(levels, random, dimensions)
         system = system_of(parts)
         if system is None:
@@ -143,10 +137,17 @@ def maker(system_of: SystemOf, dimensions: Sequence[int] = (), *, shows: bool = 
         if parts.at_rest:
             everywhere = len(parts.zero) == parts.d and attempt is not None and attempt < ATTEMPTS
             return None if everywhere else placed(system, parts.y, levels, random, moving=False)
-        usual = KIND not in levels
         case = placed(system, parts.y, levels, random, moving=attempt is not None)
-        hides = shows and usual and attempt is not None and attempt < TRIES
+        hides = shows and KIND not in levels and attempt is not None and attempt < TRIES
         return None if case is not None and hides and not shows_faults(case, levels) else case
+
+    def make(levels: Levels, random: Random, attempt: int | None) -> Case | None:
+        case = drawn(usual(levels), random, attempt)
+        # From the origin the law's bound is made for c_1 = 1, and |y| = 0 has no unit.
+        if case is None or not any(case.y):
+            return case
+        end = at_the_end(case, levels)
+        return case if end == case else _inside(end)
 
     return make
 
