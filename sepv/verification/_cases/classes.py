@@ -46,26 +46,22 @@ class SystemsClass:
     problems: tuple[str, ...] = ()
 
 
-_KINDS = (strata.UNEVEN, strata.STILL, strata.UNDONE, strata.NEAR, *strata.FAR)
-
-
-def _space(
-    make: strata.Make, *axes: Axis, kinds: tuple[strata.Stratum, ...] = _KINDS, **left: Strata
-) -> Space:
-    """The space of these axes and those of every class, with only the strata in `left`; _ stands for spaces."""
+def _space(make: strata.Make, *axes: Axis, **left: Strata) -> Space:
+    """The space of these axes and those of every class, with only the strata and kinds `left`; _ stands for spaces."""
     wanted = {name.replace("_", " "): names for name, names in left.items()}
     kept = [
         replace(a, strata=tuple(s for s in a.strata if s.name in wanted.get(a.name, (s.name,))))
         for a in (*_SIZES, *axes, strata.NOISES, *_STEPS)
     ]
+    kinds = tuple(kind for kind in strata.KINDS if kind.name in wanted.get("kinds", (kind.name,)))
     whole = Space(tuple(strata.possible(kept, strata.RULES)), make, kinds=kinds)
     return replace(whole, pool=whole.part(blind=_RIGHT))
 
 
 # Without a Δ no noise cancels h. With several Hamiltonians a step with h = 0 and ΔW ≠ 0 is that of no path: schemes for
 # them take areas or other increments whose size is that of h.
-_OF_PATHS = (strata.UNEVEN, strata.NEAR, *strata.FAR)
-_OF_STRUCTURES = (strata.STILL, *_OF_PATHS)
+_OF_PATHS = tuple(kind.name for kind in (strata.UNEVEN, strata.NEAR, *strata.FAR))
+_OF_STRUCTURES = (strata.STILL.name, *_OF_PATHS)
 _NOISY = ("1", "2", "3–4", "5–20")
 _MIDDLE = ("2", "3", "4–6", "7–9")
 _GENERAL = (strata.JACOBI, strata.CASIMIRS, strata.STRUCTURE)

@@ -152,7 +152,9 @@ class Cases:
         drawn += [_present(st.randoms(use_true_random=False).map(f)) for f in own.more]
         listed = (*own.fixed(), *(self.fixed[systems]() if systems in self.fixed else ()))
         return Question(
-            lambda seed: self.all_adapted([*(c for _, c in space.cases(seed)), *space.further(seed).values()]),
+            lambda seed: self.all_adapted(
+                [*(c for _, c in space.cases(seed)), *space.further(seed).values()]
+            ),
             self._adapting(st.one_of(drawn)),
             self.admits,
             tuple(self.all_adapted(listed)),

@@ -103,6 +103,7 @@ KIND = "kind of step"
 # follows the design.
 UNEVEN, STILL, UNDONE, NEAR = map(Stratum, ("noises 1e-4–1e4 of h", "h = 0", "Δ = 0", "near ∇H = 0"))
 FAR = Stratum("|y| = 1e-100", 1e-100, 1e-100), Stratum("|y| = 1e100", 1e100, 1e100)
+KINDS = (UNEVEN, STILL, UNDONE, NEAR, *FAR)
 # The largest degree where |y| is 1e±100.
 LOW = 2
 FACTOR = _axis("degree of g", ("0", 0, 0), ("1–2", 1, 2), ("3–4", 3, 4))
