@@ -77,7 +77,7 @@ def _constant_b_only(fields: Fields, y: Any, z: Any, step: Any) -> Any:
 
 
 def _first(y: Any, count: int) -> Any:
-    """1 for so many components and 0 for the others, (d, 1, ...)."""
+    """Factors (d, 1, ...), 1 for each of the first `count` components and 0 for each further one."""
     return (np.arange(len(y)) < count).reshape(-1, *(1,) * (np.ndim(y) - 1))
 
 
