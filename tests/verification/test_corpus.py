@@ -95,15 +95,6 @@ def test_where_a_user_names_problems_only_these_are_asked() -> None:
     assert report.finding("energy").witness["problem"]["name"] == "pendulum"
 
 
-def test_the_coverage_table_counts_witnesses(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as ended:
-        main(["verify", "energy-preserving", "--coverage", "--law", "energy"])
-    assert ended.value.code == 0
-    out = capsys.readouterr().out
-    assert "witnesses" in out
-    assert f" {len(corpus.cases('energy', Systems.SINGLE))} " in out
-
-
 def test_no_corpus_is_an_option_of_verify(capsys: pytest.CaptureFixture[str]) -> None:
     counts = []
     for more in ([], ["--no-corpus"]):

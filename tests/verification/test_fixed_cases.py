@@ -8,15 +8,14 @@ from sepv.properties.test_energy import check, law
 
 from sepv import Scheme, Verdict, problems, schemes
 from sepv.faults._saboteurs import SABOTEURS
-from sepv.problem import PolynomialSystem, Systems
-from sepv.verification import Case, load_laws
+from sepv.problem import PolynomialSystem
+from sepv.verification import Case
 from sepv.verification._cases.case import to_json
 from sepv.verification._cases.fixed_cases import (
     fixed_cases,
     for_energy,
     long_steps,
 )
-from sepv.verification._cases.of_law import Question
 from sepv.verification._contraction import contraction_radius
 
 
@@ -57,20 +56,3 @@ def test_polynomial_corners_lie_inside_the_contraction_radius() -> None:
     for case in inside:
         problem, y, h, dW = case.build()
         assert h + float(np.sum(np.abs(problem.c * dW))) <= contraction_radius(problem, y)
-
-
-def test_each_law_finds_what_it_speaks_of() -> None:
-    degrees = {problems.build(c.problem).degree for c in fixed_cases()}
-    assert {2, 5, 6, None} <= degrees
-    assert {float(np.sign(c.h + np.dot(problems.build(c.problem).c, c.dW))) for c in fixed_cases()} == {
-        1.0,
-        -1.0,
-    }
-    named = {}
-    for other in load_laws(["casimir", "midpoint", "symplecticity"]):
-        asked = other.cases.of_class(Systems.SINGLE)  # type: ignore[union-attr]
-        assert isinstance(asked, Question)
-        named[other.name] = {getattr(c.problem, "name", "") for c in asked.fixed}
-    assert named["casimir"] == {"", "rigid-body"}
-    assert named["midpoint"] == {"harmonic-oscillator", "rigid-body"}
-    assert named["symplecticity"] == {"", "harmonic-oscillator", "pendulum"}

@@ -9,26 +9,15 @@ import pytest
 from drawn import drawn_systems
 from hypothesis import given
 from hypothesis import strategies as st
-from sepv.properties.test_poisson_map import law
 
 import sepv
 from sepv import problems
 from sepv.problem import Array, PolynomialSystem, Problem, Systems, jacobi_defect
 from sepv.problem import _poisson as poisson
 from sepv.record import _polynomial as poly
-from sepv.schemes import Scheme, by_name, midpoint
-from sepv.verification import Case, Effort, Verdict
-from sepv.verification._cases.of_law import Question
+from sepv.schemes import Scheme, midpoint
+from sepv.verification import Effort, Verdict
 from sepv.verification._contraction import contraction_ball
-from sepv.verification._poisson_map import check
-
-
-def _poisson_steps() -> st.SearchStrategy[Case]:
-    """The cases of the law."""
-    asked = law.cases.of_class(Systems.SINGLE)  # type: ignore[union-attr]
-    assert isinstance(asked, Question)
-    return asked.strategy
-
 
 QUICK = Effort(examples=10, shrink_checks=0)
 
@@ -151,13 +140,6 @@ def test_problems_without_the_identity_are_not_asked_about() -> None:
     )
     assert "B of the problems is not constant" in report.finding("symplecticity").message
     assert "no domain" in report.finding("positivity").message
-
-
-@given(_poisson_steps())
-def test_every_case_can_be_measured(case: Case) -> None:
-    measured = check(by_name("midpoint"), case)
-    assert measured.bound > 0
-    assert np.isfinite(measured.defect)
 
 
 def _composition(weights: list[float]) -> sepv.schemes._scheme.Step:

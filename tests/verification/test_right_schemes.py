@@ -7,9 +7,8 @@ from collections.abc import Iterable
 import numpy as np
 import pytest
 
-from benchmarks.right_schemes import RIGHT, other_formulas, solved_otherwise
+from benchmarks.right_schemes import RIGHT
 from sepv import StepFailure, problems, schemes, verify
-from sepv.problem import Systems
 from sepv.schemes import Scheme, ask
 from sepv.schemes._guard import Refusal
 from sepv.simulate._batch import run_chunk
@@ -66,22 +65,6 @@ def accused(name: str, laws: Iterable[str], examples: int) -> list[tuple[str, Ve
     return [(f.law, f.verdict, f.message) for f in report.findings if f.verdict is not Verdict.HOLDS]
 
 
-def test_the_flow_is_the_exact_flow() -> None:
-    problem = problems.rigid_body()
-    y0 = np.asarray(problem.initial)[:, None]
-    theta = np.array([0.7, -0.3, 1e-9, 0.0])
-    exact = np.stack([other_formulas.flow(problem, y0, theta[k : k + 1])[:, 0] for k in range(4)], axis=1)
-    from sepv import exact_flow
-
-    assert np.max(np.abs(exact - exact_flow(problem, theta).y)) < 1e-15
-
-
-def test_chebyshev_points_are_exact_to_their_degree() -> None:
-    points, weights = solved_otherwise._chebyshev(32)
-    for degree in range(33):
-        assert abs(np.sum(weights * points**degree) - 1 / (degree + 1)) < 1e-15
-
-
 @pytest.mark.parametrize(
     "error", [ArithmeticError, ZeroDivisionError, FloatingPointError, np.linalg.LinAlgError]
 )
@@ -97,17 +80,6 @@ def test_an_arithmetic_error_is_a_refusal_and_says_so(error: type[Exception]) ->
     assert caught.value.delta == pytest.approx(0.2)
     ends = run_chunk(scheme, problem, np.asarray(problem.initial), 0.1, np.zeros((2, 1, 3)), None)
     assert np.all(ends.status != 0)
-
-
-def test_several_structures_may_be_refused_too() -> None:
-    def step(problem, y, h, dW):  # type: ignore[no-untyped-def]
-        raise ZeroDivisionError("no solution found")
-
-    problem = problems.commuting_rotations()
-    scheme = Scheme("refuses", step, systems=Systems.SEVERAL)
-    with pytest.raises(Refusal, match=r"h = 0\.125") as caught:
-        ask(scheme, problem, np.asarray(problem.initial), 0.125, np.zeros(problem.noises))
-    assert caught.value.delta == 0.125
 
 
 def test_a_refusal_where_a_solution_exists_is_an_error_of_the_law() -> None:

@@ -24,8 +24,8 @@ from sepv.verification._orders.convergence import (
     quantile_slope,
     strong_errors,
 )
-from sepv.verification._orders.means import critical, decay, leading, limit_errors, moment_errors
-from sepv.verification._sequential import EARLY, FIRST_LOOK, budget, looks, sampled, setups_for
+from sepv.verification._orders.means import decay, leading, limit_errors, moment_errors
+from sepv.verification._sequential import FIRST_LOOK, sampled, setups_for
 from sepv.verification._sequential import _wanted as wanted
 
 SAMPLED = ("mean-square-order", "weak-order", "right-limit")
@@ -71,7 +71,7 @@ def test_a_scheme_of_weak_order_one_that_claims_two_is_violated(name: str) -> No
     assert finding.verdict is Verdict.VIOLATED
 
 
-@pytest.mark.parametrize("factor", [0.99, 1.01, 1.02, 1.05])
+@pytest.mark.parametrize("factor", [0.99, 1.02])
 @pytest.mark.parametrize("name", ["energy-preserving", "milstein"])
 def test_a_noise_wrong_by_one_per_cent_is_another_limit(name: str, factor: float) -> None:
     finding = found(noisier(schemes.by_name(name), factor), "right-limit")
@@ -189,14 +189,8 @@ def test_a_scheme_for_one_state_is_asked_for_few_steps() -> None:
     alone = replace(schemes.euler_heun, batched=False, solve=None, step=step)
     report = verify(alone, laws=["truncation", "local-mean", *SAMPLED])
     assert {f.verdict for f in report.findings} == {Verdict.HOLDS}
-    walked = len(("rigid-body", "pendulum")) * 32 * 96  # "rounding": 128 and 64 steps of 32 paths
-    assert asked + walked <= 25_000
-    assert looks(budget(alone, Effort()), early=True) == [EARLY, FIRST_LOOK, 2 * FIRST_LOOK]
-    assert len(setups_for(alone, Effort())) == 1
+    assert asked <= 19_000
     assert setups_for(alone, Effort(paths=16384)) == setups_for(schemes.euler_heun, Effort())
-    assert budget(schemes.energy_preserving, Effort()) == Effort().paths
-    assert looks(8192) == [512, 2048, 8192]
-    assert looks(100) == [100]
 
 
 def test_few_paths_may_hold_and_accuse_nobody() -> None:
@@ -215,15 +209,9 @@ def test_what_is_open_says_what_it_would_take() -> None:
     assert "steps, would settle it (--paths" in finding.message
     # A scheme for one state is told what would be quicker: from the same errors, which it would take seconds to draw.
     (setup,) = [s for s in setups_for(scheme) if s.problem == "pendulum"]
-    errors = sampled(scheme, setup, 512, Run())
-    alone = replace(scheme, batched=False)
-    words = wanted(alone, setup, weak.assessing(scheme.weak_order, False), errors, 1e-5)
-    assert "steps, would settle it (--paths" in words
+    errors, assess = sampled(scheme, setup, 512, Run()), weak.assessing(scheme.weak_order, False)
+    words = wanted(replace(scheme, batched=False), setup, assess, errors, 1e-5)
     assert words.endswith("; a step that takes batches, (d, M), gets so many by itself)")
-
-
-def test_students_quantile_is_two_sided() -> None:
-    assert abs(critical(0.05, 10**6) - 1.959964) < 1e-4
 
 
 def _one_sided(loud: float, claimed: float | None = 0.5) -> Scheme:
@@ -242,19 +230,13 @@ def test_a_mean_error_of_order_one_half_is_no_wrong_limit_and_hides_none() -> No
     right = verify(_one_sided(1.0), laws=["right-limit", "mean-square-order"], effort=effort)
     assert right.finding("mean-square-order").verdict is Verdict.HOLDS
     assert right.finding("right-limit").verdict in (Verdict.HOLDS, Verdict.INCONCLUSIVE), right
-    wrong = verify(_one_sided(1.05), laws=["right-limit"], effort=effort)
-    assert wrong.finding("right-limit").verdict is Verdict.VIOLATED
+    assert found(_one_sided(1.05), "right-limit").verdict is Verdict.VIOLATED
 
 
 def test_where_no_order_is_claimed_a_limit_is_wrong_only_if_each_order_says_so() -> None:
-    effort = Effort(paths=2048)
-    right = verify(_one_sided(1.0, None), laws=["right-limit"], effort=effort)
-    assert right.finding("right-limit").verdict is not Verdict.VIOLATED, right
+    assert found(_one_sided(1.0, None), "right-limit").verdict is not Verdict.VIOLATED
     for wrong in (_one_sided(1.05, None), Scheme("Itô", _unmended, batched=True)):
-        assert (
-            verify(wrong, laws=["right-limit"], effort=effort).finding("right-limit").verdict
-            is Verdict.VIOLATED
-        )
+        assert found(wrong, "right-limit").verdict is Verdict.VIOLATED
 
 
 def _unmended(problem: Problem, y: Array, h: float, dW: Array) -> Array:

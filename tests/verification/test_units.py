@@ -50,8 +50,8 @@ def test_verdicts_are_the_same_in_every_unit(name: str) -> None:
             assert a.defect == pytest.approx(b.defect, rel=near), b
 
 
-@pytest.mark.parametrize("rate", [1e-4, 20.0, 80.0, 1e3, 1e5])
-@pytest.mark.parametrize("name", ["energy-preserving", "midpoint", "euler-heun", "milstein"])
+@pytest.mark.parametrize("rate", [1e-4, 80.0, 1e5])
+@pytest.mark.parametrize("name", ["energy-preserving", "euler-heun"])
 def test_a_fast_oscillator_with_unit_noise_accuses_nobody(name: str, rate: float) -> None:
     """H = ½ω|y|²: steps that are not the problem's own called (2.1) violated from ω = 80 on."""
     oscillator = scaled(problems.harmonic_oscillator(), Scale(rate))
@@ -81,7 +81,7 @@ def _clipping(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return schemes.energy_preserving.step(problem, y, h, truncate(dW, h, 1, unit=_TIME))
 
 
-@pytest.mark.parametrize("rate", [1e-6, 1e-5, 1.0, 1e5])
+@pytest.mark.parametrize("rate", [1e-6, 1.0, 1e5])
 def test_a_clip_in_seconds_is_not_accused_on_slow_problems(rate: float) -> None:
     """√(4|ln h|) with h in seconds: 30 of them are a small step of a problem that takes 10⁶."""
 

@@ -17,7 +17,7 @@ from reader import Reader
 
 import sepv
 from sepv import problems
-from sepv.problem import Systems, vector_field
+from sepv.problem import Systems
 from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
 from sepv.verification import Effort, Verdict, load_laws
@@ -44,12 +44,6 @@ def verlet(problem: Any, y: Any, h: float, dW: Any) -> Any:
     p = y[:n] - 0.5 * delta * problem.gradient(y)[n:]
     q = y[n:] + delta * problem.gradient(np.concatenate([p, y[n:]]))[:n]
     return np.concatenate([p - 0.5 * delta * problem.gradient(np.concatenate([p, q]))[n:], q])
-
-
-def heun(problem: Any, y: Any, h: float, dW: Any) -> Any:
-    delta = problem.random_step(h, dW)
-    f = vector_field(problem, y)
-    return y + 0.5 * delta * (f + vector_field(problem, y + delta * f))
 
 
 def sphere_only(problem: Any, y: Any, h: float, dW: Any) -> Any:
@@ -171,9 +165,6 @@ def test_a_violation_on_a_users_problem_is_replayed_from_its_token(monkeypatch: 
         replay("midpoint", "energy", witness)
     again = replay("midpoint", "energy", witness, "tests.verification.test_users_problems:own_pendulum")
     assert (again.verdict, again.defect) == (finding.verdict, finding.defect)
-    handed = sepv.verify("midpoint", laws="energy", problems=own_pendulum(), effort=FEW).findings[0]
-    with pytest.raises(sepv.UsageError, match="handed over as an object"):
-        case.from_token(handed.replay.split()[-1])
 
 
 def test_a_file_and_a_name_on_the_command_line(reader: Reader) -> None:
@@ -253,11 +244,6 @@ def test_every_law_draws_steps_of_every_family(
     for asked in cases_of_families:
         assert isinstance(asked, Question), asked
         assert drawn.draw(asked.strategy).build()[0].dimension >= 2
-
-
-def test_items_are_read_once() -> None:
-    own = items("pendulum")
-    assert items(own) == own
 
 
 def test_a_law_that_speaks_of_no_member_of_a_family_is_not_applicable() -> None:

@@ -80,22 +80,6 @@ def test_a_law_by_quadrature_names_a_state_and_a_step(law: str) -> None:
         assert np.linalg.norm(expected - came) > 0.1 * np.linalg.norm(came)
 
 
-@pytest.mark.parametrize("law", ["mean-square-order", "local-mean"])
-def test_an_effort_that_is_used_again_keeps_the_errors_of_each_scheme_apart(law: str) -> None:
-    """They are found by the identity of the step, which Python gives to the next function when one is gone."""
-    effort, found = Effort(), []
-    for wrong in (False, True, False, True):
-
-        def step(problem: Problem, y: Array, h: float, dW: Array, wrong: bool = wrong) -> Array:
-            return euler(problem, y, h, dW) if wrong else exact_step(problem, y, h, dW)
-
-        found.append(
-            verify(Scheme("own", step, batched=True), laws=[law], effort=effort).finding(law).verdict
-        )
-        del step
-    assert found == [Verdict.HOLDS, Verdict.VIOLATED] * 2
-
-
 @pytest.mark.parametrize(
     ("fault", "said"),
     [
