@@ -13,6 +13,7 @@ from sepv.large._schemes import LargeStep
 from sepv.problem import Array
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
+from sepv.simulate._run_arguments import step_count
 from sepv.solve import Status
 
 
@@ -72,12 +73,7 @@ def integrate(
     UsageError
         For arguments that do not describe a path.
     """
-    m = len(problem.noise)
-    if not isinstance(steps, int) or steps < 1 or not np.isfinite(h) or h <= 0:
-        raise UsageError(
-            expected="h > 0 and steps, an integer ≥ 1", received=f"h = {h!r}, steps = {steps!r}",
-            remedy="give both",
-        )  # fmt: skip
+    m, steps = len(problem.noise), step_count(h, None, steps)
     if dW is None:
         dW = wiener.increments(seed, T=h * steps, steps=steps, noises=m)[:, :, 0]
     raw = np.asarray(dW, dtype=np.float64)

@@ -6,6 +6,7 @@ import pickle
 from dataclasses import replace
 from functools import partial
 from itertools import product
+from typing import Any
 
 import numpy as np
 import pytest
@@ -364,39 +365,27 @@ def _without_cross_terms(problem: Problem, y: Array, h: float, dW: Array) -> Arr
     return np.asarray(value).reshape(y.shape)
 
 
-def test_default_problems_show_errors_that_symmetric_ones_hide() -> None:
+STRONG, WEAK = Orders(0.5, commutative=1.0), Orders(1.0, additive=2.0)
+
+
+@pytest.mark.parametrize(
+    ("step", "orders", "law", "verdict", "hiding"),
+    [
+        (partial(_explicit, share=0.5), {"weak_order": WEAK}, "local-weak", "violated", ("noisy-henon-heiles",)),
+        (partial(_explicit, share=1.0), {"weak_order": WEAK}, "local-weak", "holds", ("noisy-henon-heiles",)),
+        (_one_sided, {"mean_square_order": STRONG}, "local-mean", "violated", ("two-spins", "random-maxwell-bloch")),
+        (_without_cross_terms, {"mean_square_order": STRONG}, "local-mean-square", "violated", ("two-spins",)),
+    ],
+    ids=["explicit-midpoint", "heun", "one-sided", "without cross terms"],
+)  # fmt: skip
+def test_default_problems_show_errors_that_symmetric_ones_hide(
+    step: Any, orders: dict[str, Any], law: str, verdict: str, hiding: tuple[str, ...]
+) -> None:
     """Of pushed momenta, of linear noise fields, and of noises apart, the wrong claims would seem right."""
-    strong, weak = Orders(0.5, commutative=1.0), Orders(1.0, additive=2.0)
-    verdicts = {}
-    for name, share in (("explicit-midpoint", 0.5), ("heun", 1.0)):
-        step = partial(_explicit, share=share)
-        scheme = Scheme(
-            name, step, systems=Systems.HAMILTONIANS, truncation=None, weak_order=weak, batched=True
-        )
-        verdicts[name] = sepv.verify(scheme, laws=["local-weak"]).finding("local-weak").verdict
-        narrow = replace(scheme, problems=("noisy-henon-heiles",))
-        assert sepv.verify(narrow, laws=["local-weak"]).finding("local-weak").verdict is Verdict.HOLDS
-    assert verdicts == {"explicit-midpoint": Verdict.VIOLATED, "heun": Verdict.HOLDS}
-
-    sided = Scheme(
-        "one-sided",
-        _one_sided,
-        systems=Systems.HAMILTONIANS,
-        truncation=None,
-        mean_square_order=strong,
-        weak_order=1.0,
-        batched=True,
-    )
-    report = sepv.verify(sided, laws=["local-mean", "local-weak"])
-    assert {f.verdict for f in report.findings} == {Verdict.VIOLATED}
-    narrow = sepv.verify(replace(sided, problems=("two-spins", "random-maxwell-bloch")), laws=["local-mean"])
-    assert narrow.finding("local-mean").verdict is Verdict.HOLDS
-
-    apart = replace(sided, name="apart", step=_without_cross_terms, weak_order=None, claims=())
-    law = "local-mean-square"
-    assert sepv.verify(apart, laws=[law]).finding(law).verdict is Verdict.VIOLATED
-    alone = sepv.verify(replace(apart, problems=("two-spins",)), laws=[law])
-    assert alone.finding(law).verdict is Verdict.HOLDS
+    scheme = Scheme("own", step, systems=Systems.HAMILTONIANS, truncation=None, batched=True, **orders)
+    assert sepv.verify(scheme, laws=[law]).finding(law).verdict.value == verdict
+    narrow = replace(scheme, problems=hiding)
+    assert sepv.verify(narrow, laws=[law]).finding(law).verdict is Verdict.HOLDS
 
 
 def test_schemes_refuse_what_they_do_not_take() -> None:

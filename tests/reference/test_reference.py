@@ -8,7 +8,7 @@ import mpmath
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from sepv.reference.arithmetic import context, gauss_nodes
+from sepv.reference.arithmetic import context
 from sepv.reference.equations import coordinate_increments
 from sepv.reference.flow import taylor
 from sepv.reference.problem import exact_problem
@@ -54,13 +54,6 @@ def test_oscillator_is_the_printed_formula_to_fifty_digits() -> None:
     for solve in (energy_preserving, midpoint):
         for a, b in zip(solve(data, [0.2, 0.1], 0.5, [0.25]).y1, expected, strict=True):
             assert abs(a - b) < 1e-49
-
-
-@pytest.mark.parametrize("nodes", [1, 2, 3, 6])
-def test_gauss_nodes_integrate_powers_exactly(nodes: int) -> None:
-    rule, ctx = gauss_nodes(nodes, 50), context(50)
-    for degree in range(2 * nodes):
-        assert abs(ctx.fsum(w * x**degree for x, w in rule) - ctx.one / (degree + 1)) < 1e-48
 
 
 @settings(max_examples=25)

@@ -63,13 +63,6 @@ def test_thresholds_cut_off_the_weights_and_are_as_symmetric_as_the_law() -> Non
         assert np.array_equal(law.thresholds, -np.array(law.thresholds)[::-1])
 
 
-def test_increments_of_a_law_are_left_as_they_are() -> None:
-    for law in (TWO_POINT, THREE_POINT, FOUR_POINT):
-        own = 0.25 * np.array(law.values)
-        assert np.array_equal(bounded.seen(own, 0.0625, None, law), own)
-    assert np.array_equal(bounded.seen([5.0], 0.25, 2, "normal"), bounded.truncate([5.0], 0.25, 2))
-
-
 def _drifting() -> Problem:
     """dy = (1, 0)(dt + ΔW₁ + 0.5 ΔW₂): the end is the sum of the increments, in the order of the steps."""
     linear = poly.polynomial(2, {(0, 1): 1.0})
@@ -100,13 +93,6 @@ def test_both_engines_and_one_path_take_the_same_bits(increments: str | PointLaw
         "euler-heun", "pendulum", h=2.0**-6, dW=given, steps=96, increments=law, engine="compiled"
     )
     assert np.array_equal(again.y, compiled.y)
-
-
-def test_a_long_path_is_that_of_the_ensemble() -> None:
-    run = {"h": 2.0**-6, "steps": 64, "seed": 2, "increments": "three-point", "engine": "numpy"}
-    long = sepv.long_path("energy-preserving", "rigid-body", **run)
-    ends = sepv.ensemble("energy-preserving", "rigid-body", paths=1, **run)
-    assert np.array_equal(long.y, ends.y[:, 0])
 
 
 def test_a_store_of_other_increments_is_refused(tmp_path: object) -> None:

@@ -21,15 +21,11 @@ FEW = Effort(examples=4, shrink_checks=0)
 @pytest.mark.parametrize("order", ORDERS)
 def test_the_laws_about_steps_that_it_claims_hold(order: int) -> None:
     scheme = schemes.projected(order)
-    laws = ["identity", "energy", "casimir", "noise-sum", *(["contract"] if order == 4 else [])]
+    laws = ["identity", "energy", "casimir", "noise-sum"]
     assert set(laws) <= scheme.claims
-    report = verify(
-        scheme, laws=[*laws, "symmetry", "midpoint", *(["equivariance"] if order == 4 else [])], effort=FEW
-    )
-    held = {f.law for f in report.findings if f.verdict is Verdict.HOLDS}
-    # It is no midpoint rule, does not find its way back, and depends on how coordinates are scaled: at order 8 by less
-    # than rounding does.
-    assert held == set(laws)
+    # It is no midpoint rule, and does not find its way back.
+    report = verify(scheme, laws=[*laws, "symmetry", "midpoint"], effort=FEW)
+    assert {f.law for f in report.findings if f.verdict is Verdict.HOLDS} == set(laws)
 
 
 @pytest.mark.parametrize("order", ORDERS)

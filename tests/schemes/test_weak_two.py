@@ -53,9 +53,8 @@ def test_gonzalez_steps_from_rest_and_by_nothing() -> None:
 
 def test_the_modified_scheme_solves_steps_of_every_stratum_of_the_cases() -> None:
     # Without the limiter 11 of these are refused: 3c²h|S₃| is then much larger than |B|.
-    for seed in (900034, 1, 5):
-        for _, drawn in Cases().space(Systems.SINGLE).cases(seed):  # type: ignore[union-attr]
-            assert np.all(np.isfinite(ask(schemes.modified_weak_two, *drawn.build())))
+    for _, drawn in Cases().space(Systems.SINGLE).cases(900034):  # type: ignore[union-attr]
+        assert np.all(np.isfinite(ask(schemes.modified_weak_two, *drawn.build())))
 
 
 def test_a_difference_jacobian_from_zero_is_none_of_roundings() -> None:

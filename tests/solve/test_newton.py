@@ -11,7 +11,6 @@ from sepv import problems
 from sepv.errors import StepFailure
 from sepv.solve import Increment, Status
 from sepv.solve import _damped as damped
-from sepv.solve import _newton as implicit
 from sepv.solve._newton import MAX_HALVINGS, into_domain, iterate
 from sepv.solve._solution import Equations, Evaluation, Solution, require_converged
 
@@ -152,18 +151,6 @@ class TestRounding:
             silent = Counted(self.cancelling(1e6), magnitude=magnitude, **options)
             assert iterate(silent.equations, np.zeros((1, 2))).status.tolist() == [Status.NO_CONVERGENCE] * 2
 
-    def test_in_a_lane_whose_neighbour_still_moves(self) -> None:
-        """The sum that cancels is done after a few evaluations, z = 1 − z/2 with R′ = 0 after forty."""
-        system = Counted(
-            lambda z, lanes: np.where(lanes == 0, self.cancelling(1e6)(z, lanes), 1 - 0.5 * z),
-            lambda z, lanes: np.where(lanes == 0, -0.5 * np.sin(z), 0 * z)[None],
-            lanes=2, exact=True, magnitude=lambda z, _: np.full(z.shape[1], 1e6),
-        )  # fmt: skip
-        solution = iterate(system.equations, np.zeros((1, 2)))
-        assert solution.status.tolist() == [Status.CONVERGED] * 2
-        assert solution.iterations[0] <= 9
-        assert solution.iterations[1] > 20
-
     def test_beside_what_a_rounding_of_the_state_does_to_a_stiff_equation(self) -> None:
         """z = −L((1 + z) − ½) loses eps/2 in 1 + z, L times as much in R; L differs from lane to lane."""
         L = np.array([1e6, 1e8, 2.0])
@@ -180,24 +167,6 @@ class TestRounding:
         # A Jacobian that is not said to be that of R excuses nothing: its first solve goes on to the end.
         vague = Counted(system.R, system.slope, lanes=3)
         assert np.all(iterate(vague.equations, np.full((1, 3), 0.3)).iterations[:2] > 40)
-
-    def test_beside_the_stiffest_component_of_the_lane_and_not_of_another(self) -> None:
-        """A stiff equation as above with z₂ = 0, and in the next lane a sum that cancels, of which nothing is said."""
-        L = 1e8
-
-        def R(z: np.ndarray, lanes: np.ndarray) -> np.ndarray:
-            first = np.where(lanes == 0, -L * ((1 + z[0]) - 0.5), (1e6 + 0.5 * np.cos(z[0])) - 1e6)
-            return np.stack([first, 0 * z[1]])
-
-        def slope(z: np.ndarray, lanes: np.ndarray) -> np.ndarray:
-            first = np.where(lanes == 0, -L, -0.5 * np.sin(z[0]))
-            return np.array([[first, 0 * first], [0 * first, 0 * first]])
-
-        system = Counted(R, slope, lanes=2, unknowns=2, exact=True)
-        # The second lane stands at its solution, so that both are asked about at once.
-        solution = iterate(system.equations, np.array([[0.3, 0.45018361], [0.3, 0.0]]))
-        assert solution.status.tolist() == [Status.CONVERGED, Status.NO_CONVERGENCE]
-        assert solution.iterations[0] <= 6
 
     def test_a_residual_of_the_smallest_numbers_is_none(self) -> None:
         """Four of them, whatever the Jacobian: nothing is known of their digits."""
@@ -229,38 +198,6 @@ def test_damping_finds_what_full_steps_jump_over_and_leaves_the_other_lanes_alon
     assert alone.iterations[0] == solution.iterations[1]
 
 
-def test_an_approach_starts_from_zero_and_reports_each_lane_as_it_is() -> None:
-    """Linear equations from 0, with R, its Jacobian or both out of order in some lanes.
-
-    z₁ = 2, z₂ = −3 in one damped step; a Jacobian that is singular, and those that cannot be evaluated, in one
-    component or both; R that is not finite in its second component.
-    """
-    value = np.array([[2.0, 1.0, 1.0, 1.0, 1.0, 5.0], [-3.0, 0.0, 1.0, 1.0, np.nan, 5.0]])
-    steep = np.array([0.0, 1.0, np.nan, np.inf, 0.0, 0.0])
-    reached = Status.CONVERGED
-    expected = [reached, Status.SINGULAR, Status.OVERFLOW, Status.OVERFLOW, Status.OVERFLOW, reached]
-
-    def R(z: np.ndarray, lanes: np.ndarray, order: np.ndarray) -> np.ndarray:
-        # (∞ or NaN) · z only where z is not 0: R is finite at the start, its differences are not.
-        bent = np.where(z[0] == 0, 0.0, steep[order[lanes]]) * z[0]
-        return np.stack([value[0, order[lanes]] + bent, value[1, order[lanes]] + 0 * z[1]])
-
-    for order in (np.arange(6), np.arange(6)[::-1], np.array([0, 5]), np.array([3, 1]), np.array([4])):
-        system = Counted(lambda z, lanes, n=order: R(z, lanes, n), lanes=order.size, unknowns=2)
-        found = damped.approach(system.equations, np.arange(order.size))
-        assert found.status.tolist() == [expected[n] for n in order]
-        assert found.status.dtype == np.int64
-        for k, n in enumerate(order):
-            assert np.array_equal(found.value[:, k], value[:, n] if expected[n] == reached else [0, 0])
-            largest = np.abs(value[:, n]).max()
-            assert found.residual[k] == largest or (np.isnan(largest) and np.isnan(found.residual[k]))
-            assert found.iterations[k] == 1
-            # R, two differences, and where the step led.
-            assert system.calls[k] == (4 if expected[n] == reached else 3)
-            assert found.gradient_evaluations[k] == 3 * system.calls[k]
-            assert found.structure_evaluations[k] == 6 * system.calls[k]
-
-
 def test_what_blocks_a_share_is_said() -> None:
     """Out of the domain at every share; not finite at every share; inside, finite and never smaller."""
     system = Counted(
@@ -289,27 +226,6 @@ def test_what_cannot_be_evaluated_is_overflow() -> None:
     system = Counted(lambda z, _: np.where(z > 0.1, np.nan, 1 + 0 * z), lambda z, _: 0 * z[None], lanes=1)
     solution = system.solve(np.zeros((1, 1)))
     assert solution.status.tolist() == [Status.OVERFLOW]
-
-
-def test_each_lane_fails_in_its_own_way() -> None:
-    """R not finite; 1 − R′ = 0; R′ not finite; at rest where 1 − R′ = 0; nothing wrong; out of the domain."""
-    value = np.array([np.nan, 1.0, 1.0, 0.0, 0.5, 0.5])
-    steep = np.array([0.0, 1.0, np.inf, 1.0, 0.0, 0.0])
-    expected = [
-        Status.OVERFLOW, Status.SINGULAR, Status.OVERFLOW, Status.CONVERGED, Status.CONVERGED, Status.LEFT_DOMAIN,
-    ]  # fmt: skip
-    for order in (np.arange(6), np.arange(6)[::-1], np.array([1, 4]), np.array([2]), np.array([2, 1])):
-        system = Counted(
-            lambda z, lanes, n=order: np.stack([value[n[lanes]], 0 * z[1]]),
-            lambda z, lanes, n=order: np.array([[steep[n[lanes]], 0 * z[0]], [0 * z[0], 0 * z[0]]]),
-            lanes=order.size, unknowns=2, exact=True,
-            inside=lambda z, lanes, n=order: (n[lanes] != 5),
-        )  # fmt: skip
-        start = np.zeros((2, order.size))
-        found = implicit.newton(system.equations, start, np.arange(order.size), differences=False)
-        assert found.status.tolist() == [expected[n] for n in order]
-        assert found.status.dtype == np.int64
-        assert found.iterations.tolist() == [2 if n == 4 else 1 for n in order]
 
 
 @pytest.mark.parametrize("bound", [0.75, 0.3])

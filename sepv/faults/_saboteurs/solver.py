@@ -11,11 +11,13 @@ from sepv.errors import StepFailure
 from sepv.faults._saboteurs.record import Family, claiming, explicit, right_side
 from sepv.problem import Array, Problem, vector_field
 from sepv.problem._fields import linear_solve
-from sepv.record._binary64 import EPS, TINY
+from sepv.record._binary64 import EPS
 from sepv.schemes import Scheme, energy_preserving
 from sepv.schemes._energy_preserving import jacobian
+from sepv.schemes._energy_preserving import step as right
 from sepv.schemes._one_step import random_step
 from sepv.schemes._scheme import Step, as_lanes
+from sepv.solve._differences import difference_jacobian
 
 SABOTEURS = Family("solver")
 _SEEN = ("energy", "casimir", "midpoint", "symmetry", "reference", "rounding")
@@ -28,17 +30,12 @@ def _fixed_point(problem: Problem, y0: Array, z: Array, step: Array) -> Array:
 
 
 def _slope(problem: Problem, y0: Array, z: Array, step: Array) -> Array:
-    """∂R/∂z: analytic, else by differences as in `sepv.solve._newton`."""
-    known = jacobian(problem, y0, y0 + z, step)
+    """∂R/∂z: analytic, else by differences."""
+    y1 = y0 + z
+    known = jacobian(problem, y0, y1, step)
     if known is not None:
         return known
-    base, columns = right_side(problem, y0, y0 + z, step), []
-    width = 2.0**-26 * np.maximum(np.max(np.abs(y0) + np.abs(z), axis=0), TINY)
-    for k in range(y0.shape[0]):
-        moved = y0 + z
-        moved[k] += width
-        columns.append((right_side(problem, y0, moved, step) - base) / (moved[k] - y0[k] - z[k]))
-    return np.stack(columns, axis=1)
+    return difference_jacobian(problem, y0, y1, step, right.increment, right_side(problem, y0, y1, step))
 
 
 def _newton(problem: Problem, y0: Array, z: Array, step: Array) -> Array:
