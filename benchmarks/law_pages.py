@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from benchmarks import start
 from sepv.faults._saboteurs import SABOTEURS
 from sepv.verification import Law, load_laws
 
@@ -63,4 +64,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    start(main)
