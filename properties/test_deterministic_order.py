@@ -56,6 +56,10 @@ def run(law: Law, scheme: Scheme, own: Run) -> Finding:  # noqa: ARG001 - nothin
             *lines,
         ]
         lines.append(_example(errors, s))
+        if not worst.order:
+            lines.append(
+                "order 0 is no convergence; if it is the scheme's own solver: Scheme(…, solver_tolerance=…)"
+            )
     return law.finding(
         worst.verdict, defect=worst.value if np.isfinite(worst.value) else None, bound=least, at_least=True,
         checks=checks, message="\n".join(lines), witness={"measured": measured}, replay=f"--law {law.name}",

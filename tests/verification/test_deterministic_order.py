@@ -11,7 +11,7 @@ import pytest
 
 import sepv
 from benchmarks.right_schemes.other_formulas import MECHANICAL
-from sepv.problem import Problem
+from sepv.problem import Problem, mechanics
 from sepv.schemes import Scheme
 from sepv.schemes._leapfrog import composed
 from sepv.schemes._one_step import Explicit
@@ -20,6 +20,34 @@ from sepv.verification._orders.without_noise import RATIO, judge
 
 LAW = "deterministic-order"
 LEAPFROG, YOSHIDA, BLANES_MOAN = (sepv.schemes.by_name(n) for n in ("leapfrog", "yoshida-4", "blanes-moan-4"))
+
+
+def _runge_kutta(second: float) -> Callable[..., np.ndarray]:
+    """The classical method of order 4, or with another weight of the second stage in the third."""
+
+    def step(problem: Problem, y: np.ndarray, h: float, _dW: np.ndarray) -> np.ndarray:
+        def field(x: np.ndarray) -> np.ndarray:
+            return np.einsum("ij...,j...->i...", problem.structure(x), problem.gradient(x))
+
+        k1 = field(y)
+        k2 = field(y + h / 2 * k1)
+        k3 = field(y + h * (second * k2 + (0.5 - second) * k1))
+        return y + h / 6 * (k1 + 2 * k2 + 2 * k3 + field(y + h * k3))
+
+    return step
+
+
+def _one_mass_each(problem: Problem, y: np.ndarray, h: float, _dW: np.ndarray) -> np.ndarray:
+    """The leapfrog of a library that knows diagonal mass matrices only: a symplectic map of another system."""
+    m = mechanics(problem)
+    q, p = m.split(y)
+    p = p + h / 2 * m.force(q)
+    q = q + h * (np.diag(m.inverse_mass) * p.T).T
+    return m.join(q, p + h / 2 * m.force(q))
+
+
+def _own(step: Callable[..., np.ndarray]) -> Scheme:
+    return Scheme("own", step, batched=True, systems="mechanical", noise=False)  # type: ignore[arg-type]
 
 
 def found(scheme: Scheme, problems: Any = None, **facts: Any) -> Finding:
@@ -46,6 +74,7 @@ def test_schemes_with_noise_have_an_order_without_it(name: str) -> None:
     [
         (LEAPFROG, 3, 2), (LEAPFROG, 4, 2), (YOSHIDA, 6, 4), (BLANES_MOAN, 5, 4), (MECHANICAL[2], 4, 3),
         (replace(YOSHIDA, step=Explicit(composed((1.35, -1.7, 1.35)))), 4, 2),
+        (_own(_runge_kutta(0.5)), 5, 4), (_own(_runge_kutta(0.25)), 4, 2), (_own(_one_mass_each), 2, 0),
         (sepv.schemes.energy_preserving, 3, 2), (sepv.schemes.collocation(2), 6, 4),
     ],
 )  # fmt: skip
