@@ -32,6 +32,7 @@ class Hello:
     claims: tuple[str, ...] = ()
     mean_square_order: float | None = None
     weak_order: float | None = None
+    order: float | None = None
     solver_tolerance: float = 0.0
     truncation: int | None = 2
     increments: str = NORMAL
@@ -68,6 +69,7 @@ _HELLO: dict[str, tuple[Callable[[Any], bool], str]] = {
     "claims": (_names, "a list of names of laws"),
     "mean_square_order": (_order, "a number > 0, or null"),
     "weak_order": (_order, "a number > 0, or null"),
+    "order": (_order, "a number > 0, or null"),
     "solver_tolerance": (lambda v: type(v) in (int, float) and 0 <= v < 1, "a number from 0 to 1"),
     "truncation": (lambda v: v is None or _count(v), "an integer ≥ 1, or null"),
     "increments": (lambda v: v in NAMES, f"one of {', '.join(NAMES)}"),

@@ -143,6 +143,7 @@ class Program:
             source=said.source or f"the program {clean(self.command)}",
             mean_square_order=said.mean_square_order,
             weak_order=said.weak_order,
+            order=said.order,
             solver_tolerance=said.solver_tolerance,
             truncation=said.truncation,
             increments=said.increments,

@@ -33,7 +33,7 @@ _MOST_NUMBERS, _MOST_DEGREE = 2**24, 64
 SHARE = 0.25
 # Bits depend on these and on the scheme: if one differs, or is not in the report, only verdicts are compared.
 _BITS = ("sepv", "python", "numpy", "scipy", "hypothesis", "mpmath", "platform", "simd")
-_FACTS = ("mean_square_order", "weak_order", "solver_tolerance", "truncation")
+_FACTS = ("mean_square_order", "weak_order", "order", "solver_tolerance", "truncation")
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ def against(
     timeout : float
         Seconds for one law, and for all counterexamples together.
     """
-    facts = {key: (report["scheme"][key], getattr(scheme, key)) for key in _FACTS}
+    facts = {key: (report["scheme"].get(key), getattr(scheme, key)) for key in _FACTS}
     other = [f"{key} {own}, reported {stated}" for key, (stated, own) in facts.items() if own != stated]
     yield Again("what the scheme states", "the same" * (not other), ", ".join(other))
     stated = {key: report["suite"][key] for key in EFFORT if key in report["suite"]}
