@@ -45,7 +45,7 @@ PROFILES = (
     METHOD,
     Profile("order", "order", ("mean-square-order", "local-mean", "local-mean-square"), ordered=True),
     Profile("weak-order", "weak order", ("weak-order", "local-weak"), ordered=True),
-    Profile("deterministic-order", "order without noise", ("deterministic-order",), ordered=True),
+    Profile("deterministic-order", "deterministic order", ("deterministic-order",), ordered=True),
     Profile("energy", "energy", ("energy",)),
     Profile("casimir", "Casimirs", ("casimir",)),
     Profile("every-casimir", "every Casimir", ("any-casimir",)),
