@@ -29,7 +29,7 @@ from sepv.verification._progress import Shown
 from sepv.verification._report import MARKS
 
 COMMAND = "python -m benchmarks.peers.integrators"
-ASKED = ("contract", "symplecticity", "symmetry", "deterministic-order", "energy")
+ASKED = ("contract", "symplecticity", "volume", "symmetry", "reversibility", "deterministic-order", "energy")
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,8 @@ from sepv.problem import Array, Mechanics, Problem, Systems, mechanics
 from sepv.schemes import Scheme
 
 # Laws that a library claims with these words.
-SYMPLECTIC = ("symplecticity", "poisson-map")
-REVERSIBLE = ("symmetry",)
+SYMPLECTIC = ("symplecticity", "poisson-map", "volume")
+REVERSIBLE = ("symmetry", "reversibility")
 
 # A function (system, q, p, h) -> (q1, p1).
 Advance = Callable[[Mechanics, Array, Array, float], tuple[Any, Any]]

@@ -27,6 +27,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from sepv.peers._diffrax_ode import INTEGRATORS
 from sepv.peers._jax import enable_x64
 from sepv.peers.peer import Peer
 from sepv.peers.posing import LANES, Formulas, PathSolver, in_blocks, pose, size
@@ -339,4 +340,5 @@ PEER = Peer(
     ),
     drawing=tuple(scheme for scheme in (spark, general_shark, slow_rk) if scheme is not None),
     absent=tuple(_absent),
+    integrators=INTEGRATORS,
 )

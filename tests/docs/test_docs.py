@@ -53,6 +53,7 @@ ELSEWHERE = {
     "protocol": "test_examples.py",
     "vectors": "test_vectors.py",
     "deviations": "test_peers.py",
+    "integrators": "test_integrators.py",
     "trend": "test_versions.py",
     "profiles": "test_profiles.py",
     "index": "test_site.py",  # the first page of the site, whose example is measured as it is built

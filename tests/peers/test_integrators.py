@@ -20,7 +20,7 @@ from sepv.schemes import Scheme, load_scheme
 from sepv.verification import Effort, verify
 
 LIBRARIES = (
-    "ase", "blackjax", "jax_md", "mici", "numpyro", "openmm", "pymc", "rebound", "scipy", "torch_sim",
+    "ase", "blackjax", "diffrax", "jax_md", "mici", "numpyro", "openmm", "pymc", "rebound", "scipy", "torch_sim",
 )  # fmt: skip
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 SCRIPTS = [path for folder in ("peers", "integrators") for path in sorted((DOCS / folder).glob("*.py"))]
