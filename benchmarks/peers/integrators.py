@@ -9,13 +9,14 @@ matter of rounding.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import click
 
+from benchmarks.peers.compliance import _listed
 from benchmarks.peers.compliance_measurements import law_cells, release
 from benchmarks.peers.deviations import Deviation, deviations_shown_by, linked
 from benchmarks.peers.kept_measurements import Cell, measured
@@ -68,14 +69,16 @@ def document(
     found: Sequence[Row], differing: Sequence[Deviation], rounded: Sequence[Deviation], command: str
 ) -> str:
     """The page, in Markdown."""
-    heads = ["integrator", "order", *ASKED, "seconds"]
-    lines = []
+    marked = {d.solver for d in (*differing, *rounded)}
+    groups: dict[tuple[str, ...], list[Row]] = {}
     for row in found:
         marks = [MARKS[Verdict(f["verdict"])] + (" +" if f["claimed"] else "") for f in row.found.values()]
-        seconds = sum(f["seconds"] for f in row.found.values())
-        mark = " †" if any(row.scheme.name == d.solver for d in (*differing, *rounded)) else ""
-        order = "" if row.scheme.order is None else f"{row.scheme.order:g}"
-        lines.append((row.scheme.name + mark, order, *marks, f"{seconds:.0f}"))
+        groups.setdefault(tuple(marks), []).append(row)
+    lines = [
+        (_listed([_name(row, marked) for row in group]), *marks, _seconds(group))
+        for marks, group in groups.items()
+    ]
+    heads = ("integrators (claimed order)", *ASKED, "seconds each")
     versions = dict.fromkeys(f"{row.library} {row.release}" for row in found)
     parts = [
         "# What integrators of samplers and simulators keep",
@@ -96,15 +99,29 @@ def document(
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
+def _name(row: Row, marked: Collection[str]) -> str:
+    order = "" if row.scheme.order is None else f" ({row.scheme.order:g})"
+    return row.scheme.name + order + (" †" if row.scheme.name in marked else "")
+
+
+def _seconds(group: Sequence[Row]) -> str:
+    """The least and the largest time that the laws took together."""
+    times = [sum(f["seconds"] for f in row.found.values()) for row in group]
+    return f"{min(times):.0f}" if len(times) == 1 else f"{min(times):.0f} to {max(times):.0f}"
+
+
 def _reasons(found: Sequence[Row]) -> Iterator[str]:
     """The defects of claimed laws that do not hold, and the reasons of errors."""
     for row in found:
+        violated = []
         for law, f in row.found.items():
             verdict = Verdict(f["verdict"])
             if f["claimed"] and verdict is Verdict.VIOLATED and f["defect"] is not None:
-                yield f"- {row.scheme.name}, {law}: {f['defect']:.2g} against a bound of {f['bound']:.2g}"
+                violated.append(f"{law} {f['defect']:.2g} against {f['bound']:.2g}")
             elif f["claimed"] and verdict is not Verdict.HOLDS and f["message"]:
                 yield f"- {row.scheme.name}, {law}: {f['message'].splitlines()[0]:.160}"
+        if violated:
+            yield f"- {row.scheme.name}, defects against bounds: {', '.join(violated)}"
 
 
 INTRODUCTION = """\
@@ -117,10 +134,11 @@ that systems with a full M are left out. The extras `samplers` and `simulators` 
 
 # Issues: as far as a search of public threads finds them.
 READ = """\
-- ASE, numpyro, OpenMM, PyMC, SciPy, TorchSim: docstrings and source of the integrators.
+- ASE, diffrax, numpyro, PyMC, SciPy, TorchSim: docstrings and source of the integrators.
 - blackjax: source, the page of its integrators, issues 15, 678, 925, pull requests 59, 538, 588, 589, 626.
 - JAX MD: README, source and history of `simulate`, its tests, pull request 73.
 - mici: source and tests of integrators and solvers, their history since 2018, issue 5; it has no changelog.
+- OpenMM: source of the Reference platform, issues 927, 1677, 2208, 2398.
 - REBOUND: the documentation of each integrator (`sim.integrator.__doc__`) and the changelog."""
 
 

@@ -6,6 +6,7 @@ from functools import partial
 from typing import Any
 
 from mici import integrators
+from mici.errors import IntegratorError
 from mici.matrices import DensePositiveDefiniteMatrix, PositiveDiagonalMatrix
 from mici.states import ChainState
 from mici.systems import EuclideanMetricSystem
@@ -30,24 +31,26 @@ def _advance(make: Any, system: Mechanics, q: Array, p: Array, h: float) -> tupl
         else DensePositiveDefiniteMatrix(masses),
         grad_neg_log_dens=lambda q: -system.force(q),
     )
-    state = make(posed, step_size=h).step(ChainState(pos=q, mom=p, dir=1))
+    try:
+        state = make(posed, step_size=h).step(ChainState(pos=q, mom=p, dir=1))
+    except IntegratorError as error:  # its solver did not converge, or the way back misses
+        raise ArithmeticError(str(error)) from error
     return state.pos, state.mom
 
 
-def _scheme(name: str, source: str) -> Scheme:
+def _scheme(name: str) -> Scheme:
     advance = partial(_advance, getattr(integrators, f"{name}Integrator"))
     claims = SYMPLECTIC + REVERSIBLE
-    return integrator(f"mici {name}Integrator", advance, order=2, claims=claims, source=f"{_BASE} {source}")
+    return integrator(f"mici {name}Integrator", advance, order=2, claims=claims, source=_BASE)
 
 
-_COMPOSED = 'SymmetricCompositionIntegrator: "symmetric consistent methods of at least order two".'
-_SOLVED = 'Its docstring: "second-order". Its solver stops at max|x − f(x)| < 1e-9 by default.'
-leapfrog = _scheme("Leapfrog", _COMPOSED)
-bcss_two_stage = _scheme("BCSSTwoStage", _COMPOSED)
-bcss_three_stage = _scheme("BCSSThreeStage", _COMPOSED)
-bcss_four_stage = _scheme("BCSSFourStage", _COMPOSED)
-implicit_leapfrog = _scheme("ImplicitLeapfrog", _SOLVED)
-implicit_midpoint = _scheme("ImplicitMidpoint", _SOLVED)
+leapfrog = _scheme("Leapfrog")
+bcss_two_stage = _scheme("BCSSTwoStage")
+bcss_three_stage = _scheme("BCSSThreeStage")
+bcss_four_stage = _scheme("BCSSFourStage")
+# The solvers of these stop at max|x − f(x)| < 1e-9 by default.
+implicit_leapfrog = _scheme("ImplicitLeapfrog")
+implicit_midpoint = _scheme("ImplicitMidpoint")
 
 PEER = Peer(
     "mici",

@@ -33,16 +33,21 @@ def _advance(
     particles = simulation.particles
 
     def forces(_simulation: Any) -> None:
-        acceleration = system.force(np.array([a.x for a in particles])) / mass
+        with np.errstate(over="ignore", invalid="ignore"):
+            acceleration = system.force(np.array([a.x for a in particles])) / mass
         for particle, a in zip(particles, acceleration, strict=True):
             particle.ax += a
 
     simulation.additional_forces = forces
-    if order is None:  # it chooses its steps
+    if order is None:  # it chooses its steps, which may not become ever smaller where a solution ends
+        simulation.integrator.min_dt = abs(h) / 1000
         simulation.integrate(h)
     else:
         simulation.steps(1)
-    return np.array([a.x for a in particles]), mass * np.array([a.vx for a in particles])
+    q1, p1 = np.array([a.x for a in particles]), mass * np.array([a.vx for a in particles])
+    if not np.all(np.isfinite([q1, p1])):
+        raise ArithmeticError(f"{name} came to values that are not finite")
+    return q1, p1
 
 
 def _scale(values: Array, changes: Array) -> float:

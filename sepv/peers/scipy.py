@@ -26,9 +26,7 @@ def _advance(method: str, system: Mechanics, q: Array, p: Array, h: float) -> tu
 
 
 def _scheme(method: str) -> Scheme:
-    source = (
-        f'scipy.integrate.solve_ivp, method="{method}", rtol=1e-3, atol=1e-6 by default; it claims no law.'
-    )
+    source = "scipy.integrate.solve_ivp: default tolerances rtol=1e-3, atol=1e-6; no law is claimed."
     return integrator(f"scipy {method}", partial(_advance, method), source=source)
 
 

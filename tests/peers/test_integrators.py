@@ -107,7 +107,7 @@ def test_the_page_names_claims_defects_and_scripts() -> None:
     found["symplecticity"] = {**held, "verdict": "violated", "defect": 30.0}
     here = [page.Deviation("lib verlet", "### lib verlet: no.")]
     text = page.document([page.Row("lib", "1.0", scheme, found)], here, [], "the command")
-    assert "lib verlet †" in text
-    assert "- lib verlet, symplecticity: 30 against a bound of 2" in text
+    assert "lib verlet (2) †" in text
+    assert "- lib verlet, defects against bounds: symplecticity 30 against 2" in text
     assert 'its manual: "symplectic"' in text
     assert "- lib verlet: no ([shown](deviations.md))." in text
