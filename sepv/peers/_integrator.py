@@ -31,8 +31,8 @@ def integrator(
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         try:
             system = mechanics(problem)
-        except UsageError as error:
-            raise Skipped(str(error)) from None
+        except UsageError:
+            raise Skipped("no mechanical problem, H = ½pᵀM⁻¹p + V(q) with the canonical B") from None
         return system.join(*advance(system, *system.split(y.copy()), float(problem.random_step(h, dW))))
 
     return Scheme(
