@@ -35,7 +35,7 @@ def head(law: Law) -> str:
         f"[Saboteurs](../teeth.md): {saboteurs}." if names else "",
     ]
     text = law.statement
-    text = text[0].upper() + text[1:] if re.match(r"[a-z]{2,} ", text) else text  # y1 stays
+    text = text[0].upper() + text[1:] if re.match(r"(a|[a-z]{2,}) [a-z]", text) else text  # y1, det Φ′ stay
     return f"# {law.name}\n\n{text}.\n\n{' '.join(filter(None, facts))}\n\n"
 
 
