@@ -10,13 +10,11 @@ import re
 from pathlib import Path
 
 from benchmarks import start
-from sepv.faults._saboteurs import SABOTEURS
 from sepv.verification import Law, load_laws
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 # Parts of a page that are written by hand, in their order; each begins a paragraph.
 PARTS = ("Why", "Asked", "Bound", "Broken by", "A violation")
-SHOWN = 2  # names of saboteurs on a page
 
 
 def page_of(law: Law) -> Path:
@@ -27,16 +25,11 @@ def page_of(law: Law) -> Path:
 def head(law: Law) -> str:
     """The lines of a page up to its formula: the statement, and the facts of the record."""
     file = f"test_{law.name.replace('-', '_')}.py"
-    names = [f"`{name}`" for name, saboteur in SABOTEURS.items() if law.name in saboteur.caught_by]
-    saboteurs = ", ".join(names[:SHOWN]) + ", …" * (len(names) > SHOWN)
-    facts = [
-        f"Source: {law.source}. Unit: {law.unit}. [{file}](../../properties/{file}).",
-        "Every scheme claims it." if law.always_claimed else "",
-        f"[Saboteurs](../teeth.md): {saboteurs}." if names else "",
-    ]
+    facts = f"Source: {law.source}. Unit: {law.unit}. [{file}](../../properties/{file})."
+    facts += " Every scheme claims it." if law.always_claimed else ""
     text = law.statement
     text = text[0].upper() + text[1:] if re.match(r"(a|[a-z]{2,}) [a-z]", text) else text  # y1, det Φ′ stay
-    return f"# {law.name}\n\n{text}.\n\n{' '.join(filter(None, facts))}\n\n"
+    return f"# {law.name}\n\n{text}.\n\n{facts}\n\n"
 
 
 def page(law: Law, text: str) -> str:
