@@ -3,7 +3,7 @@
     q̇ = M⁻¹p,  ṗ = −∇V(q);  with v = M⁻¹p:  q̇ = v,  Mv̇ = −∇V(q)
 
 The suite's random systems have y = (q, p), its older problems y = (p, q): B says which. `Mechanics.split` and `join`
-hide it.
+hide it. In other units of y there is B = sJ with a number s > 0, which is B = J with sH in the place of H.
 """
 
 from __future__ import annotations
@@ -28,6 +28,8 @@ class Mechanics:
     ----------
     mass, inverse_mass : (n, n)
         M and M⁻¹, symmetric and positive definite.
+    scale : float
+        s of B = sJ: M⁻¹ and V are those of sH.
     positions_first : bool
         True for y = (q, p), False for y = (p, q).
 
@@ -52,6 +54,7 @@ class Mechanics:
     mass: Array
     inverse_mass: Array
     positions_first: bool
+    scale: float = 1.0
 
     @property
     def degrees(self) -> int:
@@ -69,11 +72,11 @@ class Mechanics:
 
     def potential(self, q: Array) -> Array:
         """V(q), with the constant of H."""
-        return self.problem.hamiltonian(self.join(q, np.zeros_like(q)))
+        return self.scale * self.problem.hamiltonian(self.join(q, np.zeros_like(q)))
 
     def force(self, q: Array) -> Array:
         """−∇V(q)."""
-        return -self.split(self.problem.gradient(self.join(q, np.zeros_like(q))))[0]
+        return -self.scale * self.split(self.problem.gradient(self.join(q, np.zeros_like(q))))[0]
 
     def velocity(self, p: Array) -> Array:
         """v = M⁻¹p."""
@@ -98,17 +101,17 @@ def mechanics(problem: Problem) -> Mechanics:
     Raises
     ------
     UsageError
-        Where B is not ±J, or H is not ½ pᵀM⁻¹p + V(q). Polynomial data are read, functions compared at a few states.
+        Where B is not a multiple of J, or H is not ½ pᵀM⁻¹p + V(q). Polynomial data are read, functions compared at a
+        few states.
     """
     d = problem.dimension
     n, states = d // 2, [np.asarray(y, dtype=np.float64) for y in sample_states(problem)]
     J = np.kron([[0.0, 1.0], [-1.0, 0.0]], np.eye(n))
     B = [problem.structure(y) for y in states]
-    first = next(
-        (f for f, C in ((True, J), (False, -J)) if not d % 2 and all(np.array_equal(b, C) for b in B)), None
-    )
-    if first is None:
-        raise _not_mechanical(problem, "B = ((0, I), (−I, 0)) for y = (q, p), or its negative for y = (p, q)",
+    signed = float(B[0][0, n]) if n else 0.0
+    first, scale = signed > 0, abs(signed)
+    if d % 2 or not scale or not all(np.array_equal(b, signed * J) for b in B):
+        raise _not_mechanical(problem, "B = s((0, I), (−I, 0)), with s > 0 for y = (q, p) and s < 0 for y = (p, q)",
                               f"B = {B[0].tolist()!r:.120} at y = {states[0].tolist()}")  # fmt: skip
     p_at, q_at = (slice(n, d), slice(0, n)) if first else (slice(0, n), slice(n, d))
     data = problem.data
@@ -125,21 +128,34 @@ def mechanics(problem: Problem) -> Mechanics:
         y[k] = 1.0
         units.append(problem.gradient(y)[p_at])
     W = np.array(units)
-    if not (np.allclose(W, W.T, rtol=8 * EPS, atol=0.0) and np.all(np.linalg.eigvalsh(W) > 0)):
+    usual = W / (np.max(np.abs(W)) or 1.0)
+    if not (np.allclose(W, W.T, rtol=8 * EPS, atol=0.0) and np.all(np.linalg.eigvalsh(usual) > 0)):
         raise _not_mechanical(
             problem, "∂H/∂p = M⁻¹p with M symmetric and positive definite", f"M⁻¹ = {W.tolist()}"
         )
     for y in states:
         still = y.copy()
         still[p_at] = 0.0
-        moving, resting, size = problem.gradient(y), problem.gradient(still), np.abs(W) @ np.abs(y[p_at])
+        with np.errstate(all="ignore"):
+            moving, resting, size = problem.gradient(y), problem.gradient(still), np.abs(W) @ np.abs(y[p_at])
+        if not np.all(np.isfinite(moving)):  # a state far from the system's own size says nothing
+            continue
         apart = np.abs(moving[p_at] - W @ y[p_at]) - 64 * d * EPS * size
         apart_q = np.abs(moving[q_at] - resting[q_at]) - 64 * d * EPS * np.max(np.abs(resting[q_at]))
         if not (np.all(apart <= 0) and np.all(apart_q <= 0)):
             raise _not_mechanical(
                 problem, "∇H = (∇V(q), M⁻¹p)", f"∇H = {moving.tolist()} at y = {y.tolist()}"
             )
-    return Mechanics(problem, np.asarray(np.linalg.inv(W)), W, first)
+    inverse = scale * W
+    return Mechanics(problem, _inverted(inverse), inverse, first, scale)
+
+
+def _inverted(W: Array) -> Array:
+    """W⁻¹, refined in long floats: a mass matrix that is a number of few bits comes out as it is."""
+    wide, found = W.astype(np.longdouble), np.linalg.inv(W).astype(np.longdouble)
+    for _ in range(2):
+        found = found + found @ (np.eye(len(W)) - wide @ found)
+    return np.asarray(found.astype(np.float64))
 
 
 def _not_mechanical(problem: Problem, expected: str, received: str) -> UsageError:

@@ -40,7 +40,7 @@ def henon_heiles(coupling: float = 1.0, noise: ArrayLike = 1.0) -> Problem:
     return started(data, "henon-heiles", (0.0, 0.2, 0.4, -0.1), flows=known)
 
 
-def harmonic_trap(frequencies: ArrayLike = (1.0, 10.0, 100.0), noise: ArrayLike = 0.0) -> Problem:
+def harmonic_trap(frequencies: ArrayLike = (1.0, 10.0, 100.0), noise: ArrayLike = ()) -> Problem:
     """A trap of mixed stiffness: H = ½Σ (p_k² + ω_k²q_k²), from q_k = 1/ω_k and p = 0. Each q_k = cos(ω_k t)/ω_k."""
     w = np.atleast_1d(np.asarray(frequencies, dtype=np.float64))
     if w.ndim > 1 or not 1 <= w.size <= MOST or not np.all((w > 0) & np.isfinite(w)):

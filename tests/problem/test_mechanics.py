@@ -20,7 +20,7 @@ def agrees(problem: Problem, y: np.ndarray) -> None:
     m = mechanics(problem)
     q, p = m.split(y)
     v, f = m.velocity(p), m.force(q)
-    H = problem.hamiltonian(y)
+    H = m.scale * problem.hamiltonian(y)
     assert 0.5 * np.sum(p * v, axis=0) + m.potential(q) == pytest.approx(H, rel=1e-13, abs=1e-300)
     field = np.einsum("ij...,j...->i...", problem.structure(y), problem.gradient(y))
     np.testing.assert_allclose(m.join(v, f), field, rtol=1e-12, atol=1e-13 * np.max(np.abs(field)))
@@ -45,6 +45,8 @@ def test_every_member_of_the_family_comes_apart_as_data_and_as_functions() -> No
         assert m is mechanics(problem)
         assert m.positions_first
         assert np.array_equal(m.mass @ m.inverse_mass, np.eye(m.degrees)), "masses are exact"
+        p = m.split(y)[1]
+        assert np.array_equal(m.momentum(m.velocity(p)), p), "and so are velocities"
         seen.add((bool(np.count_nonzero(m.mass - np.diag(np.diag(m.mass)))), case.given))
     assert len(seen) == 6, "diagonal and full masses, given in each way"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import combinations
 from random import Random
 
@@ -32,8 +33,9 @@ def canonical_separable(parts: Parts) -> PolynomialSystem:
 def mechanical(parts: Parts) -> PolynomialSystem:
     """H = ½ pᵀM⁻¹p + V(q) with y = (q, p) and B = J: q̇ = M⁻¹p, ṗ = −∇V.
 
-    M = LDLᵀ with powers of two in D and whole numbers in L, so that both M and M⁻¹ are exact. A potential that is
-    bounded below has even powers of the positions alone, with positive coefficients.
+    M = LDLᵀ with powers of two in D and whole numbers in L, so that both M and M⁻¹ are exact, and momenta have few
+    bits, so that M⁻¹p is. A potential that is bounded below has even powers of the positions alone, with positive
+    coefficients.
     """
     n, random, scale = parts.d // 2, parts.random, parts.unit**-2
     weights = [scale * random.choice([1.0, 0.5, 2.0, 0.25, 4.0]) for _ in range(n)]
@@ -50,7 +52,14 @@ def mechanical(parts: Parts) -> PolynomialSystem:
         found = some.hamiltonian(n, half, min(parts.terms, monomials(n, half)), 1.0, random)
         even = {tuple(2 * k for k in e): abs(c) * scale ** sum(e) for e, c in found.terms}
         potential = some.embedded(poly.polynomial(n, even), parts.d, range(n))
+    parts.y = (*parts.y[:n], *(_short(p, parts.y) for p in parts.y[n:]))
     return PolynomialSystem(parts.d, poly.add(*kinetic, potential), canonical(parts.d, 1.0), parts.noise())
+
+
+def _short(p: float, y: tuple[float, ...]) -> float:
+    """A momentum in twenty bits, so that libraries that keep velocities get M⁻¹p, and p again, without rounding."""
+    unit = 2.0 ** (math.floor(math.log2(max(map(abs, y)) or 1.0)) - 20)
+    return unit * round(p / unit)
 
 
 def _of(places: range, parts: Parts, degree: int, least: int = 1) -> Polynomial:
