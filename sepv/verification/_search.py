@@ -13,6 +13,7 @@ import warnings
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain, pairwise
 from random import Random
 from typing import Any
@@ -38,6 +39,7 @@ from sepv.verification._cases.of_law import EVERYTHING, Cases, Question
 from sepv.verification._cases.shrink import shrunk
 from sepv.verification._cases.users_problems import objects_of, sources
 from sepv.verification._law import Effort, Finding, Law, Measurement, Run, Verdict
+from sepv.verification._share_of_defect import largest_share
 
 Check = Callable[[Scheme, Case], Measurement]
 
@@ -423,6 +425,8 @@ def _conclude(law: Law, scheme: Scheme, log: _Log, check: Check) -> Finding:
         case, measured = log.violation
         advice = _has_a_unit(scheme, check, case)
         advice = advice or _may_be_a_tolerance(law, scheme, check, case, measured, log.largest)
+        if law.unit.startswith("ulp"):
+            advice = largest_share(case, partial(_measured_again, scheme, check)) + advice
         message = f"{case.describe()}\n{measured.detail}{advice}"
         if log.crash is None:
             return law.finding(Verdict.VIOLATED, message=message, **_witness(law, case), **seen)
