@@ -111,7 +111,9 @@ def right(law: Law, systems: Systems) -> list[Scheme]:
 
 
 def _built_in(systems: Systems) -> list[Scheme]:
-    return [s for s in {**schemes.PAPER, **schemes.EXTENSIONS}.values() if s.systems == systems]
+    return [
+        s for s in {**schemes.PAPER, **schemes.EXTENSIONS, **schemes.DAMPED}.values() if s.systems == systems
+    ]
 
 
 def _size(case: Case) -> int:

@@ -59,7 +59,7 @@ law = searched(
     unit="ulp of y",
     cost=1.9,
     # The 140 000 steps of batches are not counted: they are of polynomial systems, and of schemes that take batches.
-    cases=Cases(where={"batch": ("2–9", "33–129", "500–2000", "4097–9000")}),
+    cases=Cases(damped=True, where={"batch": ("2–9", "33–129", "500–2000", "4097–9000")}),
     check=check,
     not_applicable=one_at_a_time,
 )

@@ -27,6 +27,7 @@ from sepv.errors import Skipped, UsageError
 from sepv.exact import exact_flow
 from sepv.exact._dense_flow import FlowFailure
 from sepv.problem import Array, HamiltoniansProblem, Problem
+from sepv.problem._damped import damping_of
 from sepv.record._binary64 import EPS, TINY
 from sepv.schemes import Scheme, Systems
 from sepv.schemes._guard import guarded
@@ -36,7 +37,7 @@ from sepv.simulate._batch import Carried, advance
 from sepv.solve import Status
 from sepv.verification import Effort, Finding, Law, Run, Verdict, energy_ulp, require
 from sepv.verification._cases.from_problem import describe
-from sepv.verification._cases.of_law import NOT_KEPT
+from sepv.verification._cases.of_law import NOT_KEPT, UNDAMPED
 from sepv.verification._cases.users_problems import as_taken, problems_of
 from sepv.verification._failed_step import failed_step
 from sepv.verification._law import sparing
@@ -164,6 +165,8 @@ def runs_for(scheme: Scheme) -> list[tuple[Problem, float, int]]:
     own = problems_of(scheme)
     if own is not None:
         own = tuple(problem for problem in own if not isinstance(problem, HamiltoniansProblem))
+    if own and all(map(damping_of, own)):
+        raise Skipped(UNDAMPED)
     if scheme.systems == Systems.HAMILTONIANS or own == ():
         raise Skipped(NOT_KEPT)
     if own is None:

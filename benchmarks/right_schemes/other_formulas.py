@@ -9,18 +9,21 @@ from typing import Any
 import numpy as np
 
 from benchmarks.right_schemes.solved_otherwise import CLAIMED, Refused, like_the_core, of_lanes
-from sepv.problem import Array, Problem, mechanics, vector_field
+from sepv.errors import Skipped
+from sepv.problem import Array, DampedProblem, Problem, mechanics, vector_field
 from sepv.record._binary64 import EPS
 from sepv.schemes import (
     Scheme,
     Systems,
     collocation,
+    conformal,
     drift_preserving,
     energy_preserving,
     gauss,
     implicit,
     midpoint,
 )
+from sepv.schemes._conformal import undamped
 from sepv.schemes._explicit import end
 from sepv.schemes._explicit_tableaux import TABLEAUX
 from sepv.schemes._leapfrog import KicksAndDrifts, composed
@@ -100,6 +103,16 @@ def _pushed_at_once(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """
     y0, noise = as_lanes(problem, y, h, dW)
     return drift_preserving.step(problem, y0, h, noise, noise).reshape(np.shape(y))
+
+
+def _damped_in_the_middle(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """(2.1) for half of the step and half of the increments, all of the damping, and (2.1) again: symmetric as well."""
+    if not isinstance(problem, DampedProblem):
+        raise Skipped("for damped systems")
+    y0, noise = as_lanes(problem, y, h, dW)
+    first = undamped(problem, y0, 0.5 * h, 0.5 * noise)
+    damped = np.exp(-h * problem.damping) * first
+    return undamped(problem, damped, 0.5 * h, 0.5 * noise).reshape(np.shape(y))
 
 
 def _readme(problem: Problem, y: Array, h: float, dW: Array) -> Array:
@@ -267,6 +280,13 @@ SCHEMES: tuple[Scheme, ...] = (
         weak_order=1.0,
         asks="",
         source="additive noise, then (2.1): the trace formula without halves of a step",
+    ),
+    replace(
+        conformal,
+        name="damped-in-the-middle",
+        step=_damped_in_the_middle,
+        solve=None,
+        source="damping between two half steps of (2.1)",
     ),
     replace(gauss(2), name="gauss-two", source="the Gauss method with two stages"),
 )

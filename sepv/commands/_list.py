@@ -27,7 +27,7 @@ def list_() -> None:
     from sepv.verification._report import console
 
     out = console()
-    known = (schemes.PAPER | schemes.EXTENSIONS | schemes.HAMILTONIANS).values()
+    known = (schemes.PAPER | schemes.EXTENSIONS | schemes.HAMILTONIANS | schemes.DAMPED).values()
     named = [(s.name, f"{s.mean_square_order:g}", s.source) for s in known]
     # One row for each family: its members are NAME-1 … NAME-6.
     named += [(f"{n}-s, s = 1 … {MAX_STAGES}", "s", make(1).source) for n, make in schemes.FAMILIES.items()]

@@ -12,6 +12,7 @@ from __future__ import annotations
 from sepv.problem._averaged_gradient import average_gradient as average_gradient
 from sepv.problem._averaged_gradient import average_hessian as average_hessian
 from sepv.problem._checks import check_problem as check_problem
+from sepv.problem._damped import DampedProblem as DampedProblem
 from sepv.problem._fields import casimir_gradients as casimir_gradients
 from sepv.problem._fields import field_jacobian as field_jacobian
 from sepv.problem._fields import vector_field as vector_field

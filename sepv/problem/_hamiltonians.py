@@ -32,6 +32,7 @@ import numpy as np
 
 from sepv.errors import ProblemError, Skipped, SystemsError
 from sepv.problem._checks import sample_states
+from sepv.problem._damped import DampedProblem, damping_of, require_undamped
 from sepv.problem._derived import derive
 from sepv.problem._fields import differences, hessian, matmul, matvec, structure_slope, vector_field
 from sepv.problem._problem import Array, Flow, Function, Problem, constant, require_one_for_each_noise
@@ -129,7 +130,7 @@ class HamiltoniansProblem(Problem):
 
 def is_several(problem: Problem) -> bool:
     """True if the noises are not those of (1.1), so that there is no random step."""
-    return isinstance(problem, (StructuresProblem, HamiltoniansProblem))
+    return isinstance(problem, (StructuresProblem, HamiltoniansProblem, DampedProblem))
 
 
 def noise_vectors(problem: Problem) -> Array:
@@ -158,6 +159,8 @@ def combined_field(problem: Problem, y: Array, parts: Array) -> Array:
     """h f_0(y) + Σ_j c_j ΔW_j f_j(y), (d, M), for parts (1 + m, M) holding h and the c_j ΔW_j."""
     if len(vectors := noise_vectors(problem)):
         return parts[0] * vector_field(problem, y) + vectors.T @ parts[1:]
+    if gamma := damping_of(problem):
+        return parts.sum(axis=0) * vector_field(problem, y) - parts[0] * gamma * y
     if isinstance(problem, HamiltoniansProblem):
         return hamiltonian_field(problem, y, parts)
     return matvec(combined(problem, y, parts), problem.gradient(y))
@@ -170,6 +173,7 @@ def hamiltonian_field(problem: Problem, y: Array, parts: Array) -> Array:
 
 def combined_gradient(problem: Problem, y: Array, parts: Array) -> Array:
     """h∇H_0(y) + Σ_j c_j ΔW_j ∇H_j(y), (d, M), for parts (1 + m, M) holding h and the c_j ΔW_j."""
+    require_undamped(problem)
     total = parts[0] * problem.gradient(y)
     for part, gradient in zip(parts[1:], noise_gradients(problem), strict=True):
         total = total + part * gradient(y)

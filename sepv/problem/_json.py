@@ -100,6 +100,7 @@ def _polynomial_json(data: PolynomialSystem) -> dict[str, Any]:
         "casimirs": [[_row(row) for row in A] for A in data.casimirs],
         "linear_casimirs": [_row(vector) for vector in data.linear_casimirs],
         **{key: values for key, values in more.items() if values},
+        **({"damping": float(data.damping).hex()} if data.damping else {}),
     }
 
 
@@ -150,6 +151,7 @@ def _polynomial_system(data: dict[str, Any]) -> PolynomialSystem:
             for n, p in enumerate(data.get("noise_hamiltonians", []))
         ),
         noise_vectors=tuple(map(_doubles, data.get("noise_vectors", []))),
+        damping=double(data.get("damping", 0.0)),
     )
 
 

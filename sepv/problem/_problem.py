@@ -61,6 +61,8 @@ class Systems(StrEnum):
         H_0 = ½|p|² + V(q), and noise that is additive in p.
     additive
         dy = B(y)∇H dt + Σ c_j g_j dW_j with constant g_j, in the image of B or not, and H quadratic along them.
+    damped
+        dy = (B(y)∇H − γy) dt + Σ c_j B(y)∇H ∘dW_j with a homogeneous H (`sepv.problem.DampedProblem`).
     """
 
     SINGLE = "single"
@@ -74,6 +76,7 @@ class Systems(StrEnum):
     MATRIX_HAMILTONIANS = "matrix-hamiltonians"
     SEPARABLE_HAMILTONIANS = "separable-hamiltonians"
     ADDITIVE = "additive"
+    DAMPED = "damped"
 
 
 @dataclass(frozen=True)
@@ -98,6 +101,8 @@ class PolynomialSystem:
         H_1, …, H_m: several Hamiltonians (`sepv.problem._hamiltonians`), whether or not {H, H_j} = 0.
     noise_vectors : tuple of d numbers each, optional
         g_1, …, g_m: additive noise Σ c_j g_j dW_j. At most one of the three.
+    damping : float
+        γ of −γy dt, with none of the three (`sepv.problem.DampedProblem`).
     """
 
     dimension: int
@@ -111,6 +116,7 @@ class PolynomialSystem:
     noise_structures: tuple[Structure, ...] = ()
     noise_hamiltonians: tuple[Polynomial, ...] = ()
     noise_vectors: Matrix = ()
+    damping: float = 0.0
 
 
 @dataclass(frozen=True)

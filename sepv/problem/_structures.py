@@ -30,6 +30,7 @@ import numpy as np
 
 from sepv.errors import ProblemError, UsageError
 from sepv.problem._checks import sample_states
+from sepv.problem._damped import require_undamped
 from sepv.problem._directions import directions
 from sepv.problem._fields import casimir_gradients, dot, matvec
 from sepv.problem._problem import Array, Function, Problem, require_one_for_each_noise
@@ -109,6 +110,7 @@ def each_noise(problem: Problem, h: float, noise: Array) -> Array:
 
 def combined(problem: Problem, y: Array, parts: Array) -> Array:
     """h B(y) + Σ_j c_j ΔW_j G_j(y), (d, d, M), for parts (1 + m, M) holding h and the c_j ΔW_j."""
+    require_undamped(problem)
     total = parts[0] * problem.structure(y)
     for part, G in zip(parts[1:], noise_structures(problem), strict=True):
         # A noise with increment zero needs no structure, which may be undefined there.

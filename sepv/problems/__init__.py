@@ -11,6 +11,7 @@ from sepv.errors import ProblemError, UsageError, require_one_of
 from sepv.problem import Description, GivenProblem, NamedProblem, PolynomialSystem, Problem
 from sepv.problem import from_json as from_json
 from sepv.problem import to_json as to_json
+from sepv.problems._damped_top import damped_top as damped_top
 from sepv.problems._kepler import kepler as kepler
 from sepv.problems._lotka_volterra import lotka_volterra as lotka_volterra
 from sepv.problems._lotka_volterra import random_lotka_volterra as random_lotka_volterra
@@ -62,7 +63,12 @@ EXTENSIONS = _listed(
 )
 # Problems with several structures or Hamiltonians.
 SEVERAL = _listed(
-    commuting_rotations, commuting_oscillators, noncommuting_drift, noncommuting_tops, kubo_oscillator
+    damped_top,
+    commuting_rotations,
+    commuting_oscillators,
+    noncommuting_drift,
+    noncommuting_tops,
+    kubo_oscillator,
 )
 # Problems with several Hamiltonians that do not commute.
 HAMILTONIANS = _listed(

@@ -11,6 +11,7 @@ import numpy as np
 
 from sepv.errors import ProblemError
 from sepv.problem import (
+    DampedProblem,
     HamiltoniansProblem,
     Nambu,
     PolynomialSystem,
@@ -68,6 +69,14 @@ def polynomial_problem(data: PolynomialSystem) -> Problem:
         check=False,
     )
     more = data.noise_structures or data.noise_hamiltonians or data.noise_vectors
+    if data.damping and more:
+        raise ProblemError(
+            expected="damping of a system with one structure and one Hamiltonian",
+            received="damping, and noises with structures, Hamiltonians or vectors of their own",
+            remedy="leave out one or the other",
+        )
+    if data.damping:
+        return DampedProblem(**_shared(problem), damping=data.damping, check=False)
     return _with_more_noise(problem, data) if more else problem
 
 

@@ -12,6 +12,7 @@ from typing import Any
 
 from sepv.problem import Systems as Systems
 from sepv.schemes._catalogue import BY_FILE as BY_FILE
+from sepv.schemes._catalogue import DAMPED as DAMPED
 from sepv.schemes._catalogue import EXTENSIONS as EXTENSIONS
 from sepv.schemes._catalogue import FAMILIES as FAMILIES
 from sepv.schemes._catalogue import HAMILTONIANS as HAMILTONIANS

@@ -55,6 +55,8 @@ HAMILTONIANS = _listed(
     "darboux_lie",
     "drift_preserving",
 )
+# Schemes for damped systems.
+DAMPED = _listed("conformal")
 # Families: NAME-s is their member with s stages, s = 1 … MAX_STAGES.
 FAMILIES: dict[str, Callable[[int], Scheme]] = {"collocation": collocation, "gauss": gauss}
 
@@ -62,7 +64,7 @@ FAMILIES: dict[str, Callable[[int], Scheme]] = {"collocation": collocation, "gau
 def by_name(name: str) -> Scheme:
     """A built-in scheme or a member of a family such as "collocation-3", else a UsageError; "_" is "-"."""
     wanted = name.replace("_", "-")
-    for schemes in (PAPER, EXTENSIONS, HAMILTONIANS):
+    for schemes in (PAPER, EXTENSIONS, HAMILTONIANS, DAMPED):
         if wanted in schemes:
             return schemes[wanted]
     family, _, stages = wanted.rpartition("-")
@@ -70,7 +72,7 @@ def by_name(name: str) -> Scheme:
         return FAMILIES[family](int(stages))
     families = ", ".join(f"{f}-1 … {f}-{MAX_STAGES}" for f in FAMILIES)
     raise UsageError(
-        expected=f"a built-in scheme: {', '.join([*PAPER, *EXTENSIONS, *HAMILTONIANS])}, {families}",
-        received=did_you_mean(name, [*PAPER, *EXTENSIONS, *HAMILTONIANS]),
+        expected=f"a built-in scheme: {', '.join([*PAPER, *EXTENSIONS, *HAMILTONIANS, *DAMPED])}, {families}",
+        received=did_you_mean(name, [*PAPER, *EXTENSIONS, *HAMILTONIANS, *DAMPED]),
         remedy="see `sepv list`",
     )

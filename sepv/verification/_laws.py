@@ -20,6 +20,8 @@ LAWS = (
     "casimir",
     "casimir-drift",
     "any-casimir",
+    "conformal-casimir",
+    "conformal-energy",
     "poisson-map",
     "symplecticity",
     "volume",

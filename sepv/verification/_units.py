@@ -14,6 +14,7 @@ import numpy as np
 
 from sepv.problem import Array, Problem
 from sepv.problem._checks import sample_states
+from sepv.problem._damped import damping_of
 from sepv.schemes import Scheme
 from sepv.verification._cases.from_problem import sizes_at
 
@@ -55,6 +56,8 @@ def units_of(problem: Problem) -> Units:
 
 
 def rates_at(problem: Problem, y: Array) -> tuple[float, float]:
-    """The largest component of a field at y, and a bound of its slope there, |B′||∇H| + |B||H″| in the row-sum norm."""
+    """The largest component of a field at y, and a bound of its slope there, |B′||∇H| + |B||H″| + γ by row sums."""
     B, g, dB, H = sizes_at(problem, y)
-    return float(np.max(B @ g)), float(np.max(np.sum(np.einsum("ijk,j->ik", dB, g) + B @ H, axis=1)))
+    gamma = abs(damping_of(problem))
+    slope = float(np.max(np.sum(np.einsum("ijk,j->ik", dB, g) + B @ H, axis=1)))
+    return float(np.max(B @ g + gamma * np.abs(y))), slope + gamma

@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sepv.problem import Array, HamiltoniansProblem
+from sepv.problem import Array, DampedProblem, HamiltoniansProblem
 from sepv.reference.equations_by_class import equation_for
 from sepv.reference.steps import step_condition
 from sepv.schemes import Scheme, ask
@@ -29,7 +29,7 @@ def measured(scheme: Scheme, case: Case, back: Callable[[Array], Array]) -> Meas
     returned = back(y1)
     residual = step_residual(problem, y, y1, h, dW, scheme)
     residual = residual + step_residual(problem, y1, returned, -h, -dW, scheme)
-    if isinstance(problem, HamiltoniansProblem):  # its equation is not among the references
+    if isinstance(problem, (HamiltoniansProblem, DampedProblem)):  # its equation is not among the references
         bound = np.full(y.size, amplification(scheme, case) * float(residual.max()))
     else:
         method = equation_for(scheme.systems, scheme.stages)

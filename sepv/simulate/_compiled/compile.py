@@ -11,6 +11,7 @@ import numpy as np
 
 from sepv.errors import Skipped
 from sepv.problem import Array, CommutingStructure, HamiltoniansProblem, Problem, StructuresProblem
+from sepv.problem._damped import damping_of
 from sepv.problem._structures import each_noise, noise_structures
 from sepv.record import CannotRecord, NoClosedForm
 from sepv.schemes import Scheme, Systems
@@ -101,6 +102,8 @@ def taken(scheme: Scheme, problem: Problem) -> Formula:
             requires(problem)
         except Skipped as why:
             raise CannotCompile(str(why)) from why
+    if damping_of(problem):
+        raise CannotCompile(f"{problem.name} has damping, which the compiled engine does not take")
     if isinstance(problem, HamiltoniansProblem):
         if scheme.systems != Systems.HAMILTONIANS or formula.parts is not each_noise:
             raise CannotCompile(

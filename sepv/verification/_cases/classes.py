@@ -116,6 +116,9 @@ CLASSES: dict[Systems, SystemsClass] = {
         _space(maker(families.additive, shows=False), *_GENERAL, kinds=_OF_PATHS, m=_NOISY, d=_MIDDLE, **_SMALL),
         problems=("noisy-henon-heiles", "pushed-rigid-body"),
     ),
+    Systems.DAMPED: SystemsClass(
+        _space(families.damped, *_GENERAL, d=_MIDDLE, **_SMALL), problems=("damped-top",)
+    ),
 }  # fmt: skip
 # Narrow classes that users name; a scheme for one has no other cases.
 FAMILIES = {systems: own for systems, own in CLASSES.items() if own.problems}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import combinations
 from random import Random
 
@@ -15,8 +16,9 @@ from sepv.problems._matrix_tops import matrix_system
 from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
 from sepv.verification._cases import random_parts as some
-from sepv.verification._cases.random_cases import Parts, general
-from sepv.verification._cases.strata import monomials
+from sepv.verification._cases.case import Case
+from sepv.verification._cases.random_cases import Parts, general, maker
+from sepv.verification._cases.strata import Levels, monomials
 
 Constants = tuple[tuple[int, int, int, float], ...]
 
@@ -132,6 +134,31 @@ def separable_hamiltonians(parts: Parts) -> PolynomialSystem:
     pushes = [[-some.coefficient(random) for _ in range(n)] for _ in c]
     others = tuple(poly.linear([0.0] * n + row) for row in pushes)
     return PolynomialSystem(2 * n, H, canonical(2 * n), c, noise_hamiltonians=others)
+
+
+def _homogeneous(parts: Parts) -> PolynomialSystem:
+    """Any B with or without Casimirs, and H with monomials of one degree."""
+    d, n = parts.d, parts.degree
+    B, quadratic, linear = parts.structure()
+    count = min(parts.terms, monomials(d, n) - monomials(d, n - 1))
+    H = some.hamiltonian(d, n, count, parts.unit, parts.random, least=n)
+    return PolynomialSystem(d, H, B, parts.noise(), quadratic, linear)
+
+
+_UNDAMPED = maker(_homogeneous, shows=False)
+
+
+def damped(levels: Levels, random: Random, attempt: int | None) -> Case | None:
+    """A step of a damped system with a homogeneous H and |γh| between 1/16 and 1/8, where e^{−2γh} is far from 1 − 2γh.
+
+    The damped state is larger by 7 % at most, for h < 0, which leaves the step inside the contraction radius but for a
+    factor below 2.
+    """
+    case = _UNDAMPED(levels, random, attempt)
+    if case is None or not isinstance(case.problem, PolynomialSystem) or not case.h:
+        return None
+    gamma = 2.0 ** math.floor(math.log2(0.125 / abs(case.h)))
+    return replace(case, problem=replace(case.problem, damping=gamma))
 
 
 def additive(parts: Parts) -> PolynomialSystem:

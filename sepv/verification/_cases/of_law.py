@@ -11,7 +11,17 @@ from hypothesis import strategies as st
 
 from sepv import problems as named
 from sepv.errors import require_one_of
-from sepv.problem import Description, GivenProblem, HamiltoniansProblem, Problem, StructuresProblem, Systems
+from sepv.problem import (
+    DampedProblem,
+    Description,
+    GivenProblem,
+    HamiltoniansProblem,
+    PolynomialSystem,
+    Problem,
+    StructuresProblem,
+    Systems,
+)
+from sepv.problem._damped import damping_of
 from sepv.verification._cases import strata
 from sepv.verification._cases.case import Case, quiet
 from sepv.verification._cases.classes import CLASSES
@@ -25,6 +35,16 @@ Adapt = Callable[[Case], Case | None]
 Strategy = st.SearchStrategy[Case]
 # The reason why laws about H do not apply to several Hamiltonians.
 NOT_KEPT = "with several Hamiltonians that do not commute with H_0 the exact flow does not keep H_0"
+
+
+# The reason of all laws that do not say otherwise.
+UNDAMPED = "the law speaks of systems without damping"
+
+
+def damping_of_case(case: Case) -> float:
+    """γ of the problem of a case."""
+    data = case.problem
+    return data.damping if isinstance(data, PolynomialSystem) else damping_of(named.build(data))
 
 
 def unchanged(case: Case) -> Case:
@@ -69,6 +89,8 @@ class Cases:
         Strata in which nothing in the law's statement can fail. The design meets the faults of other axes elsewhere.
     not_of : class of systems -> str
         The reason why the law does not apply to a class. Additive noise counts as several Hamiltonians by default.
+    damped : bool
+        True if the law speaks of damped systems too.
     stays : bool
         True if the law stays with the given problem. Otherwise it is not run on users' problems.
     instead : class -> class, or () -> strategy
@@ -84,6 +106,7 @@ class Cases:
     where: Mapping[str, Strata] = field(default_factory=dict)
     blind: Mapping[str, Strata] = field(default_factory=dict)
     not_of: Mapping[Systems, str] = field(default_factory=dict)
+    damped: bool = False
     stays: bool = True
     instead: Mapping[Systems, Systems | Callable[[], Strategy]] = field(default_factory=dict)
     fixed: Mapping[Systems, Callable[[], Iterable[Case]]] = field(default_factory=dict)
@@ -116,6 +139,8 @@ class Cases:
         """Adapt any case, of any class; None where the law does not apply."""
         if self.not_of and self.not_of.get(class_of(case.problem)):
             return None
+        if not self.damped and damping_of_case(case):
+            return None
         return self.adapt(case)
 
     def without_noise(self) -> Cases | str:
@@ -132,6 +157,8 @@ class Cases:
         """The cases for a scheme that serves a whole class, or the reason why there are none."""
         if why := self.not_of.get(systems):
             return why
+        if systems is Systems.DAMPED and not self.damped:
+            return UNDAMPED
         if systems in self.made:
             count, make = self.made[systems]
             drawn_alone = self._adapting(st.randoms(use_true_random=False).map(make))
@@ -165,6 +192,10 @@ class Cases:
         if not self.stays:
             return "the law leads out of the problems that the scheme is for"
         everything = self.adapt is unchanged and not self.not_of
+        if not self.damped:
+            items = [item for item in items if not any(map(damping_of, item.problems))]
+            if not items:
+                return UNDAMPED
         usable = [item for item in items if everything or item.meets(self.adapted, self.where)]
         if not usable:
             classes = {class_of(item.fixed) for item in items if item.fixed is not None}
@@ -191,7 +222,7 @@ def _adapted_quietly(adapt: Adapt, case: Case) -> Case | None:
     return None if silent is None else adapt(silent)
 
 
-EVERYTHING = Cases()
+EVERYTHING = Cases(damped=True)
 
 
 def class_of(description: Description | Problem) -> Systems:
@@ -199,6 +230,8 @@ def class_of(description: Description | Problem) -> Systems:
     problem = description if isinstance(description, Problem) else named.build(description)
     if isinstance(problem, HamiltoniansProblem):
         return Systems.ADDITIVE if problem.noise_vectors else Systems.HAMILTONIANS
+    if isinstance(problem, DampedProblem):
+        return Systems.DAMPED
     return Systems.SEVERAL if isinstance(problem, StructuresProblem) else Systems.SINGLE
 
 

@@ -1,0 +1,52 @@
+"""Damping by exponentials around (2.1): y1 = e^{−γh/2} Φ_{h,ΔŴ}(e^{−γh/2} y0), Φ the step of (2.1) without damping.
+
+G. Strang's composition of the flow of −γy dt and the energy-preserving step, for dy = (B∇H − γy)dt + Σ c_j B∇H ∘dW_j.
+C.-E. Bréhier, D. Cohen and Y. Komori, Stochastic conformal integrators for linearly damped stochastic Poisson systems
+(arXiv 2503.01540), compose so, with discrete gradients; of their paper the abstract and the introduction were read.
+
+Φ keeps H and quadratic and linear Casimirs, and F(e^{−γh/2}y) = e^{−pγh/2}F(y) for a homogeneous F of degree p. So
+
+    C(y1) = e^{−2γh}C(y0) for C = yᵀAy,   e^{−γh} for bᵀy,   H(y1) = e^{−pγh}H(y0) for a homogeneous H of degree p,
+
+as along the exact solution. Symmetric. What the composition leaves out is a bracket with ∫(s − h/2)dW(s), which has
+mean zero and is of the order of h^{3/2}: mean-square order 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from sepv.errors import Skipped
+from sepv.problem import Array, DampedProblem, Problem, Systems
+from sepv.schemes._energy_preserving import formula, jacobian
+from sepv.schemes._one_step import EVERY, Solved, implicit, one_step
+from sepv.solve._solution import Solution
+
+
+def undamped_step(problem: Problem, h: float, noise: Array) -> Array:
+    """Δ = h + Σ c_j ΔŴ_j, (1, M), of the part without damping."""
+    return Problem.random_step(problem, h, noise)[None]
+
+
+undamped = implicit(formula, jacobian, parts=undamped_step)
+
+
+def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
+    """One step of a batch with residual, counts and status of each lane; raises Skipped for other problems."""
+    if not isinstance(problem, DampedProblem):
+        raise Skipped(f"{problem.name} has no damping (sepv.problem.DampedProblem)")
+    factor = np.exp(-0.5 * h * problem.damping)
+    found = undamped.solve(problem, factor * y, h, dW)
+    value = factor * found.value
+    return replace(found, value=value, change=value - y)
+
+
+scheme = one_step(
+    "conformal",
+    Solved(solve),
+    EVERY | {"conformal-casimir", "conformal-energy", "symmetry"},
+    "(2.1) between exponentials; Bréhier, Cohen and Komori, arXiv 2503.01540",
+    systems=Systems.DAMPED,
+)
