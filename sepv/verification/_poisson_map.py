@@ -62,6 +62,8 @@ def tangent(scheme: Scheme, case: Case) -> Tangent:
     residual += EPS * operations(problem, scheme.stages) * 2 * poisson.POINTS * float(widths.max())
     error = amplification(scheme, case) * float(residual.max())
     slope, doubt = poisson.derivative(answers, widths)
+    if not np.all(np.isfinite(slope)):
+        raise Skipped("the derivative of the step overflows")
     if rho:
         doubt = np.full_like(slope, poisson.TRUNCATION * float((widths[0] / rho) ** 6))
     elif not np.max(doubt) <= ROUGH * max(1.0, float(np.max(np.abs(slope)))):

@@ -47,6 +47,7 @@ Check = Callable[[Scheme, Case], Measurement]
 # Reasons to leave out a state of extreme size.
 FAR = "a step from a state larger or smaller than 2^±21"
 FAR_OFF = f"{FAR} was not asked of a solver with a tolerance, which may be absolute"
+NO_BOUND = f"{FAR} has no bound: numbers overflow in it"
 # The factor on the number of random examples for a law without a design.
 UNDESIGNED = 12
 # A search ends after this many refused cases for each accepted one.
@@ -319,12 +320,14 @@ def _measure(log: _Log, scheme: Scheme, case: Case, check: Check, faults_violate
         if scheme.solver_tolerance and beyond(case):
             raise Skipped(FAR_OFF)
         measured = check(scheme, case)
+        if math.isnan(measured.bound) and beyond(case):
+            raise Skipped(NO_BOUND)
     except Skipped as skipped:
         if case.given != "data":
             # A scheme that cannot run functions gets the same system as data, so that the design stays whole.
             log.checks -= 1
             return _measure(log, scheme, replace(case, given="data"), check, faults_violate)
-        log.skip(skipped.reason, may=skipped.reason == FAR_OFF or may_be_refused(case))
+        log.skip(skipped.reason, may=skipped.reason in (FAR_OFF, NO_BOUND) or may_be_refused(case))
         raise
     except (SepvError, ArithmeticError) as error:
         if isinstance(error, StepFailure) and may_be_refused(case):

@@ -70,8 +70,8 @@ def _noise(case: Case) -> tuple[float, ...]:
 def in_other_units(case: Case, power: int, time: int = 0) -> Case:
     """The step in other units of y, by 2ⁿ, and of time, by 4ᵏ, which leads to 2ⁿy1.
 
-    H is 4⁻ᵏH(2⁻ⁿy), B is 2²ⁿB(2⁻ⁿy), g_j is 2ⁿ4⁻ᵏg_j, h is 4ᵏh, and c_j and ΔW_j are 2ᵏ times what they were. n is
-    `power`, or as near to it as numbers go.
+    H is 4ⁿ⁻ᵏH(2⁻ⁿy), B is B(2⁻ⁿy), so that canonical and mechanical systems stay what they are, g_j is 2ⁿ4⁻ᵏg_j, h is
+    4ᵏh, and c_j and ΔW_j are 2ᵏ times what they were. n is `power`, or as near to it as numbers go.
     """
     system = case.problem
     assert isinstance(system, PolynomialSystem)
@@ -81,12 +81,13 @@ def in_other_units(case: Case, power: int, time: int = 0) -> Case:
         power = int(power / 1.25)
     changed = replace(
         system,
-        hamiltonian=_scaled(system.hamiltonian, 0, power, time),
+        hamiltonian=_scaled(system.hamiltonian, 2, power, time),
         structure=_of(system.structure, power),
         noise=tuple(math.ldexp(c, time) for c in system.noise),
-        nambu=system.nambu and (_scaled(system.nambu[0], 3, power), _scaled(system.nambu[1], 0, power)),
+        nambu=system.nambu and (_scaled(system.nambu[0], -1, power), _scaled(system.nambu[1], 2, power)),
+        polynomial_casimirs=tuple(_scaled(p, 2, power) for p in system.polynomial_casimirs),
         noise_structures=tuple(_of(G, power) for G in system.noise_structures),
-        noise_hamiltonians=tuple(_scaled(p, 0, power, time) for p in system.noise_hamiltonians),
+        noise_hamiltonians=tuple(_scaled(p, 2, power, time) for p in system.noise_hamiltonians),
         noise_vectors=tuple(tuple(math.ldexp(v, power - 2 * time) for v in g) for g in system.noise_vectors),
     )
     y, dW = (tuple(math.ldexp(v, e) for v in vector) for vector, e in ((case.y, power), (case.dW, time)))
@@ -100,7 +101,7 @@ def _scaled(p: Polynomial, weight: int, power: int, time: int = 0) -> Polynomial
 
 
 def _of(B: Structure, power: int) -> Structure:
-    return tuple((i, j, _scaled(entry, 2, power)) for i, j, entry in B)
+    return tuple((i, j, _scaled(entry, 0, power)) for i, j, entry in B)
 
 
 def _exponents(case: Case, system: PolynomialSystem, power: int) -> Iterator[float]:
@@ -108,10 +109,10 @@ def _exponents(case: Case, system: PolynomialSystem, power: int) -> Iterator[flo
     sizes = [abs(v) for v in case.y if v]
     ends = [math.log2(v) + power for v in (max(sizes), min(sizes))] if sizes else []
     yield from (EXPONENTS + 1 for end in ends[:1] if abs(end) > LARGEST)
-    fields = [(0, p) for p in (system.hamiltonian, *system.noise_hamiltonians)]
-    fields += [(2, p) for B in (system.structure, *system.noise_structures) for _, _, p in B]
+    fields = [(2, p) for p in (system.hamiltonian, *system.noise_hamiltonians, *system.polynomial_casimirs)]
+    fields += [(0, p) for B in (system.structure, *system.noise_structures) for _, _, p in B]
     if system.nambu is not None:
-        fields += [(3, system.nambu[0]), (0, system.nambu[1])]
+        fields += [(-1, system.nambu[0]), (2, system.nambu[1])]
     for weight, p in fields:
         yield from (end * p.degree for end in ends)
         yield from (math.log2(abs(c)) + power * (weight - sum(e)) for e, c in p.terms)
