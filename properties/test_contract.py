@@ -37,6 +37,8 @@ from sepv.verification._states_of_a_path import keeps_states
 BATCH = 3
 # The least distance of states, as a share of the result: closer ones may have one result by rounding.
 APART = 2.0**-20
+# Roundings by which a sum in another order may differ, in single precision more than APART.
+OTHERWISE = 64
 # A state so near that the digits of a key, or single precision, do not tell it; and 256 roundings of the result.
 NEAR, LEAST_APART = 1 + 2.0**-40, 2.0**-44
 # Steps without a solution that are asked twice, and the share of each that is asked in between.
@@ -63,7 +65,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     if proof(case) is not None:
         _refuses_again(scheme, case)
         return Measurement(0.0, 0.0)
-    problem, y, h, dW = case.build()
+    problem, y, h, dW = _as_seen(scheme, case)
     first = _keeps(scheme, problem, y, h, dW, (0.75, 0.5))
     keeps_states(scheme, problem, y, h / 8, dW / 8, APART)
     # Only a third of the cases, for time.
@@ -79,6 +81,11 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         _keeps(scheme, problem, states, h, noise, (0.75,))
         keeps_states(scheme, problem, states, h / 8, noise / 8, APART)
     return Measurement(0.0, 0.0)
+
+
+def _as_seen(scheme: Scheme, case: Case) -> tuple[Problem, Array, float, Array]:
+    problem, y, h, dW = case.build()
+    return problem, scheme.numbers(y), h, scheme.numbers(dW)
 
 
 def _repeats(scheme: Scheme, case: Case) -> None:
@@ -129,10 +136,10 @@ def _keeps(
             received=f"a change of {', '.join(changed)}",
             remedy="use a generator of your own, and np.errstate as a context manager",
         )
-    answer = check_answer(raw, y)
+    answer = check_answer(raw, y, scheme.dtype)
     first = answer.copy()
     _takes_any_layout(scheme, problem, y, h, dW, first)
-    if scheme.solver_tolerance <= LEAST_APART and may_ask(scheme, problem, NEAR * y):
+    if max(scheme.solver_tolerance, scheme.eps) <= LEAST_APART and may_ask(scheme, problem, NEAR * y):
         _tells_apart(y, NEAR * y, first, ask(scheme, problem, NEAR * y, h, dW), LEAST_APART)
     # Zero components move a little in between, which shows a step that starts from its last result.
     moved = np.where(y == 0, np.max(np.abs(y)) / 64, y)
@@ -171,7 +178,7 @@ def _takes_any_layout(scheme: Scheme, problem: Problem, y: Array, h: float, dW: 
         state, noise = order(y).view(), order(dW).view()
         state.flags.writeable = noise.flags.writeable = False
         try:
-            answer = check_answer(raw_answer(scheme, problem, state, h, noise), y)
+            answer = check_answer(raw_answer(scheme, problem, state, h, noise), y, scheme.dtype)
         except SchemeCrash as crash:
             if "read-only" in str(crash) and ("destination" in str(crash) or "output" in str(crash)):
                 raise SchemeFault(
@@ -182,7 +189,7 @@ def _takes_any_layout(scheme: Scheme, problem: Problem, y: Array, h: float, dW: 
             continue
         except StepFailure:
             continue
-        if np.any(np.abs(answer - first) > APART * np.max(np.abs(first))):
+        if np.any(np.abs(answer - first) > max(APART, OTHERWISE * scheme.eps) * np.max(np.abs(first))):
             raise SchemeFault(
                 expected="one answer for the same numbers, however they lie in memory",
                 received=f"{answer.tolist()} for y of strides {state.strides}, {first.tolist()} before",

@@ -9,7 +9,6 @@ from sepv.problem import Array, PolynomialSystem
 from sepv.problems import nambu_system
 from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
-from sepv.record._binary64 import EPS
 from sepv.schemes import Scheme, ask
 from sepv.verification import Case, Cases, Effort, Measurement, require, searched, state_ulp, step_residual
 from sepv.verification._contraction import CONTRACTION, contraction_radius, has_majorants
@@ -129,7 +128,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         z = P @ y + b
         z1 = ask(scheme, other, z, h, dW)
         expected = P @ y1 + b
-        start, end = (EPS * float(np.max(np.abs(P) @ np.abs(v) + np.abs(b))) for v in (y, y1))
+        start, end = (scheme.eps * float(np.max(np.abs(P) @ np.abs(v) + np.abs(b))) for v in (y, y1))
         allowed = float(np.abs(P).sum(axis=1).max()) * residual + (1 + CONTRACTION) * start + end
         allowed += float(step_residual(other, z, z1, h, dW, scheme).max())
         if apart:

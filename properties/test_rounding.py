@@ -17,6 +17,7 @@ below 1e-6 in all.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -81,6 +82,7 @@ def run(law: Law, scheme: Scheme, own: Run) -> Finding:
     judged: list[Judged] = []
     effort = own.effort
     lines, broken, skipped, checks = [], [], [], 0
+    ratio = scheme.eps / EPS  # of the roundings of single precision to those of H's unit
     deeper = DEEPER if effort.examples >= DEEP_EXAMPLES else 1
     spared = sparing(scheme, effort)
     paths, runs = (SPARED_PATHS, _fewer(runs_for(scheme))) if spared else (PATHS, runs_for(scheme))
@@ -96,7 +98,7 @@ def run(law: Law, scheme: Scheme, own: Run) -> Finding:
             broken.append(f"{label}: {paths - alive.sum()} of {paths} paths failed; {failed}")
             continue
         checks += int(alive.sum())
-        found = judge(defects[:, alive], predicted, scheme.solver_tolerance)
+        found = judge(defects[:, alive] / ratio, predicted, scheme.solver_tolerance / ratio)
         judged += found
         lost = "" if alive.all() else f", {paths - alive.sum()} paths failed; {failed}"
         lines.append(f"{label}, {steps} steps: " + ", ".join(r.text for r in found) + lost)
@@ -104,7 +106,7 @@ def run(law: Law, scheme: Scheme, own: Run) -> Finding:
         return law.finding(Verdict.NOT_APPLICABLE, message="\n".join(skipped))
     worst = max(judged, key=lambda r: r.size / r.allowed, default=Judged("", 0.0, 1.0, ""))
     verdict = Verdict.ERROR if broken else Verdict.HOLDS
-    return law.finding(
+    finding = law.finding(
         verdict if worst.size <= worst.allowed else Verdict.VIOLATED,
         defect=worst.size,
         bound=worst.allowed,
@@ -113,6 +115,7 @@ def run(law: Law, scheme: Scheme, own: Run) -> Finding:
         witness={"seed": effort.seed, "paths": effort.paths, "examples": effort.examples},
         replay=f"--law {law.name} --seed {effort.seed} --paths {effort.paths}",
     )
+    return finding if ratio == 1 else replace(finding, unit=f"{law.unit}, float32")
 
 
 class Judged(NamedTuple):

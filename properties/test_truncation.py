@@ -131,7 +131,7 @@ def _weakest(scheme: Scheme, problem: Problem, h: float, A: float, j: int) -> tu
         ends = np.stack([ask(scheme, problem, y[:, i], h, dW[:, i]) for i in range(xi.size)], axis=1)
     responses = np.linalg.norm(np.diff(ends, axis=1), axis=0)
     # Differences below a solver's possible error in a step are not judged.
-    if np.max(responses) < CLEAR * (FLOOR * EPS + scheme.solver_tolerance) * np.max(np.abs(ends)):
+    if np.max(responses) < CLEAR * (FLOOR * EPS + scheme.precision) * np.max(np.abs(ends)):
         return 0.0, 0.0
     least = int(np.argmin(responses))
     with np.errstate(divide="ignore", invalid="ignore"):

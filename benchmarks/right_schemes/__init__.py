@@ -7,9 +7,15 @@ own. tests/verification/test_right_schemes.py and `benchmarks.false_alarms` run 
 
 from __future__ import annotations
 
-from benchmarks.right_schemes import charges, other_formulas, solved_otherwise
+from benchmarks.right_schemes import charges, in_single_precision, other_formulas, solved_otherwise
 from sepv.schemes import Scheme
 
 RIGHT: dict[str, Scheme] = {
-    s.name: s for s in (*solved_otherwise.SCHEMES, *other_formulas.SCHEMES, *charges.SCHEMES)
+    s.name: s
+    for s in (
+        *solved_otherwise.SCHEMES,
+        *other_formulas.SCHEMES,
+        *charges.SCHEMES,
+        *in_single_precision.SCHEMES,
+    )
 }

@@ -98,12 +98,12 @@ def ask_next(
     SchemeCrash
         Any other exception of the scheme.
     """
-    given, noise = y.copy(), dW.copy()
+    given, noise = scheme.numbers(y), scheme.numbers(dW)
     with translated(problem, y, h, dW):
-        y1, state = carry(scheme, shown(problem), given, state, h, noise, any_path=True)
-    y1 = check_answer(y1, y)
-    require_unchanged(y=(y, given), dW=(dW, noise))
-    return y1, state
+        found, state = carry(scheme, shown(problem), given, state, h, noise, any_path=True)
+    found = check_answer(found, y, scheme.dtype)
+    require_unchanged(y=(scheme.numbers(y), given), dW=(scheme.numbers(dW), noise))
+    return found.astype(np.float64, copy=False), state
 
 
 def require_unchanged(**arguments: tuple[Array, Array]) -> None:
@@ -141,8 +141,8 @@ def translated(problem: Problem, y: Array, h: float, dW: Array) -> Iterator[None
         raise SchemeCrash(error, y.shape, f", called with {given}") from error
 
 
-def check_answer(answer: Any, y: Array) -> Array:
-    """The result as an array, if it obeys the contract."""
+def check_answer(answer: Any, y: Array, dtype: str = "float64") -> Array:
+    """The result as an array, if it obeys the contract of a scheme with these numbers."""
     if type(answer) is not np.ndarray:  # no subclass: masked arrays and matrices compute differently
         raise SchemeFault(
             expected=f"a NumPy array of shape {y.shape}",
@@ -155,12 +155,14 @@ def check_answer(answer: Any, y: Array) -> Array:
             received=f"shape {answer.shape}",
             remedy="component first: one state is (d,), a batch (d, M)",
         )
-    if answer.dtype != np.float64:
+    if answer.dtype != dtype:
         raise SchemeFault(
-            expected="y_next of dtype float64",
+            expected=f"y_next of dtype {dtype}",
             received=f"dtype {answer.dtype}",
             remedy="compute in float64 throughout (JAX: jax.config.update('jax_enable_x64', True) first; torch: "
-            "torch.as_tensor keeps the dtype of y); "
+            "torch.as_tensor keeps the dtype of y), or say Scheme(…, dtype='float32') of a step in single precision; "
+            if dtype == "float64"
+            else "return y's dtype: constants and matrices of float64 raise it; or leave out dtype='float32'; "
             "a complex value hints at a square root or logarithm out of range",
         )
     if not np.all(np.isfinite(answer)):
@@ -184,19 +186,20 @@ def guarded(scheme: Scheme) -> Scheme:
         y, state = path
         noise = dW.copy() if further is None else joined(scheme.asks, dW, further)
         note_step(lambda: _step_in_words(problem, y, h, dW))
-        given, kept = y.copy(), noise.copy()
+        given, kept = scheme.numbers(y), scheme.numbers(noise)
+        noise = kept.copy()
         with translated(problem, y, h, noise):
             found, state = carry(scheme, shown(problem), given, state, h, noise, any_path=True)
-        require_unchanged(y=(y, given), dW=(kept, noise))
+        require_unchanged(y=(scheme.numbers(y), given), dW=(kept, noise))
         finite = np.nan_to_num(found) if isinstance(found, np.ndarray) else found
-        check_answer(finite, y)
-        return np.asarray(found), state
+        check_answer(finite, y, scheme.dtype)
+        return np.asarray(found, dtype=np.float64), state
 
     rule = StatefulStep(lambda _, y: (y, None), carried, lambda path: path[0])
     step: Step = (
         rule if isinstance(scheme.step, StatefulStep) else rule.__call__
     )  # a function, without states
-    return replace(scheme, step=step, solve=None)
+    return replace(scheme, step=step, solve=None, dtype="float64")
 
 
 def _step_in_words(problem: Problem, y: Array, h: float, dW: Array) -> str:

@@ -12,12 +12,17 @@ from numpy.typing import ArrayLike
 from sepv._arguments import floats, is_number, is_whole
 from sepv.errors import UsageError, require_one_of
 from sepv.problem import Array, Problem, Systems
+from sepv.record._binary64 import EPS
 from sepv.schemes._picture_look import Look
 from sepv.schemes._point_distributions import PointLaw, point_law
 from sepv.solve._solution import Solution
 
 # Kinds of further argument of a step: none, or one of three.
 ASKS = ("", "areas", "halves", "space-time")
+DTYPES = ("float64", "float32")
+# Roundings of y that a step of single precision counts as, where errors are compared with a floor: of y, of the
+# increment, and of the two in the sum. The bounds of single steps count each operation.
+SINGLE_STEP = 4.0
 
 
 # Exceptions by which a scheme refuses a step if it does not use `sepv.StepFailure`, which is an ArithmeticError too.
@@ -95,6 +100,9 @@ class Scheme:
     longest_step : float or callable (problem, y, h, dW) -> bool, optional
         The steps that it takes: |h| + Σ|c_j ΔW_j| up to a number, or those of which a function says so. Laws about
         single steps leave out the others; one of which less than a quarter of the cases are left does not hold.
+    dtype : "float64" or "float32"
+        The numbers of the step: y and dW come, and y_next is expected, in them. With float32 the laws' bounds are
+        those of its roundings, and defects and bounds are in units of 2⁻²³; what the suite evaluates stays in float64.
     look : Look, optional
         Colours, marker and dashes in pictures; by default a look that no other scheme has there.
 
@@ -131,6 +139,7 @@ class Scheme:
     problems: Iterable[Any] = ()
     look: Look | None = None
     longest_step: float | Callable[..., bool] | None = None
+    dtype: str = "float64"
 
     def __post_init__(self) -> None:
         several = isinstance(self.claims, Iterable) and not isinstance(self.claims, str)
@@ -144,6 +153,7 @@ class Scheme:
             for order in (self.mean_square_order, self.weak_order, self.order)
         ]
         tolerance, k = self.solver_tolerance, self.truncation
+        object.__setattr__(self, "dtype", _named(self.dtype))
         for right, expected, value in (
             (isinstance(self.name, str) and self.name.strip(), "name, a text", self.name),
             (isinstance(self.source, str), "source, a text", self.source),
@@ -157,6 +167,12 @@ class Scheme:
                 tolerance,
             ),
             (k is None or (is_whole(k) and k >= 1), "truncation, the integer k ≥ 1 of Remark 2.1", k),
+            (self.dtype in DTYPES, 'dtype, "float64" or "float32"', self.dtype),
+            (
+                self.dtype == "float64" or self.solve is None,
+                "solve in float64, or none with dtype='float32'",
+                self.solve,
+            ),
             (is_whole(self.stages) and self.stages >= 1, "stages, an integer ≥ 1", self.stages),
             (
                 self.longest_step is None or callable(self.longest_step) or _is_positive(self.longest_step),
@@ -224,6 +240,25 @@ class Scheme:
             return not self.noise
         others = self.mean_square_order, self.weak_order
         return self.order is not None and others == (None, None) and self.systems not in OF_SEVERAL
+
+    @property
+    def eps(self) -> float:
+        """The distance from 1 to the next number of the scheme's precision: 2⁻⁵² or 2⁻²³."""
+        return float(np.finfo(self.dtype).eps)
+
+    @property
+    def precision(self) -> float:
+        """The relative error of one step that its solver or its arithmetic below binary64 leaves."""
+        return self.solver_tolerance + (SINGLE_STEP * self.eps if self.eps > EPS else 0.0)
+
+    def numbers(self, values: Array) -> Array:
+        """A copy of the values in the scheme's precision, as the step gets them."""
+        return np.array(values, dtype=self.dtype)
+
+
+def _named(dtype: Any) -> Any:
+    """The name of a NumPy type, as np.float32; anything else unchanged."""
+    return dtype.__name__ if isinstance(dtype, type) and issubclass(dtype, np.generic) else str(dtype)
 
 
 def _is_positive(value: Any) -> bool:

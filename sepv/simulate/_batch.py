@@ -245,15 +245,17 @@ def batch_step(
 ) -> tuple[Array, np.ndarray]:
     """Call the scheme for a batch, or lane by lane if it takes no batches or one of the lanes fails."""
     code = np.zeros(y.shape[1], dtype=np.int64)
+    value = np.full_like(y, np.nan)
+    y, dW = (np.asarray(a, dtype=scheme.dtype) for a in (y, dW))
     stateful = isinstance(scheme.step, StatefulStep)
     with np.errstate(all="ignore"):
         if scheme.batched:
             try:
-                value, carried.states = carry(scheme, problem, y, carried.states, h, dW)
-                return value, code
+                whole, carried.states = carry(scheme, problem, y, carried.states, h, dW)
+                return np.asarray(whole, dtype=np.float64), code
             except REFUSALS:
                 pass
-        value, states = np.full_like(y, np.nan), list[Any]()
+        states = list[Any]()
         for lane in range(y.shape[1]):
             here = [lane] if scheme.batched and stateful else lane
             state: Any = carried.of(lane) if stateful else None

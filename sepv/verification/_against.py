@@ -85,6 +85,7 @@ def against(
         Seconds for one law, and for all counterexamples together.
     """
     facts = {key: (report["scheme"].get(key), getattr(scheme, key)) for key in _FACTS}
+    facts["dtype"] = (report["scheme"].get("dtype", "float64"), scheme.dtype)
     other = [f"{key} {own}, reported {stated}" for key, (stated, own) in facts.items() if own != stated]
     yield Again("what the scheme states", "the same" * (not other), ", ".join(other))
     stated = {key: report["suite"][key] for key in EFFORT if key in report["suite"]}

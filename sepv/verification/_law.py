@@ -11,6 +11,7 @@ from enum import Enum
 from typing import TYPE_CHECKING, Any
 
 from sepv._arguments import require_whole
+from sepv.record._binary64 import EPS
 from sepv.schemes import Scheme
 from sepv.schemes._point_distributions import point_law
 
@@ -239,6 +240,15 @@ class Law:
     def finding(self, verdict: Verdict, **details: Any) -> Finding:
         """A finding of this law."""
         return Finding(law=self.name, verdict=verdict, source=self.source, unit=self.unit, **details)
+
+
+def in_units(scheme: Scheme, finding: Finding) -> Finding:
+    """A finding in ulp of binary64 in those of the scheme's precision, named ulp32 where it is single."""
+    ratio = scheme.eps / EPS
+    if ratio == 1 or not finding.unit.startswith("ulp"):
+        return finding
+    sizes = {k: v / ratio for k in ("defect", "bound") if (v := getattr(finding, k)) is not None}
+    return replace(finding, unit=finding.unit.replace("ulp", "ulp32", 1), **sizes)
 
 
 Measure = Callable[[Law, Scheme, Run], Finding]

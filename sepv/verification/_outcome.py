@@ -175,7 +175,7 @@ class Report:
         """The report as JSON: suite, scheme, counts, laws."""
         scheme, effort, profiles = self.scheme, self.effort, self.profiles
         points = point_law(scheme.increments)
-        facts = ("mean_square_order", "weak_order", "order", "solver_tolerance", "truncation")
+        facts = ("mean_square_order", "weak_order", "order", "solver_tolerance", "truncation", "dtype")
         return {
             "suite": {
                 "name": "sepv", "version": __version__, "laws_version": SUITE, "laws": len(self.findings),

@@ -59,7 +59,7 @@ def tangent(scheme: Scheme, case: Case) -> Tangent:
     # Majorants at the shifted states are larger by far less than a factor of two, and near y = 0 by what the shifts
     # are: 3w, and as much again for y1 and the flow inside the contraction radius.
     residual = 2 * step_residual(problem, y, y1, h, dW, scheme)
-    residual += EPS * operations(problem, scheme.stages) * 2 * poisson.POINTS * float(widths.max())
+    residual += scheme.eps * operations(problem, scheme.stages) * 2 * poisson.POINTS * float(widths.max())
     error = amplification(scheme, case) * float(residual.max())
     slope, doubt = poisson.derivative(answers, widths)
     if not np.all(np.isfinite(slope)):
@@ -79,7 +79,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     defect = np.abs(slope @ B @ slope.T - problem.structure(y1))
     P = np.abs(slope)
     allowed = E @ size @ P.T + P @ size @ E.T + E @ size @ E.T + poisson.structure_error(problem, y1, error)
-    rounding = 0.5 * EPS * operations(problem, scheme.stages)
+    rounding = 0.5 * scheme.eps * operations(problem, scheme.stages)
     allowed += rounding * (P @ size @ P.T + structure_majorant(problem, y1)) + TINY
     i, j = np.unravel_index(int(np.argmax(defect / allowed)), defect.shape)
     unit = EPS * float(np.max(size)) + TINY

@@ -38,7 +38,7 @@ from sepv.verification._cases.fixed_cases import may_be_refused
 from sepv.verification._cases.of_law import EVERYTHING, Cases, Question
 from sepv.verification._cases.shrink import shrunk
 from sepv.verification._cases.users_problems import objects_of, sources
-from sepv.verification._law import Effort, Finding, Law, Measurement, Run, Verdict
+from sepv.verification._law import Effort, Finding, Law, Measurement, Run, Verdict, in_units
 from sepv.verification._share_of_defect import largest_share
 
 Check = Callable[[Scheme, Case], Measurement]
@@ -166,11 +166,12 @@ def searched(
         if why := not_applicable(scheme) or (own_cases if isinstance(own_cases, str) else ""):
             return law.finding(Verdict.NOT_APPLICABLE, message=why)
         assert isinstance(own_cases, Cases)
+        own_cases = own_cases if scheme.dtype == "float64" else own_cases.in_single_precision()
         asked = own_cases.of_problems(listed) if listed else own_cases.of_class(scheme.systems)
         if isinstance(asked, str):
             return law.finding(Verdict.NOT_APPLICABLE, message=asked)
         known = () if listed else tuple(own_cases.all_adapted(corpus.cases(name, scheme.systems)))
-        return _search(law, scheme, own.effort, _Asked(asked, check, faults_violate, known))
+        return in_units(scheme, _search(law, scheme, own.effort, _Asked(asked, check, faults_violate, known)))
 
     def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
         log, case = _Log(), cases_of.from_json(witness, objects_of(scheme))
@@ -182,7 +183,7 @@ def searched(
             )
         with suppress(_Violation, _Fault, Skipped):
             _measure(log, scheme, case, check, faults_violate)
-        return _conclude(law, scheme, log, check)
+        return in_units(scheme, _conclude(law, scheme, log, check))
 
     return Law(name, statement, source, unit, run, replay, always_claimed, cost, steps, cases)
 

@@ -99,7 +99,7 @@ class _Path:
         """A copy of value(state)."""
         with translated(self.problem, y, self.h, self.dW):
             found = self.rule.value(state)
-        return check_answer(found, y).copy()
+        return check_answer(found, y, self.scheme.dtype).copy()
 
 
 def _same(expected: str, before: Array, after: Array) -> None:

@@ -13,6 +13,10 @@ quadrature points, d for the product B∇̄H, and 8 for Δ, weights and the fina
 implementations that order the same operations differently. A scheme that states its own solver's
 tolerance gets |y| times that in addition.
 
+**Single precision** (`Scheme.dtype`). u is then 2⁻²⁴, in the residual alone: the suite evaluates H, Casimirs and
+references as before. The step gets y0 and ΔW rounded, y0 + e with |e| ≤ u|y0|: as a step from y0 it leaves
+r + e + Δ ∂R/∂y0 e, and INPUTS counts this. Cases have numbers that single precision has: zero bounds stay.
+
 **Several stages.** A stage of an s-stage method leaves r too, with two more sums, of s stages and of ⌈sν/2⌉
 nodes, and averages that multiply errors of ∇H by up to max_i b_i⁻¹∫|ℓ_i| (1.57 for six stages). y1 = y0 + Σ b_j z_j
 with b_j ≥ 0 and Σ b_j = 1: what follows holds as for one stage, because H(y1) − H(y0) = Σ_j b_j g_jᵀ z_j.
@@ -111,7 +115,9 @@ def step_residual(
 
     Without a scheme: solved to rounding, with one stage.
     """
-    solver_tolerance, stages = (0.0, 1) if scheme is None else (scheme.solver_tolerance, scheme.stages)
+    tolerance, stages, eps = 0.0, 1, EPS
+    if scheme is not None:
+        tolerance, stages, eps = scheme.solver_tolerance, scheme.stages, scheme.eps
     scale = np.maximum(np.abs(y0).max(axis=0), np.abs(y1).max(axis=0))
     length = abs(h) + np.tensordot(problem.c, np.abs(dW), axes=1)
     B = structure_majorant(problem, y0, y1)
@@ -119,7 +125,16 @@ def step_residual(
         B = np.max([B, *(_largest(G, y0, y1) for G in problem.noise_structures)], axis=0)
     flow = matvec(B, _any_gradient(problem, y0, y1))
     flow = np.maximum(flow.T, pushes(problem)).T
-    return 0.5 * EPS * operations(problem, stages) * (scale + length * flow) + solver_tolerance * scale + TINY
+    count, least = operations(problem, stages), TINY
+    if eps > EPS:
+        count, least = count + INPUTS, LEAST_SINGLE
+    return 0.5 * eps * count * (scale + length * flow) + tolerance * scale + least
+
+
+# Roundings of y0 and dW to single precision before the step: (1 + κ) of y and one of Δ, κ ≤ 1 its contraction factor.
+INPUTS = 4.0
+# Underflow of single precision, whose subnormal numbers some processors take for 0.
+LEAST_SINGLE = 2.0**-120
 
 
 def pushes(problem: Problem) -> Array:

@@ -26,6 +26,7 @@ from sepv.verification._cases import strata
 from sepv.verification._cases.case import Case, quiet
 from sepv.verification._cases.classes import CLASSES
 from sepv.verification._cases.from_problem import near, of_case, start_of
+from sepv.verification._cases.single_precision import in_range, single
 from sepv.verification._cases.strata import Space, Strata
 from sepv.verification._cases.users_problems import Item
 from sepv.verification._law import NO_NOISE
@@ -149,6 +150,10 @@ class Cases:
             return NO_NOISE
         return replace(self, adapt=partial(_adapted_quietly, self.adapt))
 
+    def in_single_precision(self) -> Cases:
+        """The cases whose numbers single precision has, and whose B and ∇H it can tell."""
+        return replace(self, adapt=partial(_adapted_and_rounded, self.adapt))
+
     def admits(self, case: Case) -> bool:
         """True if the law takes the case unchanged."""
         return self.adapted(case) == case
@@ -220,6 +225,12 @@ class Cases:
 def _adapted_quietly(adapt: Adapt, case: Case) -> Case | None:
     silent = quiet(case)
     return None if silent is None else adapt(silent)
+
+
+def _adapted_and_rounded(adapt: Adapt, case: Case) -> Case | None:
+    rounded = single(case)
+    found = adapt(rounded) if in_range(rounded) else None
+    return found if found is not None and single(found) == found and in_range(found) else None
 
 
 EVERYTHING = Cases(damped=True)

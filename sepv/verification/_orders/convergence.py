@@ -179,7 +179,7 @@ def errors_of(
     counted = tuple(int(n) if row in where else 0 for row, n in enumerate(failures))
     return StrongErrors(
         T, tuple(steps), squared, errors, counted, largest, ends=ends, W=W, weights=weights,
-        tolerance=scheme.solver_tolerance, failed=failed,
+        tolerance=scheme.precision, failed=failed,
     )  # fmt: skip
 
 

@@ -143,6 +143,9 @@ def judge(
     order needs, half-way to the next lower one, which is `spacing` less; `measure` makes the errors, and `example`
     describes one step of this size for a violation.
     """
+    if scheme.eps > EPS:
+        text = "one step shows its order where its error is below the roundings of single precision"
+        return law.finding(Verdict.NOT_APPLICABLE, message=text)
     slopes, lines, measured, checks = [], [], [], 0
     shown: list[str] = []
     skipped: list[Skipped] = []

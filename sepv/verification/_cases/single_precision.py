@@ -1,0 +1,40 @@
+"""Cases for schemes in single precision: their numbers rounded, and in its range."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from sepv.verification._cases.case import Case
+from sepv.verification._tolerance import gradient_majorant, structure_majorant
+
+# The share of their terms by which B and ∇H in single precision may be off: a few thousand roundings. Beyond it powers
+# overflow or underflow on the way, which no way of summing can help.
+LOST = 2.0**-12
+
+
+def single(case: Case) -> Case:
+    """The case with y, h and dW rounded to single precision."""
+    with np.errstate(all="ignore"):
+        y, dW = (tuple(float(np.float32(v)) for v in values) for values in (case.y, case.dW))
+        return replace(case, y=y, h=float(np.float32(case.h)), dW=dW)
+
+
+def in_range(case: Case) -> bool:
+    """True if B and ∇H at y and 2y are as well told by single precision as its roundings allow."""
+    problem, y, h, dW = case.build()
+    if not np.all(np.isfinite([*y, h, *dW])):
+        return False
+    with np.errstate(all="ignore"):
+        for state in (y, 2 * y):
+            given: Any = state.astype(np.float32)
+            for function, size in (
+                (problem.gradient, gradient_majorant),
+                (problem.structure, structure_majorant),
+            ):
+                exact, found = function(state), np.float32(function(given))
+                if not np.all(np.abs(found - exact) <= LOST * size(problem, state)):
+                    return False
+    return True
