@@ -36,21 +36,31 @@ class MatrixAlgebra(NamedTuple):
 
     def matrix(self, y: Array) -> Any:
         """W for y (copies d, M), of shape (M copies, n, n)."""
-        return np.tensordot(self._lanes(y), self.basis, axes=1)
+        return _combined(self._lanes(y), self.basis)
 
     def dual_matrix(self, m: Array) -> Any:
         """M for m (copies d, M), of shape (M copies, n, n)."""
-        return np.tensordot(self._lanes(m), self.dual, axes=1)
+        return _combined(self._lanes(m), self.dual)
 
     def coordinates(self, W: Any) -> Array:
         """y (copies d, M) of matrices (M copies, n, n); a part of W outside the algebra is left out."""
         d = len(self.dual)
-        found = W.reshape(len(W), -1) @ self.dual.swapaxes(1, 2).reshape(d, -1).T
-        return np.ascontiguousarray(-0.5 * found.real.reshape(-1, self.copies * d).T)
+        traces = _combined(W.reshape(len(W), -1), self.dual.swapaxes(1, 2).reshape(d, -1).T)
+        return np.ascontiguousarray(-0.5 * traces.real.reshape(-1, self.copies * d).T)
 
     def _lanes(self, y: Array) -> Array:
         """The coordinates of each matrix, (M copies, d)."""
         return y.T.reshape(-1, len(self.basis))
+
+
+def product(X: Any, M: Any) -> Any:
+    """X M of stacks of matrices (M, n, n), summed in one order whatever M is, as BLAS does not."""
+    return sum(X[:, :, k, None] * M[:, k, None, :] for k in range(X.shape[1]))
+
+
+def _combined(weights: Any, parts: Any) -> Any:
+    """Σ_a weights[:, a] parts[a] for weights (M, d), summed in one order whatever M is."""
+    return sum(np.multiply.outer(weights[:, a], part) for a, part in enumerate(parts))
 
 
 @lru_cache(maxsize=16)

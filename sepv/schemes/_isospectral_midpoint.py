@@ -27,7 +27,7 @@ import numpy as np
 from sepv.problem import Array, Problem, Systems
 from sepv.problem._hamiltonians import combined_gradient
 from sepv.problem._structures import each_noise
-from sepv.problems._matrix_algebras import MatrixAlgebra, algebra_of
+from sepv.problems._matrix_algebras import MatrixAlgebra, algebra_of, product
 from sepv.schemes._one_step import EVERY, Solved, no_jacobian, one_step
 from sepv.schemes._order_claims import Orders
 from sepv.solve import solve as solve_implicit
@@ -37,13 +37,13 @@ from sepv.solve._solution import Increment, Solution, once
 def parts(algebra: MatrixAlgebra, problem: Problem, x: Array, step: Array) -> tuple[Array, Array]:
     """The vectors of [X, M] and MXM, both (d, M)."""
     X, M = algebra.matrix(x), algebra.dual_matrix(combined_gradient(problem, x, step))
-    XM = X @ M
-    bent = M @ XM
+    XM = product(X, M)
+    bent = product(M, XM)
     if algebra.name.startswith("su"):
-        square = M @ M
+        square = product(M, M)
         traces = np.trace(bent, axis1=1, axis2=2) / (4 * X.shape[1] - np.trace(square, axis1=1, axis2=2))
         bent = bent + traces[:, None, None] * square
-    return algebra.coordinates(XM - M @ X), algebra.coordinates(bent)
+    return algebra.coordinates(XM - product(M, X)), algebra.coordinates(bent)
 
 
 def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
