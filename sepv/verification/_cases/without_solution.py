@@ -39,6 +39,8 @@ from sepv.verification._cases.strata import Stratum
 ROOM = Fraction(1, 1024)
 # The classes of which such steps are made.
 MADE = (Systems.SINGLE, Systems.NAMBU, Systems.SEVERAL)
+# Exponents of 2 of the share by which a step is beyond a fold: mostly small, so that two half steps have solutions.
+BEYOND = (-6, -6, -6, -5, -4, -3, -1, 0, 3)
 _NONE = (Fraction(0), Fraction(0), Fraction(0))
 
 
@@ -182,7 +184,7 @@ def _drawn(random: Random, systems: Systems, stages: int) -> Case:
             float(_value(_row(G, k).get(j, poly.constant(d, 0.0))) / own) for G in data.noise_structures
         ]
     folds = _folds([q[0], q[1], q[2]], y[k], factor, 1 / 3 if along else 1 / 4, stages)
-    length = random.choice([f for f in folds if shares or f > 0]) * (1 + 2.0 ** random.randint(-6, 3))
+    length = random.choice([f for f in folds if shares or f > 0]) * (1 + 2.0 ** random.choice(BEYOND))
     h = abs(length) * 2.0 ** -random.randint(0, 6) if shares else length
     dW = [h * random.choice([0.5, -0.25, 0.0]) for _ in shares]
     if shares:
