@@ -130,7 +130,8 @@ through its own library's code, in float64, on random systems of that form with 
 verdict is that of `sepv verify LIBRARY-NAME`, such as `sepv verify mici-leapfrog`. No options are set but those in
 a name. A law that is violated without being claimed is no fault. Libraries of particles have one mass for each, so
 that systems with a full M are left out. Steps lie inside a proved contraction radius, where an explicit method of
-order 8 errs by roundings: there it holds what it loses in longer steps. The extras `samplers` and `simulators` install the libraries."""
+order 8 errs by roundings: there it holds what it loses in longer steps. The extras `samplers` and `simulators`
+install the libraries."""
 
 
 # Issues: as far as a search of public threads finds them.
