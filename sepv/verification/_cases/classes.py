@@ -117,7 +117,7 @@ CLASSES: dict[Systems, SystemsClass] = {
         problems=("noisy-henon-heiles", "pushed-rigid-body"),
     ),
     Systems.DAMPED: SystemsClass(
-        _space(families.damped, *_GENERAL, d=_MIDDLE, **_SMALL), problems=("damped-top",)
+        _space(families.damped, *_GENERAL, kinds=_OF_PATHS, d=_MIDDLE, **_SMALL), problems=("damped-top",)
     ),
 }  # fmt: skip
 # Narrow classes that users name; a scheme for one has no other cases.

@@ -70,8 +70,8 @@ def _noise(case: Case) -> tuple[float, ...]:
 def in_other_units(case: Case, power: int, time: int = 0) -> Case:
     """The step in other units of y, by 2ⁿ, and of time, by 4ᵏ, which leads to 2ⁿy1.
 
-    H is 4ⁿ⁻ᵏH(2⁻ⁿy), B is B(2⁻ⁿy), so that canonical and mechanical systems stay what they are, g_j is 2ⁿ4⁻ᵏg_j, h is
-    4ᵏh, and c_j and ΔW_j are 2ᵏ times what they were. n is `power`, or as near to it as numbers go.
+    H is 4ⁿ⁻ᵏH(2⁻ⁿy), B is B(2⁻ⁿy), so that canonical and mechanical systems stay what they are, g_j is 2ⁿ4⁻ᵏg_j, γ is
+    4⁻ᵏγ, h is 4ᵏh, and c_j and ΔW_j are 2ᵏ times what they were. n is `power`, or as near to it as numbers go.
     """
     system = case.problem
     assert isinstance(system, PolynomialSystem)
@@ -84,6 +84,7 @@ def in_other_units(case: Case, power: int, time: int = 0) -> Case:
         hamiltonian=_scaled(system.hamiltonian, 2, power, time),
         structure=_of(system.structure, power),
         noise=tuple(math.ldexp(c, time) for c in system.noise),
+        damping=math.ldexp(system.damping, -2 * time),
         nambu=system.nambu and (_scaled(system.nambu[0], -1, power), _scaled(system.nambu[1], 2, power)),
         polynomial_casimirs=tuple(_scaled(p, 2, power) for p in system.polynomial_casimirs),
         noise_structures=tuple(_of(G, power) for G in system.noise_structures),

@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from itertools import count, product
+from itertools import product
 from random import Random
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -326,10 +326,14 @@ def _content(make: Make, levels: tuple[tuple[str, Stratum], ...], seed: int) -> 
     random = Random(f"{seed} {[(axis, stratum.name) for axis, stratum in levels]}")
     # Sizes in a tail are drawn once: those that show fewer faults would be drawn less often.
     wanted = {axis: ended(stratum, random) for axis, stratum in levels}
-    attempts = (make(dict(wanted), random, attempt) for attempt in count())
-    return next(case for case in attempts if case is not None)
+    for attempt in range(MOST_ATTEMPTS):
+        if (case := make(dict(wanted), random, attempt)) is not None:
+            return case
+    raise AssertionError(f"no case of these strata: {[(axis, stratum.name) for axis, stratum in levels]}")
 
 
+# Draws after which strata are taken for empty: the class then forbids too little.
+MOST_ATTEMPTS = 10_000
 _CHOICES = [st.integers(0, n) for n in range(25)]
 _RANDOM = st.randoms(use_true_random=False)
 # Draws of a random search before another row is drawn.
