@@ -276,7 +276,7 @@ def _validate(
     names, least = [m.name for m in methods], GROUPS if problem.noises else 1
     for ok, expected, received in (
         (names and len(set(names)) == len(names), "methods with different names", names),
-        (isinstance(paths, int) and paths >= least, f"paths, an integer ≥ {least}", paths),
+        (isinstance(paths, int) and paths >= least, f"paths (--paths), an integer ≥ {least}", paths),
         (isinstance(repeats, int) and repeats >= 1, "repeats, an integer ≥ 1", repeats),
         (all(0 < t < np.inf for t in targets), "errors to pay for, finite and > 0", list(targets)),
     ):
