@@ -66,7 +66,7 @@ def compare(
 
     \b
     sepv compare energy-preserving midpoint euler-heun exact-flow
-    sepv compare leapfrog yoshida-4 energy-preserving --problem henon-heiles --no-noise --time 100
+    sepv compare leapfrog yoshida-4 -p henon-heiles --no-noise --time 100
     sepv compare mymodule:step --problem pendulum --picture cost.svg
 
     A scheme that fails is left out and named at the end; the exit code is 3 then.
