@@ -346,7 +346,7 @@ def test_a_broken_program_ends_in_the_verdict_error_and_exit_code_3(child, code,
 def test_a_crash_is_not_hidden_by_a_violation_of_the_same_law(child):
     code = (
         "hello(polynomial=True)\nwhile m := read():\n"
-        "    if len(m['steps'][0]['y']) % 2: os.abort()\n"
+        "    if len(m['steps'][0]['y']) % 2 == 0: os.abort()\n"
         "    say(id=m['id'], y_next=[[(2 * float.fromhex(v)).hex() for v in s['y']] for s in m['steps']])"
     )
     with load_program(child(code), **QUICK) as scheme:
