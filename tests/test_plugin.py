@@ -17,7 +17,7 @@ pytest_plugins = ["pytester"]
 
 ROOT = Path(__file__).resolve().parents[1]
 DOOR = ("-p", "sepv.pytest_plugin", "-p", "no:cacheprovider", "--sepv-examples", "8", "--sepv-paths", "256")
-STEPS = "(energy or test_casimir or identity) and not casimir_drift"
+STEPS = "(test_energy or test_casimir or identity) and not casimir_drift"
 OTHERS = len(LAWS) - 4
 
 MINE = """
