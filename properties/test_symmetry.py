@@ -49,6 +49,11 @@ def _first_line(error: Exception) -> str:
     return f"{type(cause).__name__}: {cause}" if cause is not None else type(error).__name__
 
 
+def in_time(case: Case) -> Case | None:
+    """Keep a case with h ≠ 0: with h = 0 a scheme that takes no step back in time would be judged by that alone."""
+    return case if case.h else None
+
+
 law = searched(
     name="symmetry",
     statement="Φ(−h, −ΔW) ∘ Φ(h, ΔW) = id: the step with −h and −ΔW from y1 returns to y0",
@@ -56,7 +61,7 @@ law = searched(
     unit="ulp of y",
     cost=0.6,
     steps=174,
-    cases=Cases(damped=True, blind={"degree of B": ("0",)}),
+    cases=Cases(adapt=in_time, damped=True, blind={"degree of B": ("0",)}),
     check=check,
 )
 

@@ -71,7 +71,14 @@ law = searched(
     cost=0.5,
     steps=1500,
     cases=Cases(
-        where={"d": ("2", "3", "4–6"), "degree of H": ("1–2", "3–4", "5–6"), "terms of H": ("1–2", "3–9")},
+        # Then div(B∇H) = 0, whatever H is.
+        where={
+            "degree of B": ("0",),
+            "degree of g": ("0",),
+            "d": ("2", "3", "4–6"),
+            "degree of H": ("1–2", "3–4", "5–6"),
+            "terms of H": ("1–2", "3–9"),
+        },
         adapt=volume_kept,
         why="the flow of the problems changes volume",
         not_of=dict.fromkeys(

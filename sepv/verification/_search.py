@@ -33,7 +33,7 @@ from sepv.schemes._scheme import takes
 from sepv.verification import _corpus as corpus
 from sepv.verification._cases import case as cases_of
 from sepv.verification._cases.case import Case
-from sepv.verification._cases.ends import beyond, in_other_units
+from sepv.verification._cases.ends import beyond, in_other_units, is_long
 from sepv.verification._cases.fixed_cases import may_be_refused
 from sepv.verification._cases.of_law import EVERYTHING, Cases, Question
 from sepv.verification._cases.shrink import shrunk
@@ -46,6 +46,7 @@ Check = Callable[[Scheme, Case], Measurement]
 
 # Reasons to leave out a state of extreme size.
 FAR = "a step from a state larger or smaller than 2^±21"
+LENGTHY = "a step longer than 8"
 FAR_OFF = f"{FAR} was not asked of a solver with a tolerance, which may be absolute"
 NO_BOUND = f"{FAR} has no bound: numbers overflow in it"
 # The factor on the number of random examples for a law without a design.
@@ -335,11 +336,12 @@ def _measure(log: _Log, scheme: Scheme, case: Case, check: Check, faults_violate
             reason = "a longer step than every scheme must take was refused"
             log.skip(reason, may=True)
             raise Skipped(reason) from error
-        if case.h <= 0 or (beyond(case) and isinstance(error, StepFailure)):
-            # A scheme that fails for h ≤ 0, which no path has, or refuses a state of extreme size is reported as
-            # skipped, not as violating. Errors of one kind share a line with the first message.
+        extreme = FAR if beyond(case) else LENGTHY if is_long(case) else ""
+        if case.h <= 0 or (extreme and isinstance(error, StepFailure)):
+            # A scheme that fails for h ≤ 0, which no path has, or refuses a state or a step of extreme size is
+            # reported as skipped, not as violating. Errors of one kind share a line with the first message.
             back = "a step back in time, h < 0," if case.h < 0 else "a step with h = 0"
-            kind = f"{back if case.h <= 0 else FAR} ended in {type(error).__name__}"
+            kind = f"{back if case.h <= 0 else extreme} ended in {type(error).__name__}"
             said = str(error).partition("\n")[0]
             reason = next((r for r in log.skipped if r.startswith(kind)), f"{kind}, the first: {said}")
             log.skip(reason)

@@ -23,6 +23,9 @@ EXPONENTS = 960
 # numbers with all digits.
 USUAL, LARGEST = (2.0**-21, 2.0**21), 333
 
+# Steps |h| + Σ|c_j ΔW_j| that a scheme may refuse.
+LONG = 8.0
+
 
 def is_usual(size: float) -> bool:
     """True for sizes |y| of which every scheme is asked."""
@@ -33,6 +36,11 @@ def beyond(case: Case) -> bool:
     """True if the state is larger or smaller than every scheme is asked about."""
     largest = max(map(abs, case.y), default=0.0)
     return largest > 0 and not is_usual(largest)
+
+
+def is_long(case: Case) -> bool:
+    """True if |h| + Σ|c_j ΔW_j| is more than any scheme must take: in other units the step is a usual one."""
+    return isinstance(case.problem, PolynomialSystem) and _length(case) > LONG
 
 
 def usual(levels: Levels) -> Levels:
@@ -49,8 +57,7 @@ def at_the_end(case: Case, levels: Levels) -> Case:
     length = levels[STEP.name]
     ordinary = usual(levels)
     power = _power(size, ordinary[SIZE.name], max(map(abs, case.y)))
-    total = abs(case.h) + sum(abs(c * w) for c, w in zip(_noise(case), case.dW, strict=True))
-    return in_other_units(case, power, round(_power(length, ordinary[STEP.name], total) / 2))
+    return in_other_units(case, power, round(_power(length, ordinary[STEP.name], _length(case)) / 2))
 
 
 def _power(wanted: Stratum, ordinary: Stratum, value: float) -> int:
@@ -62,9 +69,9 @@ def _power(wanted: Stratum, ordinary: Stratum, value: float) -> int:
     )
 
 
-def _noise(case: Case) -> tuple[float, ...]:
+def _length(case: Case) -> float:
     assert isinstance(case.problem, PolynomialSystem)
-    return case.problem.noise
+    return abs(case.h) + sum(abs(c * w) for c, w in zip(case.problem.noise, case.dW, strict=True))
 
 
 def in_other_units(case: Case, power: int, time: int = 0) -> Case:

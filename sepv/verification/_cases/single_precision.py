@@ -7,12 +7,15 @@ from typing import Any
 
 import numpy as np
 
+from sepv.problem import PolynomialSystem
 from sepv.verification._cases.case import Case
 from sepv.verification._tolerance import gradient_majorant, structure_majorant
 
 # The share of their terms by which B and ∇H in single precision may be off: a few thousand roundings. Beyond it powers
 # overflow or underflow on the way, which no way of summing can help.
 LOST = 2.0**-12
+# Coefficients that single precision has with all digits, and with room for a sum.
+LEAST, MOST = 2.0**-126, 2.0**120
 
 
 def single(case: Case) -> Case:
@@ -24,6 +27,12 @@ def single(case: Case) -> Case:
 
 def in_range(case: Case) -> bool:
     """True if B and ∇H at y and 2y are as well told by single precision as its roundings allow."""
+    if isinstance(case.problem, PolynomialSystem) and not all(
+        LEAST <= abs(value) <= MOST
+        for p in (case.problem.hamiltonian, *(entry for _, _, entry in case.problem.structure))
+        for _, value in p.terms
+    ):
+        return False
     problem, y, h, dW = case.build()
     if not np.all(np.isfinite([*y, h, *dW])):
         return False
