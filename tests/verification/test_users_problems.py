@@ -231,8 +231,9 @@ def cases_of_families() -> list[Question | str]:
         law.cases.of_problems(items(str(name)))  # type: ignore[union-attr]
         for name in FAMILIES
         for law in load_laws(["energy", "identity", "noise-sum", "reduction"])
-        # Several Hamiltonians and additive noise keep no H, and have no equation of (2.1).
-        if not (name.endswith(("-hamiltonians", "additive")) and law.name in ("energy", "reduction"))
+        # Several Hamiltonians and additive noise keep no H, and have no equation of (2.1); damping has own laws.
+        if name != "damped"
+        and not (name.endswith(("-hamiltonians", "additive")) and law.name in ("energy", "reduction"))
     ]
 
 
