@@ -3,7 +3,7 @@
     q̇ = M⁻¹p,  ṗ = −∇V(q);  with v = M⁻¹p:  q̇ = v,  Mv̇ = −∇V(q)
 
 The suite's random systems have y = (q, p), its older problems y = (p, q): B says which. `Mechanics.split` and `join`
-hide it. In other units of y there is B = sJ with a number s > 0, which is B = J with sH in the place of H.
+hide it.
 """
 
 from __future__ import annotations
@@ -28,8 +28,6 @@ class Mechanics:
     ----------
     mass, inverse_mass : (n, n)
         M and M⁻¹, symmetric and positive definite.
-    scale : float
-        s of B = sJ: M⁻¹ and V are those of sH.
     positions_first : bool
         True for y = (q, p), False for y = (p, q).
 
@@ -54,7 +52,6 @@ class Mechanics:
     mass: Array
     inverse_mass: Array
     positions_first: bool
-    scale: float = 1.0
 
     @property
     def degrees(self) -> int:
@@ -72,11 +69,11 @@ class Mechanics:
 
     def potential(self, q: Array) -> Array:
         """V(q), with the constant of H."""
-        return self.scale * self.problem.hamiltonian(self.join(q, np.zeros_like(q)))
+        return self.problem.hamiltonian(self.join(q, np.zeros_like(q)))
 
     def force(self, q: Array) -> Array:
         """−∇V(q)."""
-        return -self.scale * self.split(self.problem.gradient(self.join(q, np.zeros_like(q))))[0]
+        return -self.split(self.problem.gradient(self.join(q, np.zeros_like(q))))[0]
 
     def velocity(self, p: Array) -> Array:
         """v = M⁻¹p."""
@@ -101,7 +98,7 @@ def mechanics(problem: Problem) -> Mechanics:
     Raises
     ------
     UsageError
-        Where B is not a multiple of J, or H is not ½ pᵀM⁻¹p + V(q). Polynomial data are read, functions compared at a
+        Where B is neither J nor −J, or H is not ½ pᵀM⁻¹p + V(q). Polynomial data are read, functions compared at a
         few states.
     """
     d = problem.dimension
@@ -109,9 +106,9 @@ def mechanics(problem: Problem) -> Mechanics:
     J = np.kron([[0.0, 1.0], [-1.0, 0.0]], np.eye(n))
     B = [problem.structure(y) for y in states]
     signed = float(B[0][0, n]) if n else 0.0
-    first, scale = signed > 0, abs(signed)
-    if d % 2 or not scale or not all(np.array_equal(b, signed * J) for b in B):
-        raise _not_mechanical(problem, "B = s((0, I), (−I, 0)), with s > 0 for y = (q, p) and s < 0 for y = (p, q)",
+    first = signed > 0
+    if d % 2 or abs(signed) != 1 or not all(np.array_equal(b, signed * J) for b in B):
+        raise _not_mechanical(problem, "B = ((0, I), (−I, 0)) for y = (q, p), or minus that for y = (p, q)",
                               f"B = {B[0].tolist()!r:.120} at y = {states[0].tolist()}")  # fmt: skip
     p_at, q_at = (slice(n, d), slice(0, n)) if first else (slice(0, n), slice(n, d))
     data = problem.data
@@ -146,8 +143,7 @@ def mechanics(problem: Problem) -> Mechanics:
             raise _not_mechanical(
                 problem, "∇H = (∇V(q), M⁻¹p)", f"∇H = {moving.tolist()} at y = {y.tolist()}"
             )
-    inverse = scale * W
-    return Mechanics(problem, _inverted(inverse), inverse, first, scale)
+    return Mechanics(problem, _inverted(W), W, first)
 
 
 def _inverted(W: Array) -> Array:

@@ -42,7 +42,7 @@ class KicksAndDrifts:
         first, *others = self.kicks
 
         def kick(b: float, q: Values, p: Values) -> Values:
-            return -b * system.scale * step[0] * system.split(fields.gradient(system.join(q, p)))[0]
+            return -b * step[0] * system.split(fields.gradient(system.join(q, p)))[0]
 
         moved: Values = 0.0
         pushed = kick(first, q, p)

@@ -20,7 +20,7 @@ def agrees(problem: Problem, y: np.ndarray) -> None:
     m = mechanics(problem)
     q, p = m.split(y)
     v, f = m.velocity(p), m.force(q)
-    H = m.scale * problem.hamiltonian(y)
+    H = problem.hamiltonian(y)
     assert 0.5 * np.sum(p * v, axis=0) + m.potential(q) == pytest.approx(H, rel=1e-13, abs=1e-300)
     field = np.einsum("ij...,j...->i...", problem.structure(y), problem.gradient(y))
     np.testing.assert_allclose(m.join(v, f), field, rtol=1e-12, atol=1e-13 * np.max(np.abs(field)))
