@@ -65,7 +65,7 @@ FIRST = 32  # the first checkpoint; each later one has twice the steps
 # roundings of y a step.
 ALLOWED = 10.0
 # The mean that roundings of a correct scheme may have, as a share of w: rounding to nearest is slightly biased, and an
-# iteration leaves a little. Measured over 10⁸ steps: 7e-4 for the pendulum, less elsewhere (docs/hard-cases.md).
+# iteration leaves a little. Measured over 10⁸ steps: 7e-4 for the pendulum, less elsewhere (docs/long-times.md).
 BIAS = 2.0**-6
 # The level of each test of drift and growth.
 LEVEL = 1e-7
