@@ -9,9 +9,9 @@ import re
 from pathlib import Path
 
 import click
+from sepv.reference.paper.errata import ENTRIES, Erratum, errata
 
 from benchmarks import start
-from sepv.studies._reproduce.errata import ENTRIES, Erratum, errata
 
 # Letters that a formula, and an omission, may have between two quoted pieces.
 FORMULA, OMISSION = 250, 3000

@@ -11,12 +11,13 @@ import argparse
 import sys
 from collections.abc import Iterable, Sequence
 
+from sepv.reference.faults import detection as fault_detection
+from sepv.reference.faults.saboteurs import SABOTEURS
+
 import sepv
 from benchmarks import additive_noise, over, start
 from sepv import problems
 from sepv._terminal import markdown
-from sepv.faults import _fault_detection as fault_detection
-from sepv.faults._saboteurs import SABOTEURS
 from sepv.problem import column
 from sepv.verification import LAWS, Finding, Report, Verdict
 

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import argparse
 
+from sepv.reference.faults.saboteurs.record import claiming
+
 from benchmarks import over, start
-from sepv.faults._saboteurs.record import claiming
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme, implicit
 from sepv.schemes._energy_preserving import formula

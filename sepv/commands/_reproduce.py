@@ -47,9 +47,9 @@ def reproduce(figures: cli.Names, out: str | None, json_file: str | None, **opti
 
     Exit code 0, or 2 for wrong usage.
     """  # fmt: skip
-    from sepv.studies._reproduce.on_terminal import show, summary, watching
-    from sepv.studies._reproduce.record import Size
-    from sepv.studies._reproduce.suite import reproduce as run
+    from sepv.reference.paper.on_terminal import show, summary, watching
+    from sepv.reference.paper.record import Size
+    from sepv.reference.paper.suite import reproduce as run
     from sepv.verification._report import console, line
 
     if options["errata"]:
@@ -72,7 +72,7 @@ def _errata() -> None:
     """Print one paragraph for each erratum."""
     from rich.text import Text
 
-    from sepv.studies._reproduce.errata import errata
+    from sepv.reference.paper.errata import errata
     from sepv.verification._report import console
 
     out = console()
@@ -110,6 +110,6 @@ def _write(found: Any, folder: Path, *, draws: bool) -> None:
         write_atomically(str(folder / f"{panel.key}.json"), json_text(panel.to_json(), indent=None))
         write_atomically(str(folder / f"{panel.key}.csv"), panel.to_csv())
         if draws:
-            from sepv.studies._reproduce.record import draw
+            from sepv.reference.paper.record import draw
 
             draw(panel, folder)

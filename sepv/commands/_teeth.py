@@ -36,7 +36,7 @@ def teeth(
     sepv teeth b-at-y0 --seeds 3        one saboteur by every law
     sepv teeth --matrix                 the whole matrix, an hour or more
     """
-    from sepv.faults import _fault_detection as fault_detection
+    from sepv.reference.faults import detection as fault_detection
     from sepv.verification import Effort
     from sepv.verification._progress import showing
     from sepv.verification._report import console, line

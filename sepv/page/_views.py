@@ -13,9 +13,9 @@ from sepv._arguments import hex_float
 from sepv.page._pictures import Pictures
 from sepv.page._sources import Sources
 from sepv.page._text import name, number, plain
+from sepv.reference.paper.record import in_words
 from sepv.schemes import Look
 from sepv.studies._picture import FLOOR, Axis, Series, power
-from sepv.studies._reproduce.record import in_words
 
 WORDS = {
     "holds": ("✓", "holds"), "violated": ("✗", "violated"), "inconclusive": ("?", "inconclusive"),

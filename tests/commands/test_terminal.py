@@ -15,10 +15,10 @@ import click
 import pytest
 from click.testing import CliRunner
 from rich.cells import cell_len
+from sepv.reference.faults import detection as fault_detection
 
 from sepv._terminal import print_table
 from sepv.commands._cli import COMMANDS, main
-from sepv.faults import _fault_detection as fault_detection
 from sepv.studies._bench import store
 from sepv.studies._bench.store import record_table
 from sepv.verification import LAWS, Verdict

@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from sepv.reference.faults.saboteurs import SABOTEURS
 
 import sepv
 from benchmarks.hamiltonians import CLAIMS, DIFFERENCES, SCHEMES, TITLE, table, verdicts
 from sepv import schemes
-from sepv.faults._saboteurs import SABOTEURS
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs" / "class.md").read_text(encoding="utf-8")
 

@@ -136,6 +136,6 @@ def test_energy_and_two_casimirs_in_four_dimensions_are_kept_to_rounding():
     program = ROOT / "examples" / "casimirs_in_four_dimensions.py"
     out = subprocess.run([sys.executable, program], capture_output=True, text=True, check=True).stdout
     kept, lost = ([float(v) for v in re.findall(r"[HCD] (\S+?)(?:,|$)", line)] for line in out.splitlines())
-    # 1000 steps round y ~ 1 by eps each: 8 eps √1000 as in `sepv.studies._reproduce.runs.rounding_bound`.
+    # 1000 steps round y ~ 1 by eps each: 8 eps √1000 as in `sepv.reference.paper.runs.rounding_bound`.
     assert max(kept) < 8 * 2.0**-52 * 1000**0.5
     assert lost[0] < 8 * 2.0**-52 * 1000**0.5 < 1e-7 < min(lost[1:])

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from sepv.properties.test_energy_drift import quantity
+from sepv.reference.paper.remarks import _solvable
 
 from sepv import exact_flow, integrate, problems, schemes
 from sepv.problem import Array, PolynomialSystem, Problem
@@ -16,7 +17,6 @@ from sepv.problems._common import hat
 from sepv.problems._polynomial_system import drift_of_energy, started
 from sepv.record import _polynomial as poly
 from sepv.schemes import Scheme
-from sepv.studies._reproduce.remarks import _solvable
 from sepv.studies._solvability.map import solvability_map
 from sepv.verification._trace_formula import mean_after
 

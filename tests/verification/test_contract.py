@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 from sepv.properties import test_contract
+from sepv.reference.faults.saboteurs import SABOTEURS
 
 from sepv import StepFailure, schemes
 from sepv.errors import SchemeFault
-from sepv.faults._saboteurs import SABOTEURS
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme, midpoint
 from sepv.verification import Effort, Finding, Verdict, verify

@@ -7,14 +7,14 @@ from pathlib import Path
 from random import Random
 
 import pytest
+from sepv.reference.faults import detection as fault_detection
+from sepv.reference.faults.saboteurs import SABOTEURS
 from sepv.reference.vector import digest
 
 from benchmarks import witnesses as maker
 from benchmarks.right_schemes import RIGHT
 from sepv import schemes
 from sepv.commands._cli import main
-from sepv.faults import _fault_detection as fault_detection
-from sepv.faults._saboteurs import SABOTEURS
 from sepv.files import fault
 from sepv.problem import Systems
 from sepv.verification import Effort, Verdict, load_laws, verify

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from sepv.properties import test_equivariance as equivariance
+from sepv.reference.faults.saboteurs import SABOTEURS
 
 from sepv import problems, schemes, verify
-from sepv.faults._saboteurs import SABOTEURS
 from sepv.problem import PolynomialSystem
 from sepv.record import _polynomial as poly
 from sepv.verification import Case, Effort, Verdict

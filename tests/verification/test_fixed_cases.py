@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from sepv.properties.test_energy import check, law
+from sepv.reference.faults.saboteurs import SABOTEURS
 
 from sepv import Scheme, Verdict, problems, schemes
-from sepv.faults._saboteurs import SABOTEURS
 from sepv.problem import PolynomialSystem
 from sepv.verification import Case
 from sepv.verification._cases.case import to_json

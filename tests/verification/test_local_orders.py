@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from sepv.reference.faults.saboteurs import SABOTEURS
 
 from sepv import schemes
 from sepv.errors import Skipped
 from sepv.exact import exact_flow
-from sepv.faults._saboteurs import SABOTEURS
 from sepv.problem import Array, Problem, vector_field
 from sepv.schemes import Scheme, energy_preserving
 from sepv.schemes._scheme import Step, as_lanes

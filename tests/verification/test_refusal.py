@@ -7,10 +7,10 @@ from random import Random
 
 import numpy as np
 import pytest
+from sepv.reference.faults.saboteurs import SABOTEURS
 
 import sepv
 from sepv.errors import StepFailure
-from sepv.faults._saboteurs import SABOTEURS
 from sepv.problem import Array, Problem, Systems
 from sepv.schemes import Scheme, collocation, energy_preserving
 from sepv.verification import Case, Effort, Verdict, verify

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from sepv.properties import test_rounding as rounding
+from sepv.reference.faults.saboteurs import SABOTEURS
 
 from sepv.errors import Skipped
-from sepv.faults._saboteurs import SABOTEURS
 from sepv.problem import Array
 from sepv.schemes import Scheme, energy_preserving
 from sepv.verification import Effort, Verdict, verify

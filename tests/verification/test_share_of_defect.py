@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from sepv.reference.faults.saboteurs import SABOTEURS
+from sepv.reference.faults.saboteurs.noise import _with
 
 from sepv import verify
-from sepv.faults._saboteurs import SABOTEURS
-from sepv.faults._saboteurs.noise import _with
 from sepv.verification import Effort, Verdict
 
 EFFORT = Effort(examples=8, corpus=False)

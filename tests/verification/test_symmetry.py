@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 import pytest
+from sepv.reference.faults.saboteurs import SABOTEURS
 
 from benchmarks.right_schemes import RIGHT
 from sepv import schemes, verify
-from sepv.faults._saboteurs import SABOTEURS
 from sepv.schemes import Scheme
 from sepv.verification import Effort, Finding, Verdict
 

@@ -1,0 +1,12 @@
+"""Fault detection: schemes broken on purpose (saboteurs), with one fault each, and the laws that find each fault.
+
+`sepv teeth` runs the suite on them, so that they are installed with it. Read `saboteurs` first (the broken schemes, by
+family), then `detection`. Right schemes that look unusual are in `benchmarks.right_schemes`, which is not
+installed.
+"""
+
+from __future__ import annotations
+
+from .detection import Detection as Detection
+from .detection import detect as detect
+from .saboteurs import Saboteur as Saboteur

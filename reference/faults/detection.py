@@ -1,0 +1,263 @@
+"""Fault detection: saboteurs × laws over several seeds, with the number of examples to the first failure.
+
+A law that the saboteur claims kills it with a seed by the verdict `violated`; a fault of the interface is also killed
+by `error`, which no reader takes for a pass.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from statistics import median
+from typing import Any
+
+from rich.console import Console
+from rich.text import Text
+
+from sepv._terminal import Table, columns, fits, print_table
+from sepv.errors import require_one_of
+from sepv.verification import LAWS, Effort, Run, Verdict, load_laws
+from sepv.verification._verify import measure
+from sepv.workers import ended_at_once
+
+from .saboteurs import SABOTEURS, Saboteur
+
+SEEDS = tuple(range(10))
+# Seconds for one law, which takes one to ten. A slower saboteur is an error of its own.
+TIMEOUT = 120.0
+# No time to shrink: after its first failure a search measures nothing, so `Finding.checks` is the number of examples up
+# to and including that failure.
+_NO_SHRINKING = 0
+
+
+@dataclass(frozen=True)
+class Detection:
+    """The result of one law on one saboteur with one seed."""
+
+    saboteur: str
+    family: str
+    law: str
+    seed: int
+    verdict: Verdict
+    claimed: bool
+    expected: bool  # True if the saboteur's `caught_by` names the law
+    examples: int  # measured examples, or paths: up to the first failure, if there was one
+    seconds: float
+    message: str = ""
+
+    @property
+    def kills(self) -> bool:
+        """True if a claimed law is violated, or ends in an error where the fault is one of the interface."""
+        return self.claimed and (
+            self.verdict is Verdict.VIOLATED or (self.family == "interface" and self.verdict is Verdict.ERROR)
+        )
+
+    def to_json(self) -> dict[str, Any]:
+        """The record as a JSON object, for a file beside the table."""
+        return {**self.__dict__, "verdict": self.verdict.value, "kills": self.kills}
+
+
+FaultProgress = Callable[[int, int, Sequence[Detection]], None]
+
+
+def run(
+    names: Iterable[str] | None = None,
+    seeds: Iterable[int] = SEEDS,
+    progress: FaultProgress | None = None,
+    *,
+    laws: Iterable[str] | None = None,
+    effort: Effort | None = None,
+    first: bool = False,
+    workers: int = 2,
+) -> list[Detection]:
+    """Run saboteurs against laws, each saboteur and seed in a worker process; a UsageError for an unknown name.
+
+    `progress` is called in this process after each saboteur and seed. The default effort is that of `sepv verify`
+    without the corpus of witnesses: many are the saboteurs' own, and would not test the search. Nothing is shrunk.
+    With `first` a saboteur is done at the first law that kills, expected ones first: the matrix has holes.
+    """
+    chosen = [find(name) for name in (SABOTEURS if names is None else names)]
+    asked = [law.name for law in load_laws(laws)]
+    budget = effort or Effort(corpus=False)
+    how = (asked, budget.examples, budget.paths, first, budget.corpus)
+    jobs = [(s.name, seed, *how) for seed in seeds for s in chosen]
+    detections: list[Detection] = []
+    # spawn: a saboteur may leave anything in this process's memory.
+    context = multiprocessing.get_context("spawn")
+    with ended_at_once(ProcessPoolExecutor(max_workers=workers, mp_context=context)) as pool:
+        futures = [pool.submit(detect, *job) for job in jobs]
+        for done, future in enumerate(as_completed(futures), start=1):
+            detections += future.result()
+            if progress:
+                progress(done, len(jobs), future.result())
+    order = {name: n for n, name in enumerate((*(s.name for s in chosen), *asked))}
+    return sorted(detections, key=lambda b: (order[b.saboteur], order[b.law], b.seed))
+
+
+def detect(
+    name: str, seed: int, laws: Sequence[str], examples: int = 100, paths: int = 4096, first: bool = False,
+    corpus: bool = False,
+) -> list[Detection]:  # fmt: skip
+    """Run one saboteur with one seed: the laws in turn on a new copy of it, in this process."""
+    saboteur = find(name)
+    scheme, run = saboteur.scheme, Run(Effort(examples, paths, seed, _NO_SHRINKING, corpus=corpus))
+    if first:
+        laws = sorted(laws, key=lambda law: (law not in saboteur.caught_by, LAWS.index(law)))
+    detections: list[Detection] = []
+    for asked in laws:
+        (law,) = load_laws([asked])
+        finding = measure(law, scheme, run, TIMEOUT)
+        message = finding.message if finding.verdict is Verdict.ERROR else ""
+        found = Detection(
+            name, saboteur.family, asked, seed, finding.verdict, law.claimed_by(scheme), asked in saboteur.caught_by,
+            finding.checks, round(finding.seconds, 3), message,
+        )  # fmt: skip
+        detections.append(found)
+        if first and detections[-1].kills:
+            break
+    return detections
+
+
+def find(name: str) -> Saboteur:
+    """The saboteur of this name; a UsageError for others."""
+    require_one_of("a saboteur", name, SABOTEURS, "take one of these names")
+    return SABOTEURS[name]
+
+
+def survivors(detections: Sequence[Detection]) -> dict[str, list[int]]:
+    """The seeds with which no claimed law killed, for each saboteur that survived any."""
+    killed = {(b.saboteur, b.seed) for b in detections if b.kills}
+    found: dict[str, list[int]] = {}
+    for name, seed in sorted({(b.saboteur, b.seed) for b in detections} - killed):
+        found.setdefault(name, []).append(seed)
+    return found
+
+
+def found_by_one_law(detections: Sequence[Detection]) -> dict[str, list[str]]:
+    """For each law, the saboteurs that no other law killed with any seed: the loss without it."""
+    kills = dict.fromkeys((b.saboteur, b.law) for b in detections if b.kills)
+    laws = Counter(name for name, _ in kills)
+    kept: dict[str, list[str]] = {}
+    for name, law in kills:
+        if laws[name] == 1:
+            kept.setdefault(law, []).append(name)
+    return kept
+
+
+def missed(detections: Sequence[Detection]) -> list[tuple[str, str]]:
+    """Pairs (saboteur, law) where theory expects a kill, and none was seen with any seed."""
+    seen = {(b.saboteur, b.law) for b in detections if b.kills}
+    return [p for p in dict.fromkeys((b.saboteur, b.law) for b in detections if b.expected) if p not in seen]
+
+
+def examples_to_kill(detections: Sequence[Detection]) -> dict[tuple[str, int], int]:
+    """For each killed (saboteur, seed), the fewest examples that a law needed."""
+    fewest: dict[tuple[str, int], int] = {}
+    for b in detections:
+        if b.kills:
+            key = b.saboteur, b.seed
+            fewest[key] = min(fewest.get(key, b.examples), b.examples)
+    return fewest
+
+
+def show(detections: Sequence[Detection], out: Console) -> None:
+    """Print the matrix, its legend, the warnings, and the count."""
+    laws, table = list(dict.fromkeys(b.law for b in detections)), matrix(detections)
+    wide = not fits(table, out)
+    print_table(listing(detections) if wide else table, out)
+    out.print(
+        Text("number: median examples (or paths) to the first violation; (number): not with every seed")
+    )
+    out.print(Text("·: holds, ?: inconclusive, e: error, n/a: not applicable; *: unclaimed"))
+    if not wide:
+        out.print(Text(", ".join(f"{abbreviation(law)} {law}" for law in laws)))
+    # `first` leaves holes: some saboteur was not run against some law with some seed.
+    runs = {(b.saboteur, b.seed) for b in detections}
+    if len({(b.saboteur, b.seed, b.law) for b in detections}) == len(runs) * len(laws):
+        for law, names in found_by_one_law(detections).items():
+            out.print(Text(f"only {law} kills: {', '.join(names)}"))
+        pairs = missed(detections)
+        if pairs:
+            out.print(Text(f"expected, never seen: {', '.join(f'{name} by {law}' for name, law in pairs)}"))
+    out.print(summary(detections))
+
+
+def matrix(detections: Sequence[Detection]) -> Table:
+    """A table of saboteurs and laws, with the number of seeds that killed."""
+    laws = list(dict.fromkeys(b.law for b in detections))
+    heads = columns(["saboteur"], [*map(abbreviation, laws), "killed"])
+    found = _rows(detections)
+    return Table(
+        heads, [[name, *(cells.get(law, "") for law in laws), killed] for name, killed, cells in found]
+    )
+
+
+def listing(detections: Sequence[Detection]) -> Table:
+    """A list for terminals too narrow for the matrix: the laws that do not hold, for each saboteur."""
+    rows: list[tuple[str, Text, Text]] = []
+    for name, killed, cells in _rows(detections):
+        told = ((law, cell) for law, cell in cells.items() if cell.plain.strip("*") not in ("·", "n/a"))
+        rows.append((name, killed, Text(", ").join(Text(f"{law} ") + cell for law, cell in told)))
+    return Table((*columns(["saboteur"], ["killed"]), *columns(["laws"], words=True)), rows)
+
+
+def _rows(detections: Sequence[Detection]) -> Iterator[tuple[str, Text, dict[str, Text]]]:
+    """Rows of a saboteur, the number of its kills, and the cell of each law that it was run against."""
+    alive, found = survivors(detections), dict[str, dict[str, list[Detection]]]()
+    for b in detections:
+        found.setdefault(b.saboteur, {}).setdefault(b.law, []).append(b)
+    for name, laws in found.items():
+        seeds = len({b.seed for seen in laws.values() for b in seen})
+        killed = seeds - len(alive.get(name, []))
+        count = Text(f"{killed}/{seeds}", style="green" if killed == seeds else "bold red")
+        yield name, count, {law: _cell(seen) for law, seen in laws.items()}
+
+
+def summary(detections: Sequence[Detection]) -> Text:
+    """One line: the number killed with every seed, and the examples needed."""
+    names, alive = {b.saboteur for b in detections}, survivors(detections)
+    fewest = examples_to_kill(detections)
+    seeds = len({b.seed for b in detections})
+    text = Text(f"{len(names) - len(alive)} of {len(names)} saboteurs killed with each of {seeds} seeds")
+    if fewest:
+        worst = max(fewest, key=lambda key: fewest[key])
+        text.append(
+            f"; examples to the quickest law: median {median(fewest.values()):g}, "
+            f"largest {fewest[worst]} ({worst[0]}, seed {worst[1]})"
+        )
+    text.append(".")
+    for name, left in alive.items():
+        which = "every seed" if len(left) == seeds else f"seed {', '.join(map(str, left))}"
+        text.append(f"\nsurvives: {name}, {which}: {SABOTEURS[name].broken}", style="bold red")
+    return text
+
+
+def abbreviation(law: str) -> str:
+    """The initials of a name of several words, else the letters that no other law begins with, three at least."""
+    words = law.split("-")
+    if len(words) > 1:
+        return "".join(w[0] for w in words)
+    alone = [name for name in LAWS if "-" not in name]
+    lengths = range(3, len(law) + 1)
+    return next(law[:n] for n in lengths if n == len(law) or sum(o.startswith(law[:n]) for o in alone) < 2)
+
+
+# Signs and styles by precedence: the first that occurred is shown.
+_SIGNS = {
+    Verdict.ERROR: ("e", "magenta"), Verdict.INCONCLUSIVE: ("?", "yellow"), Verdict.NOT_APPLICABLE: ("n/a", "dim")
+}  # fmt: skip
+
+
+def _cell(detections: Sequence[Detection]) -> Text:
+    failing = [b for b in detections if b.verdict is Verdict.VIOLATED]
+    if failing:
+        number = f"{median(b.examples for b in failing):.0f}"
+        text, style = number if len(failing) == len(detections) else f"({number})", "green"
+    else:
+        verdicts = {b.verdict for b in detections}
+        text, style = next((shown for v, shown in _SIGNS.items() if v in verdicts), ("·", "dim"))
+    claimed = detections[0].claimed
+    return Text(text if claimed else f"{text}*", style=style if claimed else "dim")

@@ -1,0 +1,48 @@
+"""Faults of schemes for damped systems: each claims what *conformal* claims, and loses one decay or the symmetry."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import numpy as np
+
+from sepv.problem import Array, Problem
+from sepv.schemes import Scheme, conformal, energy_preserving, midpoint
+
+from .record import Family
+
+SABOTEURS = Family("damping")
+
+
+@SABOTEURS.like(
+    conformal,
+    "the midpoint rule between the exponentials: Casimirs decay rightly, a quartic energy does not",
+    ("conformal-energy",),
+)
+def damped_midpoint(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    return _between(problem, y, h, dW, midpoint)
+
+
+@SABOTEURS.like(
+    conformal,
+    "the factors 1 − γh/2 and 1/(1 + γh/2) in the place of exponentials, the damping of a midpoint rule",
+    ("conformal-casimir", "conformal-energy"),
+)
+def damped_rationally(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    share = 0.5 * h * getattr(problem, "damping", 0.0)
+    return _between(problem, y, h, dW, energy_preserving, 1 - share, 1 / (1 + share))
+
+
+@SABOTEURS.like(conformal, "all of the damping comes first: Lie's composition", ("symmetry",))
+def damped_at_once(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    return _between(problem, y, h, dW, energy_preserving, np.exp(-h * getattr(problem, "damping", 0.0)), 1.0)
+
+
+def _between(
+    problem: Problem, y: Array, h: float, dW: Array, scheme: Scheme, first: float = 0.0, last: float = 0.0
+) -> Array:
+    """A step of the problem without damping between two factors, by default exponentials of half of the damping."""
+    conformal.step(problem, y, 0.0, 0 * dW)  # raises for problems that the scheme refuses
+    half = float(np.exp(-0.5 * h * getattr(problem, "damping", 0.0)))
+    quiet = Problem(**{f.name: getattr(problem, f.name) for f in fields(Problem) if f.init}, check=False)
+    return (last or half) * scheme.step(quiet, (first or half) * y, h, dW)

@@ -1,0 +1,131 @@
+"""Faults of schemes for several Hamiltonians: each loses one property of the scheme that it imitates, and claims it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from sepv import schemes
+from sepv.problem import Array, Problem, hamiltonian_field
+from sepv.problem._structures import each_noise
+from sepv.problems._matrix_algebras import algebra_of
+from sepv.schemes._drift_preserving import pushed, quiet
+from sepv.schemes._one_step import Implicit, implicit
+from sepv.schemes._scheme import as_lanes
+from sepv.solve import Increment
+from sepv.solve._solution import once
+
+from .record import Family, imitating
+
+SABOTEURS = Family("hamiltonians")
+LOUDER = 1 + 2.0**-10
+PUSH = 2.0**-30
+
+
+@SABOTEURS.like(
+    schemes.stochastic_midpoint,
+    "the last noise is 2⁻¹⁰ too large",
+    ("local-weak", "local-mean", "local-mean-square", "noise-sum", "expansion"),
+)
+def second_noise_louder(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """Make the last increment a thousandth too large."""
+    noise = np.array(dW)
+    noise[-1] *= LOUDER
+    return schemes.stochastic_midpoint.step(problem, y, h, noise)
+
+
+@SABOTEURS.like(
+    schemes.stochastic_midpoint, "y1 is multiplied by 1 + 2⁻³⁰h", ("casimir", "symmetry", "symplecticity")
+)
+def away_from_the_origin(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """Make y1 a little too long."""
+    return schemes.stochastic_midpoint.step(problem, y, h, dW) * (1 + PUSH * h)
+
+
+@SABOTEURS.like(
+    schemes.area_midpoint, "the Lévy areas have the wrong sign", ("local-mean-square", "mean-square-order")
+)
+def areas_of_other_sign(problem: Problem, y: Array, h: float, dW: Array, areas: Array) -> Array:
+    return schemes.area_midpoint.step(problem, y, h, dW, -areas)
+
+
+@SABOTEURS.like(
+    schemes.stochastic_splitting, "the flows are composed in turn, and not symmetrically", ("symmetry",)
+)
+def lie_and_trotter(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """Compose all flows in turn, without the way back."""
+    schemes.stochastic_splitting.step(problem, y, 0.0, 0 * dW)  # raises for problems that the scheme refuses
+    state, noise = as_lanes(problem, y, h, dW)
+    flows: tuple[Any, ...] = (*problem.flows, *problem.noise_flows)  # type: ignore[attr-defined]
+    times = [state[0] * 0 + h] * len(problem.flows) + list(problem.c[:, None] * noise)
+    for flow, t in zip(flows, times, strict=True):
+        state = flow(state, t)
+    return state.reshape(y.shape)
+
+
+@SABOTEURS.like(
+    schemes.isospectral_midpoint,
+    "¼MXM is left out: quadratic Casimirs and orders are kept, others and the structure are not",
+    ("poisson-map", "any-casimir"),
+)
+def midpoint_as_isospectral(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """The midpoint rule, y0 = x − ½f and y1 = x + ½f."""
+    algebra_of(problem, as_lanes(problem, y, h, dW)[0])
+    return schemes.stochastic_midpoint.step(problem, y, h, dW)
+
+
+@SABOTEURS.made(
+    "ȳ is the arithmetic mean, not that of logarithms: positive, of that order, no Poisson map",
+    ("poisson-map",),
+    lambda increment: imitating(schemes.darboux_lie, Implicit(increment, parts=each_noise)),
+)
+def arithmetic_middle(problem: Problem, y0: Array, y1: Array, step: Array) -> Increment:
+    """The right side y0(exp(f(ȳ)/ȳ) − 1) with ȳ = (y0 + y1)/2, of an equation for y1."""
+    middle = y0 + 0.5 * (y1 - y0)
+    return once(y0 * np.expm1(hamiltonian_field(problem, middle, step) / middle))
+
+
+@SABOTEURS.like(
+    schemes.drift_preserving,
+    "each half of the step sees half of its increment",
+    ("energy-drift", "casimir-drift"),
+)
+def halves_alike(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array:
+    """Use half of the increment at both ends, which makes the two halves equal."""
+    return schemes.drift_preserving.step(problem, y, h, dW, 0 * first + 0.5 * dW)
+
+
+@SABOTEURS.like(
+    schemes.drift_preserving,
+    "the additive noise is 2⁻²⁰ too large",
+    ("energy-drift", "casimir-drift", "local-weak"),
+)
+def pushed_too_far(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array:
+    """Make all noise increments too long by 2⁻²⁰."""
+    schemes.drift_preserving.step(
+        problem, y, 0.0, 0 * dW, 0 * first
+    )  # raises for problems that the scheme refuses
+    state, noise = as_lanes(problem, y, h, dW)
+    before, far = np.reshape(first, noise.shape), 1 + 2.0**-20
+    middle = quiet(problem, pushed(problem, state, far * before), h, noise)
+    return pushed(problem, middle, far * (noise - before)).reshape(y.shape)
+
+
+_explicit_structure = implicit(
+    lambda fields, y, z, step: step[0] * fields.apply(y, fields.mean_gradient(y, z)), parts=quiet.parts
+)
+
+
+@SABOTEURS.like(
+    schemes.drift_preserving,
+    "B is taken where the step without noise begins: E[H] is right, E[C] is not",
+    ("casimir-drift", "symmetry"),
+)
+def structure_before_the_step(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array:
+    """Y + hB(Y)∇̄H between the pushes."""
+    schemes.drift_preserving.step(problem, y, 0.0, 0 * dW, 0 * first)  # refuses what that refuses
+    state, noise = as_lanes(problem, y, h, dW)
+    before = np.reshape(first, noise.shape)
+    moved = _explicit_structure(problem, pushed(problem, state, before), h, noise)
+    return pushed(problem, moved, noise - before).reshape(y.shape)

@@ -1,0 +1,20 @@
+"""The paper measured again: the figures of §4, its remarks and errata, with a verdict on every statement.
+
+`sepv reproduce` runs it, so that it is installed. Read `record` first (panels and statements), then `suite`, which
+runs them; each other file is a figure or a part of the theory.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .suite import reproduce as reproduce
+
+
+def __getattr__(name: str) -> Any:
+    if name != "reproduce":
+        raise AttributeError(f"module 'sepv.reference.paper' has no attribute {name!r}")
+    from .suite import reproduce
+
+    return reproduce

@@ -1,0 +1,69 @@
+"""§2: without noise (2.1) is the method of order two of Cohen and Hairer (2011)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from sepv import problems, schemes
+from sepv.exact import exact_flow
+from sepv.problem import Problem
+
+from . import judge
+from .record import SENTENCE, Job, Panel, Results, Size, Statement, points
+
+SYSTEMS: dict[str, Callable[..., Problem]] = {
+    "rigid-body": problems.rigid_body,
+    "pendulum": problems.pendulum,
+}
+SHOWN = ("energy-preserving", "midpoint", "discrete-gradient")
+T, STEPS = 1.0, (16, 32, 64, 128)
+
+
+def errors(scheme: str, problem: str) -> list[float]:
+    """|y_N − y(T)| with c = 0, for each number of steps."""
+    method, system = schemes.PAPER[scheme], SYSTEMS[problem](noise=())
+    start, found = np.array(system.initial), []
+    exact = exact_flow(system, T).y
+    for steps in STEPS:
+        y = start
+        for _ in range(steps):
+            y = method.step(system, y, T / steps, np.empty(0))
+        found.append(float(np.linalg.norm(y - exact)))
+    return found
+
+
+def jobs(_size: Size) -> list[Job]:
+    """A job a scheme and problem; nothing is random, and no share is taken of it."""
+    return [
+        Job(("theory", "deterministic", s, p), errors, {"scheme": s, "problem": p}, 0.5)
+        for s in SHOWN
+        for p in SYSTEMS
+    ]
+
+
+def panels(results: Results) -> list[Panel]:
+    """Errors against h, and the slope of (2.1) between the finest two steps; coarser ones show that it has settled."""
+    h, found, slopes, statements = T / np.array(STEPS), [], {}, []
+    for s, p in ((s, p) for s in SHOWN for p in SYSTEMS):
+        errors = np.array(results["theory", "deterministic", s, p])
+        seen = -np.diff(np.log2(errors))
+        found.append(points(f"{s}, {p}", h, errors, s))
+        slopes[f"{s}, {p}"] = {"errors": errors.tolist(), "slopes": seen.tolist()}
+        if s == "energy-preserving":
+            statements.append(Statement(
+                f"{SENTENCE[s]} reduces to the method of order two for c = 0, on the {p}", "§2",
+                judge.near(seen[-1], 2, 0.25, 0.5), "slopes " + ", ".join(f"{v:.2f}" for v in seen),
+                "the slope between the two finest steps is within 2 ± 1/4",
+            ))  # fmt: skip
+    return [Panel(
+        key="theory-deterministic-order", title="Without noise", source="§2", series=tuple(found),
+        parameters={"c": 0.0, "T": T, "N": list(STEPS)}, slopes=(1.0, 2.0), statements=tuple(statements),
+        description="Energy-preserving and midpoint scheme have slope two. The discrete gradient scheme has slope one "
+        "where B is not constant, because it takes B at the start of the step.",
+        numbers=slopes,
+    )]  # fmt: skip
+
+
+PANELS = {"theory": panels}

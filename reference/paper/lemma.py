@@ -1,0 +1,157 @@
+"""Lemma 3.2, (3.5) to (3.7): the coefficients of Δ³ of (2.1) and the midpoint scheme, and moments of what is left.
+
+The proof ends with "an explicit expression of c(y_n)", which is not printed. With f = B∇H, g = ∇H, y1 = y + δ,
+δ = Δf + ½Δ²f′f + O(Δ³), B(y + δ/2) = B + ½B′δ + ⅛B″(δ, δ) + … and ∫g(y + τδ)dτ = g + ½g′δ + ⅙g″(δ, δ) + …, the terms of
+Δ³ in their product are
+
+    c = ⅛ B″(f, f)g + ¼ B′(f)g′f + ⅙ B g″(f, f) + ¼ f′f′f.
+
+The midpoint scheme (3.4), f at y + δ/2, has c̃ = ⅛f″(f, f) + ¼f′f′f, and f″(f, f) = B″(f, f)g + 2B′(f)g′f + Bg″(f, f):
+
+    c − c̃ = (1/24) B g″(f, f).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from sepv import problems, schemes
+from sepv.problem import Array, NamedProblem, Problem, vector_field
+from sepv.problem._fields import derivative_along, matvec, slope_along
+from sepv.schemes._modified_weak_two import structure_curvature, structure_slope
+from sepv.studies._picture import Axis
+from sepv.verification._orders.gaussian import rule
+
+from . import judge
+from .record import Job, Panel, Results, Size, Statement, points
+
+SCHEMES = ("energy-preserving", "midpoint")
+NAMES = ("rigid-body", "pendulum", "lotka-volterra")
+H_STEPS = tuple(2.0**-n for n in range(4, 12))
+# Δ of the differences in extended precision: what they leave is O(Δ²), 1e-12.
+SHORT = 2.0**-20
+# Relative difference of both values of c(y): differences of B and H″ in binary64 know it to about 1e-12.
+AGREES = 1e-10
+
+
+def coefficients(problem: Problem, y: Array) -> tuple[Array, Array]:
+    """c(y) and c̃(y), (d, M), by the formulas above at states (d, M)."""
+    f = vector_field(problem, y)
+    g, B = problem.gradient(y), problem.structure(y)
+    half = 0.5 * matvec(structure_curvature(problem, y, f), g) * 0.25
+    turned = 0.25 * matvec(structure_slope(problem, y, f), _slope(problem, y, f))
+    # g″(f, f), by differences of H″f
+    bent = matvec(B, slope_along(lambda y: _slope(problem, y, f), y, f, 2.0**-10))
+    inner = derivative_along(problem, y, f)
+    c = half + turned + bent / 6 + 0.25 * derivative_along(problem, y, inner)
+    return np.asarray(c), np.asarray(c - bent / 24)
+
+
+def _slope(problem: Problem, y: Array, w: Array) -> Array:
+    """g′w."""
+    assert problem.hessian is not None
+    return matvec(problem.hessian(y), w)
+
+
+def expanded(scheme: str, data: NamedProblem, y: Array) -> Array:
+    """A scheme's coefficient of Δ³ from steps ±Δ and ±Δ/2 at 60 digits.
+
+    D(Δ) − 2D(Δ/2) = 3/2 cΔ³ + O(Δ⁵) for D(Δ) = y1(Δ) − y1(−Δ).
+    """
+    from ..steps import reference_step
+
+    noise = [0.0] * len(dict(data.parameters)["noise"])
+
+    def odd(delta: float) -> list[Any]:
+        ahead, behind = (reference_step(scheme, data, y.tolist(), s * delta, noise, 60).y1 for s in (1, -1))
+        return [a - b for a, b in zip(ahead, behind, strict=True)]
+
+    whole, halves = odd(SHORT), odd(SHORT / 2)
+    return np.array([float((a - 2 * b) / (1.5 * SHORT**3)) for a, b in zip(whole, halves, strict=True)])
+
+
+def measured(problem: str) -> dict[str, dict[str, Any]]:
+    """Each scheme's coefficient by both ways at a state, and the moments of the rest by quadrature over ΔŴ."""
+    system = problems.by_name(problem)
+    assert isinstance(system.data, NamedProblem)
+    y = (1.1 * np.array(system.initial) + 0.05)[:, None]
+    a = vector_field(system, y)
+    b = 0.5 * derivative_along(system, y, a)
+    found = {}
+    for name, c in zip(SCHEMES, coefficients(system, y), strict=True):
+        mean, rms = [], []
+        for h in H_STEPS:
+            nodes = rule(system.noises, h, 2, 12)
+            dW = np.sqrt(h) * nodes.zeta[:, nodes.index]
+            start = np.repeat(y, dW.shape[1], axis=1)
+            delta = system.random_step(h, dW)
+            moved = schemes.PAPER[name].step(system, start, h, dW) - start
+            size = np.sqrt(np.sum((moved - a * delta - b * delta**2 - c * delta**3) ** 2, axis=0))
+            mean.append(float(size @ nodes.weights))
+            rms.append(float(np.sqrt(size**2 @ nodes.weights)))
+        expansion = expanded(name, system.data, y[:, 0])
+        found[name] = {"formula": c[:, 0].tolist(), "expansion": expansion.tolist(), "mean": mean, "rms": rms}
+    return found
+
+
+def jobs(_size: Size) -> list[Job]:
+    """One job a problem; nothing is random."""
+    return [Job(("theory", "lemma", name), measured, {"problem": name}, 1.0) for name in NAMES]
+
+
+def panels(results: Results) -> list[Panel]:
+    """Moments of R_n and R̃_n against h."""
+    found = {name: results["theory", "lemma", name] for name in NAMES}
+    return [Panel(
+        key="theory-lemma-3.2", title="What the expansions (3.1) and (3.5) leave", source="Lemma 3.2, (3.2), (3.5)",
+        y=Axis("moments of R_n", log=True),
+        series=tuple(
+            points(f"{name}, {label}", H_STEPS, one[SCHEMES[0]][kind])
+            for name, one in found.items() for kind, label in (("mean", "E‖R‖"), ("rms", "(E‖R‖²)^½"))
+        ),
+        parameters={"k": 2, "h": list(H_STEPS)}, chosen=("one step from 1.1 y0 + 0.05",), slopes=(2.0,),
+        statements=tuple(s for name, one in found.items() for s in _statements(name, one)),
+        description="Both moments fall along slope two.", numbers=found,
+    )]  # fmt: skip
+
+
+def _statements(name: str, found: dict[str, dict[str, Any]]) -> Iterator[Statement]:
+    """The coefficients by formula and by expansion, their difference, and the orders of the rest."""
+    values = {kind: [np.array(found[n][kind]) for n in SCHEMES] for kind in ("formula", "expansion")}
+    size = max(np.max(np.abs(one)) for one in values["expansion"])
+    ours, theirs = (a - b for a, b in zip(*values.values(), strict=True))
+    both = np.subtract(*values["formula"]) - np.subtract(*values["expansion"])
+    cases = (
+        (
+            "c(y_n) in (3.1) depends on y_n only",
+            "Lemma 3.2",
+            "⅛B″(f,f)g + ¼B′(f)g′f + ⅙Bg″(f,f) + ¼f′f′f",
+            ours,
+        ),
+        ("c̃(y_n) in (3.5) depends on y_n only", "(3.5)", "⅛f″(f,f) + ¼f′f′f", theirs),
+        ("(ours) c − c̃ in (3.6) is Bg″(f,f)/24", "(3.6)", "Bg″(f,f)/24", both),
+    )
+    for text, source, formula, gap in cases:
+        apart = float(np.max(np.abs(gap)) / size)
+        yield Statement(
+            f"{text} ({name})", source, judge.at_most(apart, AGREES, 1e3 * AGREES),
+            f"{formula} and the expansion at 60 digits differ by {apart:.1e}",
+            f"a difference of at most {AGREES:g} of c: differences of B and H″ in binary64",
+        )  # fmt: skip
+    for scheme, letter, source in zip(SCHEMES, ("R_n", "R̃_n"), ("(3.2)", "after (3.5)"), strict=True):
+        # The finest pair of steps: the next term of the rest is a factor √h of the first.
+        mean, rms = (
+            float(np.log2(found[scheme][kind][-2] / found[scheme][kind][-1])) for kind in ("mean", "rms")
+        )
+        yield Statement(
+            f"E‖{letter}‖ = O(h²) and (E‖{letter}‖²)^½ = O(h²) ({name})", source,
+            judge.every(judge.above(mean, 1.75, 1.5), judge.above(rms, 1.75, 1.5)),
+            f"slopes {mean:.2f} and {rms:.2f} at h = 2^-10 to 2^-11, by quadrature over ΔŴ",
+            "slopes above 7/4, half-way to the next lower half-integer",
+        )  # fmt: skip
+
+
+PANELS = {"theory": panels}

@@ -1,0 +1,82 @@
+"""A reproduction on the terminal: the statements panel by panel, and progress with the time left."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import NamedTuple
+
+from rich.console import Console
+from rich.text import Text
+
+from sepv._terminal import Column, Table, counted, print_table
+from sepv.verification._progress import showing
+
+from .record import Statement, counts, in_words
+from .suite import Reproduction, ShareProgress
+
+_STYLES = {"holds": "green", "fails": "bold red", "open": "yellow"}
+
+
+def show(found: Reproduction, out: Console) -> None:
+    """Each panel's statements with what was measured."""
+    for panel in found.panels:
+        out.print(Text.assemble((panel.title, "bold"), f"  {panel.source}"))
+        rows = [Row("", f"chosen: {choice}", "dim") for choice in panel.chosen]
+        _print([*rows, *(row for s in panel.statements for row in _rows(s))], out)
+    if found.text:
+        out.print(Text("As printed", style="bold"))
+        _print([row for s in found.text for row in _rows(s)], out)
+
+
+class Row(NamedTuple):
+    """A verdict, or nothing, beside a paragraph."""
+
+    verdict: str
+    text: str
+    style: str = ""
+
+
+def _rows(s: Statement) -> list[Row]:
+    rows = [Row(s.verdict, f"{s.text} ({s.source})"), Row("", s.measured, "dim")]
+    if s.verdict != "holds":
+        rows.append(Row("", f"criterion: {s.criterion}", "dim"))
+        rows += [Row("", f"instead: {s.correction}", "dim")] if s.correction else []
+    return rows
+
+
+def _print(rows: Sequence[Row], out: Console) -> None:
+    """Paragraphs wrapped beside their verdicts; where no terminal reads it, one line each."""
+    if not out.is_terminal:
+        for row in rows:
+            out.print(Text(f"  {row.verdict:<6}{row.text}"), soft_wrap=True)
+    else:
+        cells = [
+            ("", Text(row.verdict, style=_STYLES.get(row.verdict, "")), Text(row.text, style=row.style))
+            for row in rows
+        ]
+        columns = (Column("indent"), Column("verdict", least=6), Column("text", words=True))
+        print_table(Table(columns, cells, headed=False), out)
+    out.print()
+
+
+def summary(found: Reproduction) -> Text:
+    """One line: the counts, and how long it took."""
+    n = counts(found.statements)
+    text = Text(f"{in_words(n)}; ")
+    text.append(
+        f"{counted(len(found.panels), 'panel')} in {found.seconds:.0f} s, "
+        f"{found.processor_seconds:.0f} s of processor time"
+    )
+    if found.size.share != 1:
+        text.append(f", with a share of {found.size.share:g} of the samples and steps", style="yellow")
+    return text.append(".")
+
+
+@contextmanager
+def watching(quiet: bool = False) -> Iterator[ShareProgress]:
+    """ShareProgress on stderr: of estimated seconds, those that are done."""
+    with showing(quiet) as shown:
+        yield lambda done, total: shown.update(
+            f"{done:.0f} of {total:.0f} s of work", done / total if total else 1.0
+        )

@@ -1,0 +1,178 @@
+"""Convergence plots: rms errors at the end against the step size, and whether each slope is the stated order."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sepv.record._binary64 import EPS
+from sepv.verification._orders.convergence import StrongErrors, slope
+
+from . import judge, record, runs
+from .record import Job, Panel, Results, Size, Statement, points
+
+# Two-sided, for each slope: the chance that an interval misses the slope that it estimates.
+ALPHA = 0.01
+# Microseconds a sample and step in batches, for the time left.
+COST = {"energy-preserving": 3.0, "midpoint": 2.5, "discrete-gradient": 5.0}
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A convergence experiment, h = T/steps with `samples` paths, and what its panel says besides the numbers.
+
+    source : which plot of the paper it is
+    place : where the paper states the order of (2.1), or names a reference with a fine step
+    same : pairs of schemes that are one integrator here, each with the place that says so and the reason
+    """
+
+    figure: str
+    problem: str
+    T: float
+    steps: tuple[int, ...]
+    samples: int
+    schemes: tuple[str, ...] = tuple(record.STATED)
+    title: str = ""
+    source: str = ""
+    place: str = ""
+    chosen: tuple[str, ...] = ()
+    same: tuple[tuple[str, str, str, str], ...] = ()
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """The arguments that all of its jobs share."""
+        return {"problem": self.problem, "T": self.T, "steps": self.steps}
+
+    def job(self, key: tuple[str, ...], scheme: str, samples: int, size: Size, cost: float) -> Job:
+        """The errors of one scheme on these samples; `cost` in microseconds a sample and step."""
+        arguments = {"scheme": scheme, "samples": samples, **self.given, **size.given}
+        seconds = samples * sum(self.steps) * COST.get(scheme, cost) * 1e-6
+        return Job((self.figure, *key), runs.errors, arguments, seconds)
+
+
+def jobs(setting: Setting, size: Size) -> list[Job]:
+    """One job a scheme."""
+    samples = size.samples(setting.samples)
+    return [setting.job(("order", scheme), scheme, samples, size, 0.5) for scheme in setting.schemes]
+
+
+def order_statement(name: str, found: StrongErrors, source: str) -> Statement:
+    """The order that the paper gives the scheme, against the slope that is measured."""
+    stated = (record.STATED | record.OURS)[name]
+    measured = slope(found, ALPHA)
+    failed = f"; {sum(found.failures)} samples with a step that failed" if any(found.failures) else ""
+    return Statement(
+        f"{record.sentence(name)} has mean-square order {'1/2' if stated == 0.5 else '1'}", source,
+        judge.interval_near(measured.low, measured.high, stated, 0.25),
+        f"slope {measured.value:.3f} in [{measured.low:.3f}, {measured.high:.3f}]{failed}",
+        f"the 99 % interval lies within {stated:g} ± 1/4, the middle between the orders 1/2 and 1",
+    )  # fmt: skip
+
+
+def same_statement(
+    one: str, other: str, found: dict[str, StrongErrors], source: str, reason: str
+) -> Statement:
+    """Two schemes are one and the same on this problem where their ends differ by rounding only."""
+    a, b = found[one], found[other]
+    difference = float(np.max(np.abs(a.errors - b.errors)))
+    # Rounding enters at every step and is carried to the end by the flow's Lipschitz constant, e^2 or less here.
+    bound = 64 * EPS * a.scale * max(a.steps)
+    first, second = (record.SENTENCE[name] for name in (one, other))
+    return Statement(
+        f"{first} and {second.replace('The', 'the')} are one integrator here, because {reason}", source,
+        judge.at_most(difference, bound, 1e3 * bound),
+        f"largest difference of the ends over all samples and step sizes {difference:.1e}",
+        f"at most 64 eps N |y| = {bound:.1e}, a rounding for each step",
+    )  # fmt: skip
+
+
+def panel(setting: Setting, results: Results, extra: Sequence[Statement] = ()) -> Panel:
+    """The convergence plot with a statement about every scheme in it, and about pairs that are one integrator."""
+    found: dict[str, StrongErrors] = {n: results[setting.figure, "order", n] for n in setting.schemes}
+    places = {n: setting.place if n == "energy-preserving" else record.stated_in(n, "§4") for n in found}
+    h = setting.T / np.array(setting.steps)
+    return Panel(
+        key=f"{setting.figure}-order", title=setting.title, source=setting.source,
+        series=tuple(points(name, h, e.rms(), name) for name, e in found.items()),
+        parameters={
+            "problem": setting.problem, "T": setting.T, "samples": next(iter(found.values())).squared.shape[1],
+            "h": h.tolist(),
+        },
+        chosen=setting.chosen,
+        slopes=(0.5, 1.0),
+        statements=(
+            *(order_statement(name, e, places[name]) for name, e in found.items()),
+            *(same_statement(one, other, found, where, why) for one, other, where, why in setting.same),
+            *extra,
+        ),
+        description="Mean-square errors fall with the step size along lines of slope one, those of Euler-Maruyama "
+        "along slope one half.",
+        numbers={
+            name: {"rms": e.rms().tolist(), "failures": list(e.failures), "slope": slope(e, ALPHA).value}
+            for name, e in found.items()
+        },
+    )  # fmt: skip
+
+
+def fine_jobs(setting: Setting, size: Size) -> list[Job]:
+    """The reference's scheme, the first of two, down to its own step, the last of `steps`, and the other scheme."""
+    samples = size.samples(setting.samples)
+    counting = {**setting.given, "samples": samples, "seed": size.seed}
+    return [
+        *(setting.job(("fine", name), name, samples, size, 0.3) for name in setting.schemes),
+        Job((setting.figure, "fine", "truncated"), runs.truncated, counting, 1.0),
+    ]
+
+
+def fine_panel(setting: Setting, results: Results) -> Panel:
+    """True errors, and errors as the paper's own kind of reference sees them.
+
+    Errors against a scheme with a fine step are differences of two errors. Where the scheme under test is that scheme,
+    or h comes near its step, they are too small and the slope is too steep; at its own step it has no error at all.
+    """
+    found: dict[str, StrongErrors] = {n: results[setting.figure, "fine", n] for n in setting.schemes}
+    reference = setting.schemes[0]
+    h = setting.T / np.array(setting.steps)
+    at = [f"at h = 2^{np.log2(step):.0f}" for step in h]
+    own_step = at[-1].removeprefix("at h = ")
+    truth = found[reference].errors[-1]
+    curves, numbers = [], {}
+    for name, e in found.items():
+        against = np.sqrt(np.mean(np.sum((e.errors - truth) ** 2, axis=1), axis=1))
+        numbers[name] = {"exact reference": e.rms().tolist(), "fine-step reference": against.tolist()}
+        # The reference's own scheme has error zero at its own step, which a logarithmic axis cannot show.
+        kept = against > 0
+        curves.append(points(f"{name}, exact reference", h, e.rms(), name))
+        curves.append(points(f"{name}, fine-step reference", h[kept], against[kept]))
+    true, own = map(np.array, numbers[reference].values())
+    # One truncated increment is an error of that sample that no step size explains.
+    counts = zip(results[setting.figure, "fine", "truncated"], at, strict=True)
+    truncated = ", ".join(f"{n} {where}" for n, where in counts if n)
+    bumps = f"increments that Remark 2.1 truncates, each a bump in the curves: {truncated}"
+    exact = Statement(
+        f"(ours) The {reference} scheme with step {own_step} serves as the exact solution down to its own step",
+        setting.place,
+        judge.decide(bool(np.all(own > 0.95 * true)), bool(own[-1] < 0.05 * true[-1])),
+        f"of the true error of the {reference} scheme it sees "
+        + ", ".join(f"{part:.0%} {where}" for part, where in zip(own / true, at, strict=True)),
+        "at least 95 % of the true error, at every step size",
+        "the exact solution is the flow at the time t + Σ c_j W_j(t), without a step size. At the steps of "
+        f"the paper's plot, well above {own_step}, the bias is small and its slopes stand",
+    )  # fmt: skip
+    return Panel(
+        key=f"{setting.figure}-fine-step-reference", title="What a fine-step reference hides", source=setting.source,
+        series=tuple(curves),
+        parameters={"problem": setting.problem, "T": setting.T, "samples": truth.shape[1], "h": h.tolist()},
+        chosen=(
+            f"{truth.shape[1]} samples; step sizes down to the reference's own, {own_step}, where its bias is largest",
+            *([bumps] if truncated else []),
+        ),
+        slopes=(0.5, 1.0),
+        statements=(exact,),
+        description="Against the exact solution both schemes go on with slope one; against the fine-step one the curve "
+        "of its own scheme bends down and reaches zero at the reference's step.",
+        numbers=numbers,
+    )  # fmt: skip

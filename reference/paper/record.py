@@ -1,0 +1,211 @@
+"""The records of a reproduction: jobs that it computes, panels as data, and statements with a verdict each.
+
+A panel holds everything that is drawn, so that the figures, the page and a reader's own program all
+start from the same numbers. Jobs run in any order and any process.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict, dataclass, field
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sepv._terminal import counted
+from sepv.files import finite
+from sepv.studies._picture import Axis, Series, content, draw_curves, figure, looks
+
+from .judge import Verdict
+
+# The paper's schemes: the name at the start of a sentence, and the mean-square order that §4 gives (the paper's
+# statements, not the claims of the schemes here).
+_PAPER = {
+    "energy-preserving": ("The energy-preserving scheme", 1.0),
+    "midpoint": ("The midpoint scheme", 1.0),
+    "discrete-gradient": ("The discrete gradient scheme", 1.0),
+    "euler-heun": ("Euler-Heun", 1.0),
+    "milstein": ("Milstein", 1.0),
+    "euler-maruyama": ("Euler-Maruyama", 0.5),
+}
+STATED = {name: order for name, (_, order) in _PAPER.items()}
+# The domain-keeping splitting of [23] with exact flows, which the paper names and does not show.
+OURS = {"splitting": 1.0}
+SENTENCE = {name: words for name, (words, _) in _PAPER.items()} | {"splitting": "The splitting scheme"}
+
+H_AXIS, TIME = Axis("step size h", log=True), Axis("time t")
+ERROR_AXIS = Axis("mean-square error at the end", log=True)
+
+# Schemes for which the extra fast has compiled code: it takes a few per cent of NumPy's time, and its own loading.
+COMPILED = frozenset(("energy-preserving", "midpoint", "euler-heun", "milstein"))
+
+
+@dataclass(frozen=True)
+class Job:
+    """One call of a function of `runs`, with the seconds that NumPy is expected to take (for progress only)."""
+
+    key: tuple[str, ...]
+    function: Callable[..., Any]
+    arguments: dict[str, Any]
+    seconds: float
+
+    def expected(self) -> float:
+        """Expected seconds with the chosen engine, for the job's place in the queue and the time left."""
+        compiled = self.arguments.get("engine") == "auto" and self.arguments.get("scheme") in COMPILED
+        return 0.1 + 0.02 * self.seconds if compiled and find_spec("numba") else self.seconds
+
+
+@dataclass(frozen=True)
+class Size:
+    """The amount of work, all that the paper has or a share of it for a quick look, and the engine."""
+
+    seed: int = 0
+    share: float = 1.0
+    engine: str = "auto"
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """The arguments that all jobs of paths share."""
+        return {"seed": self.seed, "engine": self.engine}
+
+    def steps(self, full: int) -> int:
+        """The steps of a long run."""
+        return max(128, round(full * self.share))
+
+    def samples(self, full: int) -> int:
+        """The samples of a convergence plot."""
+        return max(128, round(full * self.share))
+
+
+Results = dict[tuple[str, ...], Any]
+
+
+@dataclass(frozen=True)
+class Statement:
+    """A statement of the paper about a computed quantity, and the result of the computation.
+
+    text, source : the statement, in the paper's words or close to them, and where it stands
+    measured : what was measured and what it came to
+    criterion : when the statement counts as true; derived, or apologised for
+    correction : what should stand there, where it does not hold as printed
+    """
+
+    text: str
+    source: str
+    verdict: Verdict
+    measured: str
+    criterion: str
+    correction: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Panel:
+    """One panel of one figure.
+
+    key : names the panel and its files, such as "4.1-phase-space": the figure, or "theory", and what is shown
+    parameters : what the paper gives and what was used
+    chosen : what the paper leaves open, and what was taken
+    slopes : the reference slopes to draw
+    description : what there is to see, for whoever does not see it
+    equal : whether both axes have one scale
+    window : only |y| up to this is drawn, and |x| too where both axes have one scale; the series go on beyond
+    """
+
+    key: str
+    title: str
+    source: str
+    x: Axis = H_AXIS
+    y: Axis = ERROR_AXIS
+    series: tuple[Series, ...]
+    parameters: dict[str, Any]
+    chosen: tuple[str, ...] = ()
+    slopes: tuple[float, ...] = ()
+    statements: tuple[Statement, ...] = ()
+    description: str = ""
+    equal: bool = False
+    window: float | None = None
+    seconds: float = 0.0
+    numbers: dict[str, Any] = field(default_factory=dict)
+
+    def to_json(self) -> dict[str, Any]:
+        """The panel as JSON; numbers that are not finite are null."""
+        data: dict[str, Any] = finite({"figure": self.key.partition("-")[0], **asdict(self)})
+        return data
+
+    def to_csv(self) -> str:
+        """series, scheme, x, y: one row a point."""
+        out = io.StringIO()
+        table = csv.writer(out, lineterminator="\n")
+        table.writerow(["series", "scheme", self.x.label, self.y.label])
+        for s in self.series:
+            table.writerows((s.name, s.scheme, repr(x), repr(y)) for x, y in zip(s.x, s.y, strict=True))
+        return out.getvalue()
+
+
+def series(name: str, x: ArrayLike, y: ArrayLike, scheme: str = "", style: Any = "line") -> Series:
+    """A series from arrays."""
+    return Series(
+        name, tuple(np.asarray(x, float).tolist()), tuple(np.asarray(y, float).tolist()), scheme, style
+    )
+
+
+def points(name: str, x: ArrayLike, y: ArrayLike, scheme: str = "") -> Series:
+    """A series of few points, marked and joined: errors over step sizes."""
+    return series(name, x, y, scheme, "both")
+
+
+def counts(statements: Iterable[Statement]) -> dict[str, int]:
+    """The number of statements that hold, fail and stay open."""
+    found = [s.verdict for s in statements]
+    return {kind: found.count(kind) for kind in ("holds", "fails", "open")}
+
+
+def in_words(counts: Mapping[str, int]) -> str:
+    """The counts of verdicts in words, as in: 12 statements: 10 hold, 1 does not, 1 open."""
+    holds, fails = counts["holds"], counts["fails"]
+    return (
+        f"{counted(sum(counts.values()), 'statement')}: {holds} hold{'s' * (holds == 1)}, "
+        f"{fails} {'does' if fails == 1 else 'do'} not, {counts['open']} open"
+    )
+
+
+def stated_in(name: str, place: str) -> str:
+    """The paper's place about a scheme: that of the figure, or of a sentence on a scheme that it does not show."""
+    return "[23] in §1" if name in OURS else place
+
+
+def sentence(name: str) -> str:
+    """The start of a sentence about a scheme; a scheme that is not the paper's is named so."""
+    return f"{'(ours) ' if name in OURS else ''}{SENTENCE[name]}"
+
+
+# 86 mm, a column; type of 8 points, none below 6.5.
+WIDTH, HEIGHT = 3.39, 2.9
+# Letters are drawn: a journal's page shows them as they are here.
+_STYLE = {
+    "svg.fonttype": "path", "font.size": 8, "xtick.labelsize": 7, "ytick.labelsize": 7, "legend.fontsize": 6.5,
+    "lines.linewidth": 1.0, "grid.linewidth": 0.4,
+}  # fmt: skip
+
+
+def draw(panel: Panel, folder: Path) -> tuple[Path, Path]:
+    """Write folder/KEY.svg and folder/KEY.png (300 dpi), one column of a journal wide, and return both paths."""
+    # Two columns of longer labels are wider than the figure; a legend of many rows makes it higher, not its axes lower.
+    columns = 2 if max(len(s.name) for s in panel.series) <= 22 else 1
+    more = max(0, math.ceil(len(panel.series) / columns) - 3)
+    with figure(WIDTH, HEIGHT + 0.14 * more, _STYLE, layout="constrained") as drawn:
+        draw_curves(
+            drawn.add_subplot(), panel.series, looks(s.scheme for s in panel.series), panel.x, panel.y,
+            slopes=panel.slopes, equal=panel.equal, window=panel.window,
+        )  # fmt: skip
+        drawn.legend(loc="outside upper center", ncols=columns, handlelength=2.6)
+        paths = folder / f"{panel.key}.svg", folder / f"{panel.key}.png"
+        for path in paths:
+            path.write_bytes(content(drawn, path.suffix, title=panel.title, dpi=300))
+    return paths

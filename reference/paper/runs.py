@@ -1,0 +1,233 @@
+"""The computations behind the panels: one long path of a scheme, its invariants, and errors against the exact flow.
+
+Each is a plain function of names and numbers, so that it runs in any process, and each runs the
+scheme's own step: nothing here knows a formula of a scheme.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sepv import problems, schemes
+from sepv.exact import exact_flow
+from sepv.problem import Array, Problem
+from sepv.record._binary64 import EPS
+from sepv.schemes import Scheme
+from sepv.simulate import _truncation as bounded
+from sepv.simulate import _wiener as wiener
+from sepv.simulate import ensemble
+from sepv.simulate._ensembles.collectors import run
+from sepv.simulate._ensembles.ensemble import choose
+from sepv.simulate._ensembles.task import Task
+from sepv.studies._energy_growth import rounding_walk
+from sepv.studies._picture import Series
+from sepv.verification._orders.convergence import StrongErrors
+
+from .judge import decide
+from .record import Job, Results, Size, Statement, sentence, series, stated_in
+
+# A drift this many times the rounding bound is not rounding.
+FAR = 1e3
+# The most points of the sample that is shown.
+POINTS = 1000
+
+
+@dataclass(frozen=True)
+class Run:
+    """Samples of one scheme over one stretch of time; the first sample is the one that is shown.
+
+    t, y : (K,), (d, K), the first sample, at every `stride`-th step and at the end
+    energy, casimir : (N+1,), H and the first quadratic Casimir yᵀAy along it at every step; empty where there is none
+    theta : (K,), the exact solution's time t + Σ c_j W_j(t) at `t`
+    checkpoints, energies : (L,), (L, M), steps (powers of two and the last) at which all samples were looked at
+    stopped : the step at which the first sample failed or left the domain, −1 where it did not
+    """
+
+    scheme: str
+    problem: str
+    h: float
+    t: Array
+    y: Array
+    theta: Array
+    energy: Array
+    casimir: Array
+    checkpoints: np.ndarray
+    energies: Array
+    stopped: int
+
+    @property
+    def steps(self) -> int:
+        """N, the steps that were asked for."""
+        return int(self.checkpoints[-1])
+
+
+# Seconds of an implicit step in NumPy, and of an explicit one, for the time left.
+COST = {"energy-preserving": 500e-6, "midpoint": 600e-6, "discrete-gradient": 2000e-6}
+EXPLICIT = 110e-6
+
+
+@dataclass(frozen=True)
+class LongRuns:
+    """Long runs of a figure's schemes on the same Wiener path, in steps that are asked for in full or as a share.
+
+    samples : of the schemes that are named; of the others `others`.
+    """
+
+    figure: str
+    problem: str
+    h: float
+    steps: int
+    shown: tuple[str, ...]
+    samples: Mapping[str, int] = field(default_factory=dict)
+    others: int = 1
+    shared: bool = True
+
+    def jobs(self, size: Size) -> list[Job]:
+        """A job a scheme."""
+        steps = size.steps(self.steps) if self.shared else self.steps
+        given = {"problem": self.problem, "h": self.h, "steps": steps, **size.given}
+        samples = {name: self.samples.get(name, self.others) for name in self.shown}
+        return [
+            Job((self.figure, "run", n), long_run, {"scheme": n, "samples": M, **given}, steps * COST.get(n, EXPLICIT))
+            for n, M in samples.items()
+        ]  # fmt: skip
+
+    def found(self, results: Results) -> dict[str, Run]:
+        """The runs by scheme."""
+        return {name: results[self.figure, "run", name] for name in self.shown}
+
+
+def long_run(
+    scheme: str, problem: str, *, h: float, steps: int, seed: int, samples: int = 1, engine: str = "auto"
+) -> Run:
+    """`samples` paths from the problem's initial state with the scheme's own step.
+
+    Sample 0 sees the same Wiener path whatever the scheme. A sample that fails, or leaves the domain,
+    stays where it was and counts no further; the first one's curve ends there.
+    """
+    method, system = schemes.by_name(scheme), problems.by_name(problem)
+    checkpoints = np.array([*(2**i for i in range(steps.bit_length()) if 2**i < steps), steps])
+    raw = wiener.increments(seed, T=h * steps, steps=steps, noises=system.noises, paths=range(samples))
+    first, energies, failed = _follow(method, system, h, raw, checkpoints, engine)
+    stopped = failed + 1 if failed >= 0 else -1
+    shown = first[:, : stopped if stopped > 0 else steps + 1]
+    kept = np.unique(np.append(np.arange(0, shown.shape[1], max(1, steps // POINTS)), shown.shape[1] - 1))
+    W = np.concatenate([np.zeros((system.noises, 1)), np.cumsum(raw[:, :, 0].T, axis=1)], axis=1)
+    t = np.arange(steps + 1) * h
+    A = system.casimirs[0] if system.casimirs else None
+    return Run(
+        scheme=scheme, problem=problem, h=h, t=t[kept], y=shown[:, kept], theta=(t + system.c @ W)[kept],
+        energy=system.hamiltonian(shown),
+        casimir=np.empty(0) if A is None else np.einsum("in,ij,jn->n", shown, A, shown),
+        checkpoints=checkpoints, energies=energies, stopped=stopped,
+    )  # fmt: skip
+
+
+def _follow(
+    method: Scheme, system: Problem, h: float, raw: Array, checkpoints: np.ndarray, engine: str
+) -> tuple[Array, Array, int]:
+    """The first sample at every step (d, N+1), all energies at the checkpoints, and the step at which it failed."""
+    steps, _, samples = raw.shape
+    compiled, _ = choose(engine, method, system, compensated=False)
+    start = np.array(system.initial, dtype=np.float64)
+    ends = run(Task(
+        scheme=method, problem=system, y0=start, h=h, steps=steps, first=0, count=samples, seed=0, refine=None,
+        truncation=method.truncation, stops=tuple(range(1, steps + 1)), compensated=False, compiled=compiled, dW=raw,
+        track=False,
+    ))  # fmt: skip
+    first = np.concatenate([start[:, None], ends.states[:, :, 0].T], axis=1)
+    energies = np.stack([system.hamiltonian(ends.states[n - 1]) for n in checkpoints])
+    return first, energies, int(ends.failed_step[0])
+
+
+def errors(
+    scheme: str | Scheme, problem: str | Problem, *, T: float, steps: Sequence[int], samples: int, seed: int,
+    engine: str = "auto",
+) -> StrongErrors:  # fmt: skip
+    """Errors against the exact flow of the first samples, all step sizes on the same paths."""
+    method = schemes.by_name(scheme) if isinstance(scheme, str) else scheme
+    system = problems.by_name(problem) if isinstance(problem, str) else problem
+    fine = wiener.increments(seed, T=T, steps=steps[-1], noises=system.noises, paths=range(samples))
+    exact = exact_flow(system, system.random_step(T, fine.sum(axis=0))).y
+    found, failures = [], []
+    for count, raw in coarsened(fine, steps):
+        ends = ensemble(method, system, h=T / count, steps=count, dW=raw, engine=engine)
+        found.append(ends.y - exact)
+        failures.append(int(np.count_nonzero(ends.status)))
+    gaps = np.stack(found)
+    with np.errstate(over="ignore"):
+        squared = np.sum(gaps**2, axis=1)
+    return StrongErrors(T, tuple(steps), squared, gaps, tuple(failures), float(np.max(np.abs(exact))))
+
+
+def truncated(problem: str, *, T: float, steps: Sequence[int], samples: int, seed: int) -> list[int]:
+    """The number of increments that Remark 2.1 truncates with k = 2, for each number of steps."""
+    noises = problems.by_name(problem).noises
+    fine = wiener.increments(seed, T=T, steps=steps[-1], noises=noises, paths=range(samples))
+    return [int(np.sum(bounded.truncate(raw, T / n) != raw)) for n, raw in coarsened(fine, steps)]
+
+
+def coarsened(fine: Array, steps: Sequence[int]) -> Iterator[tuple[int, Array]]:
+    """Each number of steps with its increments (N, m, M), sums of those of the finest grid, the last number."""
+    return ((count, wiener.coarsen(fine, steps[-1] // count)) for count in steps)
+
+
+def rounding_bound(steps: int) -> float:
+    """The walk by rounding of the relative value of an exactly preserved invariant in `steps` steps.
+
+    A step moves a quadratic invariant by at most 2 eps of itself: see `rounding_walk`, which is that of H.
+    """
+    return 8 * EPS * float(np.sqrt(steps))
+
+
+def curve(run: Run, values: Array) -> Series:
+    """An invariant along the first sample, at no more than about 600 steps, the last one among them."""
+    kept = np.unique(np.append(np.arange(0, values.size, max(1, values.size // 600)), values.size - 1))
+    return series(run.scheme, kept * run.h, values[kept], scheme=run.scheme)
+
+
+def bound(run: Run, what: str, *, constant: bool = True) -> float:
+    """The rounding of an invariant, relative to its value at the start.
+
+    Rounding moves y_i by eps |y_i|, hence H by Σ|∂_iH y_i| of that: at most along the path where the scheme is
+    said to keep H, at the start where it is not.
+    """
+    system = problems.by_name(run.problem)
+    if what == "Casimir":
+        return rounding_bound(run.steps)
+    start = abs(float(system.hamiltonian(run.y[:, 0])))
+    return rounding_walk(system, run.y if constant else run.y[:, :1], run.steps) / start
+
+
+def drift(values: Array) -> float:
+    """Largest relative distance from the value at the start."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return float(np.nanmax(np.abs(values - values[0])) / abs(values[0]))
+
+
+def statements(
+    found: Mapping[str, Run], what: str, keep: Collection[str], place: str, **places: str
+) -> list[Statement]:
+    """`statement` of every run: the schemes `keep` keep it, and the others do not; `places` of single ones."""
+    return [
+        statement(r, what, constant=n in keep, source=stated_in(n, places.get(n, place)))
+        for n, r in found.items()
+    ]
+
+
+def statement(run: Run, what: str, *, constant: bool, source: str) -> Statement:
+    """One scheme keeps `what` ("energy" or "Casimir"), or does not, as the paper says of it."""
+    moved = drift(run.energy if what == "energy" else run.casimir)
+    limit = bound(run, what, constant=constant)
+    kept, lost = moved <= limit, moved > FAR * limit or run.stopped > 0
+    stopped = f"; the sample left the domain at step {run.stopped}" if run.stopped > 0 else ""
+    return Statement(
+        f"{sentence(run.scheme)} {'keeps' if constant else 'does not keep'} the {what}", source,
+        decide(kept, lost) if constant else decide(lost, kept),
+        f"largest relative change {moved:.2g} over {run.steps} steps{stopped}",
+        f"rounding can do {limit:.1e} (8 eps √N); "
+        + ("at most that" if constant else f"more than {FAR:g} times that"),
+    )  # fmt: skip

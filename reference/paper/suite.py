@@ -1,0 +1,174 @@
+"""All figures: their jobs, run in processes, and the record of the results."""
+
+from __future__ import annotations
+
+import math
+import platform
+import time
+from collections.abc import Callable, Iterable
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from dataclasses import dataclass, replace
+from typing import Any
+
+from sepv._version import __version__
+from sepv.errors import UsageError
+from sepv.files import finite
+from sepv.workers import check, count, ended_at_once, run_all
+
+from . import (
+    deterministic,
+    errata,
+    extensions,
+    figure_4_3,
+    figure_4_6,
+    figures_4_1_and_4_2,
+    figures_4_4_and_4_5,
+    lemma,
+    local,
+    remarks,
+)
+from .record import Job, Panel, Results, Size, Statement, counts
+
+SECTIONS = (
+    figures_4_1_and_4_2, figure_4_3, figures_4_4_and_4_5, figure_4_6, deterministic, lemma, local, remarks, extensions,
+)  # fmt: skip
+FIGURES = ("4.1", "4.2", "4.3", "4.4", "4.5", "4.6")
+# Panels about §2, §3 and the remarks.
+THEORY = "theory"
+# Formulas and arguments of the text, which need no run.
+TEXT = "text"
+
+# (seconds of work done, seconds of work in all), both as estimated.
+ShareProgress = Callable[[float, float], None]
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """All panels and statements, and the time they took: by the clock, and of processor time in all processes."""
+
+    panels: tuple[Panel, ...]
+    text: tuple[Statement, ...]
+    size: Size
+    seconds: float
+    processor_seconds: float
+    workers: int
+
+    @property
+    def statements(self) -> tuple[Statement, ...]:
+        """The statements of the panels, then those of the text."""
+        return (*(s for p in self.panels for s in p.statements), *self.text)
+
+    def to_json(self) -> dict[str, Any]:
+        """The record as JSON, as sepv/schemas/reproduction.schema.json describes it."""
+        import numpy
+        import scipy
+
+        return {
+            "reproduction": {
+                "name": "sepv",
+                "version": __version__,
+                **vars(self.size),
+                "seconds": round(self.seconds, 1),
+                "processor_seconds": round(self.processor_seconds, 1),
+                "workers": self.workers,
+                "python": platform.python_version(),
+                "numpy": numpy.__version__,
+                "scipy": scipy.__version__,
+                "of": "D. Cohen and G. Dujardin, Energy-preserving integrators for stochastic Poisson systems (2014)",
+            },
+            "counts": counts(self.statements),
+            "panels": [p.to_json() for p in self.panels],
+            "text": [finite(vars(s)) for s in self.text],
+        }
+
+
+def reproduce(
+    figures: Iterable[str] = (),
+    *,
+    size: Size | None = None,
+    workers: Any = 2,
+    progress: ShareProgress = lambda _done, _all: None,
+) -> Reproduction:
+    """Compute the panels of figures of the paper, with a verdict on each statement.
+
+    Parameters
+    ----------
+    figures : names such as "4.3", "theory" or "text"; all of them by default.
+    workers : int, executor, map-like callable, Dask client or its address
+        Processes, or what `sepv.ensemble` takes. The numbers do not depend on it.
+
+    Raises
+    ------
+    UsageError
+        For a figure that the paper does not have.
+    """
+    wanted = tuple(dict.fromkeys(figures)) or (*FIGURES, THEORY, TEXT)
+    unknown = [f for f in wanted if f not in (*FIGURES, THEORY, TEXT)]
+    if unknown:
+        raise UsageError(
+            expected=f"figures among {', '.join((*FIGURES, THEORY, TEXT))}",
+            received=", ".join(map(repr, unknown)),
+            remedy="sepv reproduce 4.3, or no argument for all of them",
+        )
+    check(workers)
+    size, started = size or Size(), time.perf_counter()
+    jobs = [job for s in SECTIONS for job in s.jobs(size) if job.key[0] in wanted]
+    results = _run([replace(job, seconds=job.expected()) for job in jobs], workers, progress)
+    panels = [p for s in SECTIONS for p in _panels(s, results, wanted)]
+    return Reproduction(
+        panels=tuple(panels),
+        text=tuple(errata.statements()) if TEXT in wanted else (),
+        size=size,
+        seconds=time.perf_counter() - started,
+        processor_seconds=sum(results[("seconds",)].values()),
+        workers=count(workers),
+    )
+
+
+def _panels(section: Any, results: Results, wanted: tuple[str, ...]) -> list[Panel]:
+    found = []
+    for figure, make in section.PANELS.items():
+        if figure in wanted:
+            panels = make(results)
+            seconds = sum(t for key, t in results[("seconds",)].items() if key[0] == figure)
+            found += [replace(p, seconds=round(seconds / len(panels), 2)) for p in panels]
+    return found
+
+
+def _run(jobs: list[Job], workers: Any, progress: ShareProgress) -> Results:
+    """Every job, the longest first so that no process waits for a long one in the end."""
+    jobs = sorted(jobs, key=lambda j: -j.seconds)
+    done, total = 0.0, sum(j.seconds for j in jobs)
+    results: Results = {("seconds",): {}}
+
+    def take(number: int, found: tuple[Any, float]) -> None:
+        nonlocal done
+        job = jobs[number]
+        results[job.key], results[("seconds",)][job.key] = found
+        done += job.seconds
+        progress(done, total)
+
+    progress(done, total)
+    # On a cluster a job's progress cannot be seen; in processes of this machine it can be estimated.
+    if not isinstance(workers, int) or workers == 1 or len(jobs) < 2:
+        run_all(_timed, jobs, workers, threads=False, receive=take)
+        return results
+    with ended_at_once(ProcessPoolExecutor(workers)) as pool:
+        running = {pool.submit(_timed, job): number for number, job in enumerate(jobs)}
+        since: dict[int, float] = {}
+        while running:
+            finished, _ = wait(running, timeout=0.5, return_when=FIRST_COMPLETED)
+            for future in finished:
+                take(running.pop(future), future.result())
+            now = time.perf_counter()
+            active = [(jobs[n], now - since.setdefault(n, now)) for n in list(running.values())[:workers]]
+            # What a running job has done, as far as its estimate says, nears the end and never reaches it.
+            parts = (job.seconds * (1 - math.exp(-elapsed / job.seconds)) for job, elapsed in active)
+            progress(done + sum(parts), total)
+    return results
+
+
+def _timed(job: Job) -> tuple[Any, float]:
+    """The job's result, and its processor time: a busy machine is not a slow program."""
+    started = time.process_time()
+    return job.function(**job.arguments), time.process_time() - started
