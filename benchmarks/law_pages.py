@@ -28,7 +28,7 @@ def head(law: Law) -> str:
     facts = f"Source: {law.source}. Unit: {law.unit}. [{file}](../../properties/{file})."
     facts += " Every scheme claims it." if law.always_claimed else ""
     text = law.statement
-    text = text[0].upper() + text[1:] if re.match(r"(a|[a-z]{2,}) [a-z]", text) else text  # y1, det Φ′ stay
+    text = text[0].upper() + text[1:] if re.match(r"(?!det )(a|[a-z]{2,}) ", text) else text  # y1, det Φ′ stay
     return f"# {law.name}\n\n{text}.\n\n{facts}\n\n"
 
 
@@ -39,8 +39,8 @@ def page(law: Law, text: str) -> str:
 
 def index(laws: list[Law], text: str) -> str:
     """The text of docs/laws.md with its table anew."""
-    rows = "".join(f"| [{x.name}](laws/{x.name}.md) | {_cell(x.statement)} | {x.source} |\n" for x in laws)
-    return re.sub(r"(?m)(?<=^\|---\|---\|---\|\n)(\|.*\n)*", lambda _: rows, text, count=1)
+    rows = "".join(f"| [{x.name}](laws/{x.name}.md) | {_cell(x.statement)} |\n" for x in laws)
+    return re.sub(r"(?m)(?<=^\|---\|---\|\n)(\|.*\n)*", lambda _: rows, text, count=1)
 
 
 def _cell(text: str) -> str:

@@ -43,7 +43,7 @@ class Reader:
         return printed.getvalue()
 
     def sepv(self, line: str) -> str:
-        """What a line ``sepv …`` prints; it must end well, but for one that says ``|| true``."""
+        """What a line ``sepv …`` prints; it must end well, but for one that says ``|| true`` or ``# red``."""
         words = shlex.split(line, comments=True)
         may_fail = words[-2:] == ["||", "true"]
         words = self.fewer(words[: -2 if may_fail else None])
@@ -51,7 +51,8 @@ class Reader:
         assert not set("".join(words)) & set("|&;<>$`"), f"for a shell: {line}"
         with self._fresh():
             done = CliRunner(env={"COLUMNS": "100"}).invoke(main, words[1:], prog_name="sepv")
-        assert done.exit_code in ((0, 1) if may_fail else (0,)), f"{line}\n{done.output}"
+        expected = (0, 1) if may_fail else (1,) if "# red" in line else (0,)
+        assert done.exit_code in expected, f"{line}\n{done.output}"
         self.stdout = done.stdout
         return done.output
 

@@ -15,17 +15,6 @@ def blocks(language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```$", README, flags=re.MULTILINE | re.DOTALL)
 
 
-def test_python_blocks_run_as_printed(reader: Reader) -> None:
-    mine, *others = blocks("python")
-    (reader.folder / "mine.py").write_text(mine)
-    for block in others:
-        shown = reader.python(block)
-        assert shown
-        if "sepv.verify" in block:
-            assert "Verdict.HOLDS" in shown
-            assert "H(y1) − H(y0)" in shown
-
-
 def test_shell_blocks_run(reader: Reader) -> None:
     """The setup and the test command are what brought us here; the others run with less effort."""
     (reader.folder / "mine.py").write_text(blocks("python")[0])
@@ -33,7 +22,8 @@ def test_shell_blocks_run(reader: Reader) -> None:
     assert lines
     for line in lines:
         few = "--examples 2 --paths 64 --shrink-checks 10" + ("" if "--law" in line else " --law energy")
-        assert "holds" in reader.sepv(f"{line} {few}")
+        command, remark = line.partition("  #")[::2]
+        assert "holds" in reader.sepv(f"{command} {few}  #{remark}")
 
 
 def printed(output: str) -> set[str]:
