@@ -28,7 +28,9 @@ def head(law: Law) -> str:
     facts = f"Source: {law.source}. Unit: {law.unit}. [{file}](../../properties/{file})."
     facts += " Every scheme claims it." if law.always_claimed else ""
     text = law.statement
-    text = text[0].upper() + text[1:] if re.match(r"(?!det )(a|[a-z]{2,}) ", text) else text  # y1, det Φ′ stay
+    text = (
+        text[0].upper() + text[1:] if re.match(r"(?!det )(a|[a-z]{2,}) ", text) else text
+    )  # y1, det Φ′ stay
     return f"# {law.name}\n\n{text}.\n\n{facts}\n\n"
 
 
