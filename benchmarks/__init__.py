@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextvars import ContextVar
 from typing import Any, TypeVar
 
-from sepv.verification._progress import Shown, showing
+from sepv.console import Shown, showing
 
 T = TypeVar("T")
 

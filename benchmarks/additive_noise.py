@@ -12,7 +12,7 @@ import numpy as np
 
 from benchmarks import start
 from sepv import problems, schemes
-from sepv._terminal import markdown
+from sepv.console import markdown
 from sepv.problem import Array, PolynomialSystem, Problem, vector_field
 from sepv.problem._hamiltonians import noise_vectors
 from sepv.problems._polynomial_system import drift_of_energy

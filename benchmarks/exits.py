@@ -22,7 +22,7 @@ from scipy.stats import beta
 
 from benchmarks import over, start
 from sepv import exact_flow, problems, schemes
-from sepv._terminal import markdown
+from sepv.console import markdown
 from sepv.problem import Array, Problem
 from sepv.simulate import _wiener as wiener
 from sepv.simulate import truncate

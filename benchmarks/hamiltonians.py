@@ -17,7 +17,7 @@ from sepv.reference.faults.saboteurs import SABOTEURS
 import sepv
 from benchmarks import additive_noise, over, start
 from sepv import problems
-from sepv._terminal import markdown
+from sepv.console import markdown
 from sepv.problem import column
 from sepv.verification import LAWS, Finding, Report, Verdict
 

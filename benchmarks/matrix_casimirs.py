@@ -13,7 +13,7 @@ import numpy as np
 import sepv
 from benchmarks import over, start
 from sepv import problems
-from sepv._terminal import markdown
+from sepv.console import markdown
 from sepv.problem import Problem
 from sepv.problems._matrix_algebras import algebra_of
 

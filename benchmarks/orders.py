@@ -28,10 +28,9 @@ from sepv.exact import clipping_error
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.record import _polynomial as poly
 from sepv.schemes._scheme import truncation_for
+from sepv.statistics import Estimate, jackknife
 from sepv.verification._orders.convergence import (
-    Estimate,
     StrongErrors,
-    jackknife,
     slope,
     strong_errors,
 )

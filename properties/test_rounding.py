@@ -36,13 +36,13 @@ from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._batch import Carried, advance
 from sepv.solve import Status
+from sepv.statistics import fishers_f, students_t
 from sepv.verification import Effort, Finding, Law, Run, Verdict, energy_ulp, require
 from sepv.verification._cases.from_problem import describe
 from sepv.verification._cases.of_law import NOT_KEPT, UNDAMPED
 from sepv.verification._cases.users_problems import as_taken, problems_of
 from sepv.verification._failed_step import failed_step
 from sepv.verification._law import sparing
-from sepv.verification._quantiles import fishers_f, students_t
 from sepv.verification._tolerance import rounding_walk
 from sepv.verification._units import units_for, units_of
 

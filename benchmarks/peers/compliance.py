@@ -29,8 +29,8 @@ from benchmarks.peers.deviations import Deviation, deviations_shown_by, linked
 from benchmarks.peers.kept_measurements import Cell, measured
 from benchmarks.peers.options import measuring, page_options, put
 from sepv import problems
-from sepv._terminal import markdown
 from sepv._version import __version__
+from sepv.console import Shown, markdown
 from sepv.errors import TargetError
 from sepv.peers.peer import load
 from sepv.peers.posing import PathSolver
@@ -39,7 +39,6 @@ from sepv.schemes import Scheme, energy_preserving
 from sepv.simulate import _wiener as wiener
 from sepv.simulate import ensemble
 from sepv.verification import LAWS, Effort, Law, Verdict, energy_ulp, load_laws
-from sepv.verification._progress import Shown
 from sepv.verification._report import MARKS
 from sepv.verification._sequential import FALSE_ALARM, FIRST_LOOK
 

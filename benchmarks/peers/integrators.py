@@ -21,12 +21,11 @@ from benchmarks.peers.compliance_measurements import law_cells, release
 from benchmarks.peers.deviations import Deviation, deviations_shown_by, linked
 from benchmarks.peers.kept_measurements import Cell, measured
 from benchmarks.peers.options import measuring, page_options, put
-from sepv._terminal import markdown
 from sepv._version import __version__
+from sepv.console import Shown, markdown
 from sepv.peers.peer import installed, load, names
 from sepv.schemes import Scheme
 from sepv.verification import Effort, Verdict, load_laws
-from sepv.verification._progress import Shown
 from sepv.verification._report import MARKS
 
 COMMAND = "python -m benchmarks.peers.integrators"

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from sepv.console import Shown
 from sepv.errors import UsageError
 from sepv.files import write_atomically
-from sepv.verification._progress import Shown
 
 
 @dataclass(frozen=True)

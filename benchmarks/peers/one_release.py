@@ -21,12 +21,12 @@ from benchmarks.peers.compliance_measurements import LIBRARIES, release
 from benchmarks.peers.deviations import shown_by
 from benchmarks.peers.kept_measurements import Cell, measured
 from sepv._version import __version__
+from sepv.console import showing
 from sepv.errors import SepvError
 from sepv.files import finite, json_text, write_atomically
 from sepv.peers.peer import load
 from sepv.peers.posing import PathSolver
 from sepv.verification import SUITE, Effort, Law, Verdict, load_laws
-from sepv.verification._progress import showing
 
 FORMAT = 1
 # Those that are quick enough for many versions. The local laws, by quadrature over several noises, see most faults

@@ -9,8 +9,8 @@ from typing import Any
 
 import click
 
+from sepv.console import Shown, showing
 from sepv.errors import SepvError
-from sepv.verification._progress import Shown, showing
 
 _KEEP = (
     "A folder for what is measured: what it holds is not measured again, so that an interrupted run goes on."

@@ -20,10 +20,9 @@ from benchmarks.peers.kept_measurements import measured
 from benchmarks.peers.options import measuring, page_options, put
 from benchmarks.peers.solver import KINDS, Solver, problem_of
 from benchmarks.peers.solver_measurements import ALPHA, KEPT, PATHS, SINGLE, STEPS, T, cells, limit_of, orders
-from sepv._terminal import markdown
 from sepv._version import __version__
+from sepv.console import Shown, markdown
 from sepv.verification import Effort, Verdict
-from sepv.verification._progress import Shown
 
 COMMAND = "python -m benchmarks.peers.solvers"
 # Half-way to the next lower order, as the laws about orders have it.

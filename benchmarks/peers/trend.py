@@ -9,11 +9,10 @@ import click
 from benchmarks.peers import changes as compared
 from benchmarks.peers.records import load
 from benchmarks.peers.trend_page import page
-from sepv._terminal import Table, columns, print_table
 from sepv.commands._shared import FOLDER, OUT, friendly
+from sepv.console import Table, columns, console, print_table
 from sepv.errors import require_one_of
 from sepv.files import json_text, write_atomically
-from sepv.verification._report import console
 
 
 @click.command(short_help="Which verdict changed, in which version of a library.")

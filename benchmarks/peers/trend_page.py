@@ -7,7 +7,7 @@ from typing import Any
 
 from benchmarks.peers.changes import ABSENT, cell, changes, deviations, latest, solvers
 from benchmarks.peers.records import Record
-from sepv._terminal import markdown
+from sepv.console import markdown
 from sepv.verification import Verdict
 
 # Half of the lowest order that a consistent scheme has, ½: an error that falls so has a limit of 0.

@@ -17,7 +17,7 @@ from typing import Any
 from rich.console import Console
 from rich.text import Text
 
-from sepv._terminal import Table, columns, fits, print_table
+from sepv.console import Table, columns, fits, print_table
 from sepv.errors import require_one_of
 from sepv.verification import LAWS, Effort, Run, Verdict, load_laws
 from sepv.verification._verify import measure

@@ -9,8 +9,7 @@ from typing import NamedTuple
 from rich.console import Console
 from rich.text import Text
 
-from sepv._terminal import Column, Table, counted, print_table
-from sepv.verification._progress import showing
+from sepv.console import Column, Table, counted, print_table, showing
 
 from .record import Statement, counts, in_words
 from .suite import Reproduction, ShareProgress

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sepv._terminal import counted
+from sepv.console import counted
 from sepv.files import finite
 from sepv.studies._picture import Axis, Series, content, draw_curves, figure, looks
 

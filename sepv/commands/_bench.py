@@ -9,8 +9,8 @@ from typing import Any
 
 import click
 
-from sepv._terminal import counted, print_table
 from sepv.commands import _shared as cli
+from sepv.console import counted, print_table
 from sepv.errors import UsageError
 
 Case = dict[str, Any]
@@ -52,8 +52,8 @@ def bench(
     sepv bench mymodule:step --against-ref ../other-checkout
     sepv bench mymodule:step -p mymodule:problem
     """
+    from sepv.console import showing
     from sepv.studies._bench import cases, store
-    from sepv.verification._progress import showing
 
     if against and against_ref:
         raise UsageError(
@@ -134,8 +134,8 @@ def _show(records: list[dict[str, Any]], checks: list[Any], *, saved: bool) -> N
     """Print the records, then the differences from the other side, and one line of counts."""
     from rich.text import Text
 
+    from sepv.console import console
     from sepv.studies._bench import store
-    from sepv.verification._report import console
 
     out = console()
     for record in records:

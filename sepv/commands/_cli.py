@@ -12,9 +12,9 @@ from typing import Any
 import click
 
 from sepv._arguments import did_you_mean
-from sepv._terminal import cannot_show, never_fail
 from sepv._version import __version__
 from sepv.commands._shared import EXIT_CODES, WORDS, interruptible
+from sepv.console import cannot_show, never_fail
 from sepv.files import cache_folder
 
 # The commands by heading, in the order of --help: each name is that of its module in `sepv.commands`.

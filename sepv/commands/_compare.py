@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from sepv._terminal import print_table
 from sepv.commands import _shared as cli
+from sepv.console import print_table
 from sepv.errors import SepvError, UsageError
 from sepv.files import write_atomically
 
@@ -71,6 +71,7 @@ def compare(
 
     A scheme that fails is left out and named at the end; the exit code is 3 then.
     """
+    from sepv.console import showing
     from sepv.schemes import load_problem
     from sepv.studies._compare import picture as drawing
     from sepv.studies._compare import table
@@ -79,7 +80,6 @@ def compare(
     from sepv.studies._compare.run import one_core
     from sepv.studies._picture import require_picture
     from sepv.verification._cases.case import quiet_problem
-    from sepv.verification._progress import showing
 
     require_picture(picture)
     with one_core() as alone, showing(options["quiet"]) as line:
@@ -122,8 +122,8 @@ def compare(
 
 def _show(found: Comparison, *, alone: bool, quiet: bool) -> None:
     """Print all points, the times to errors, and notes."""
+    from sepv.console import console
     from sepv.studies._compare import table
-    from sepv.verification._report import console
 
     out = console()
     if not quiet:

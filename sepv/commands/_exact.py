@@ -27,13 +27,13 @@ def exact(problem: str, theta: str, state: str | None, digits: int, certify: boo
     sepv exact pendulum --theta=-3 --y 0,3.1 --certify
     """
     from sepv.commands._reference import decimal, description, numbers, row
+    from sepv.console import console
     from sepv.exact import exact_flow
     from sepv.reference.balls import require_flint
     from sepv.reference.elliptic import closed_form, has_closed_form
     from sepv.reference.flow import enclosed, taylor
     from sepv.reference.steps import require_digits
     from sepv.schemes import load_problem
-    from sepv.verification._report import console
 
     require_digits(digits)
     if certify:

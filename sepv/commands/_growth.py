@@ -7,8 +7,8 @@ from typing import Any
 
 import click
 
-from sepv._terminal import Table, columns, print_table
 from sepv.commands import _shared as cli
+from sepv.console import Table, columns, print_table
 
 
 @click.command(short_help="The energy's error over long times, with verdicts.")
@@ -44,11 +44,10 @@ def growth(
     from rich.text import Text
 
     from sepv import schemes
+    from sepv.console import console, showing
     from sepv.schemes import load_problem
     from sepv.studies import _energy_growth as study
     from sepv.studies._picture import require_picture
-    from sepv.verification._progress import showing
-    from sepv.verification._report import console, line
 
     require_picture(out)
     system = load_problem(problem)
@@ -69,7 +68,7 @@ def growth(
     screen = console()
     print_table(_table([row for row in rows if not row.failed]), screen)
     for row in rows:
-        line(screen, Text(f"{row.scheme}: {row.sentence()}"))
+        print_sentence(screen, Text(f"{row.scheme}: {row.sentence()}"))
 
 
 def _table(rows: list[Any]) -> Table:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from sepv._terminal import Table, columns, counted, print_table
 from sepv.commands import _shared as cli
+from sepv.console import Table, columns, counted, print_table
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -48,10 +48,10 @@ def hard(
     """
     from rich.text import Text
 
+    from sepv.console import console, print_sentence
     from sepv.problems.hard import CATALOGUE, by_name
     from sepv.schemes import load_problem
     from sepv.studies._hard_cases import long_steps
-    from sepv.verification._report import console, line
 
     cases = [by_name(name) for name in names] if names else () if own else CATALOGUE
     cases = [*cases, *(long_steps(load_problem(name), name) for name in own)]
@@ -61,8 +61,8 @@ def hard(
             out.print(Text(case.name, style="bold"))
             out.print(f"  hard: {case.reason}\n  expected: {case.expected}")
         return
+    from sepv.console import showing
     from sepv.studies._hard_cases import run
-    from sepv.verification._progress import showing
 
     asked = [target] if target else [] if programs else ["energy-preserving"]
     with showing(quiet) as shown, cli.candidates(asked, programs, shown.update) as found:
@@ -76,7 +76,7 @@ def hard(
     for row in seen:
         if not row.as_expected:
             out.print(_complaint(target, row), soft_wrap=True)
-    line(out, Text(_summary(seen)))
+    print_sentence(out, Text(_summary(seen)))
     raise SystemExit(0 if all(s.as_expected for s in seen) else 1)
 
 

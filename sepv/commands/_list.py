@@ -7,8 +7,8 @@ from typing import Any
 
 import click
 
-from sepv._terminal import Table, columns, print_table
 from sepv.commands._shared import friendly
+from sepv.console import Table, columns, print_table
 
 
 @click.command("list", short_help="Schemes, problems and laws.")
@@ -22,9 +22,9 @@ def list_() -> None:
     The hard cases are listed, with their reasons, by sepv hard --explain, the saboteurs by docs/teeth.md.
     """
     from sepv import problems, schemes
+    from sepv.console import console
     from sepv.schemes._tableaux import MAX_STAGES
     from sepv.verification import load_laws
-    from sepv.verification._report import console
 
     out = console()
     known = (schemes.PAPER | schemes.EXTENSIONS | schemes.HAMILTONIANS | schemes.DAMPED).values()

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import click
 
-from sepv._terminal import Table, columns, print_table
 from sepv.commands._shared import friendly
+from sepv.console import Table, columns, print_table
 
 
 @click.command(short_help="Solvers of other libraries, by name.")
@@ -20,8 +20,8 @@ def peers() -> None:
 
     Another package adds a library by an entry point (docs/extending.md).
     """
+    from sepv.console import console
     from sepv.peers.peer import installed, names
-    from sepv.verification._report import console
 
     here = {peer.library: peer for peer in installed()}
     rows = []

@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from sepv._arguments import hex_float
-from sepv._terminal import counted
+from sepv.console import counted
 from sepv.errors import UsageError
 from sepv.problem import NamedProblem, PolynomialSystem, Problem
 

@@ -47,10 +47,10 @@ def reproduce(figures: cli.Names, out: str | None, json_file: str | None, **opti
 
     Exit code 0, or 2 for wrong usage.
     """  # fmt: skip
+    from sepv.console import console
     from sepv.reference.paper.on_terminal import show, summary, watching
     from sepv.reference.paper.record import Size
     from sepv.reference.paper.suite import reproduce as run
-    from sepv.verification._report import console, line
 
     if options["errata"]:
         _errata()
@@ -65,15 +65,15 @@ def reproduce(figures: cli.Names, out: str | None, json_file: str | None, **opti
     screen = console()
     if not options["quiet"]:
         show(found, screen)
-    line(screen, summary(found))
+    print_sentence(screen, summary(found))
 
 
 def _errata() -> None:
     """Print one paragraph for each erratum."""
     from rich.text import Text
 
+    from sepv.console import console
     from sepv.reference.paper.errata import errata
-    from sepv.verification._report import console
 
     out = console()
     for e, measured in errata():

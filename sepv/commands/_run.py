@@ -8,8 +8,8 @@ from typing import Any
 
 import click
 
-from sepv._terminal import Column, Table, print_table
 from sepv.commands import _shared as cli
+from sepv.console import Column, Table, print_table
 from sepv.errors import UsageError
 from sepv.files import finite
 from sepv.schemes._point_distributions import NAMES
@@ -49,9 +49,9 @@ def run(
 
     Ctrl-C stops it, shows and writes what was done, and exits with 130.
     """
+    from sepv.console import showing
     from sepv.schemes import load_problem
     from sepv.simulate import long_path
-    from sepv.verification._progress import showing
 
     count = _whole("steps", steps)
     kept = _whole("every", every) if every is not None else max(1, count // 1000)
@@ -125,7 +125,7 @@ def _whole(name: str, value: float) -> int:
 
 
 def _show(scheme: str, problem: str, path: Any, quiet: bool, *, counted: bool, casimirs: bool) -> None:
-    from sepv.verification._report import console
+    from sepv.console import console
 
     unit = 2.0**-52 * max(path.steps, 1) ** 0.5
     if quiet:

@@ -15,7 +15,7 @@ from typing import Any
 import click
 
 from sepv._journal import interruption_answered
-from sepv._terminal import printable
+from sepv.console import printable
 from sepv.errors import SepvError, TargetError, UsageError
 from sepv.files import require_folder
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from sepv._terminal import Table, columns, print_table
 from sepv.commands import _shared as cli
+from sepv.console import Table, columns, print_table
 from sepv.files import write_atomically
 
 if TYPE_CHECKING:
@@ -77,12 +77,11 @@ def solvability(
 
     import numpy as np
 
+    from sepv.console import console, showing
     from sepv.schemes import load_problem, load_scheme
     from sepv.studies._picture import require_picture
     from sepv.studies._solvability.map import solvability_map
     from sepv.studies._solvability.paths import Exits, follow_paths
-    from sepv.verification._progress import showing
-    from sepv.verification._report import console
 
     require_picture(picture)
     chosen = load_problem(problem)

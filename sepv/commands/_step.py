@@ -33,10 +33,10 @@ def step(
     sepv step collocation-3 lotka-volterra --h 0.01 --dW=-0.2 --digits 100
     """
     from sepv.commands._reference import description, numbers, row
+    from sepv.console import console
     from sepv.reference.balls import require_flint
     from sepv.reference.steps import find_equation, reference_step, require_digits
     from sepv.schemes import load_problem
-    from sepv.verification._report import console
 
     require_digits(digits)
     if certify:

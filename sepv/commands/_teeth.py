@@ -36,10 +36,9 @@ def teeth(
     sepv teeth b-at-y0 --seeds 3        one saboteur by every law
     sepv teeth --matrix                 the whole matrix, an hour or more
     """
+    from sepv.console import console, print_sentence, showing
     from sepv.reference.faults import detection as fault_detection
     from sepv.verification import Effort
-    from sepv.verification._progress import showing
-    from sepv.verification._report import console, line
 
     bare = not (names or laws or matrix)
     seeds = seeds or (1 if bare else 10)
@@ -56,9 +55,11 @@ def teeth(
         detections, with_known = counted(False), counted(True) if corpus else None
     cli.save_json(json_file, "teeth", {"detections": [b.to_json() for b in detections]})
     if quiet:
-        line(console(), fault_detection.summary(detections))
+        print_sentence(console(), fault_detection.summary(detections))
     else:
         fault_detection.show(detections, console())
     if with_known is not None:
-        line(console(), Text("with known witnesses: ").append_text(fault_detection.summary(with_known)))
+        print_sentence(
+            console(), Text("with known witnesses: ").append_text(fault_detection.summary(with_known))
+        )
     raise SystemExit(1 if fault_detection.survivors(detections) else 0)

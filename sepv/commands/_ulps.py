@@ -7,8 +7,8 @@ from typing import Any
 
 import click
 
-from sepv._terminal import Table, columns, print_table
 from sepv.commands import _shared as cli
+from sepv.console import Table, columns, print_table
 
 
 @click.command(short_help="One-step defects of the invariants, in ulps.")
@@ -39,11 +39,10 @@ def ulps(
     sepv ulps mymodule:step -p pendulum --peers
     """
     from sepv import problems, schemes
+    from sepv.console import console, showing
     from sepv.peers.peer import installed
     from sepv.schemes import load_problem
     from sepv.studies import _ulps as unit
-    from sepv.verification._progress import showing
-    from sepv.verification._report import console
 
     others = [f"{peer.library}-{name}" for peer in installed() for name in peer.schemes] if peers else []
     asked = [*(targets or (() if programs else tuple(schemes.PAPER))), *others]

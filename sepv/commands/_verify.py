@@ -11,8 +11,8 @@ from typing import Any
 import click
 
 from sepv._journal import attempted
-from sepv._terminal import counted, print_table
 from sepv.commands import _shared as cli
+from sepv.console import counted, print_table
 from sepv.errors import UsageError
 from sepv.files import made, write_atomically
 
@@ -107,13 +107,13 @@ def verify(targets: cli.Names, laws: cli.Names, **options: Any) -> None:
 
 def _coverage(targets: cli.Names, laws: cli.Names) -> int:
     """Run ``--coverage``: print the designs for the class of systems of each target."""
+    from sepv.console import console
     from sepv.schemes import load_scheme
-    from sepv.verification import _report as page
     from sepv.verification import load_laws
     from sepv.verification._coverage import show
 
     for target in targets:
-        show(load_laws(laws or None), load_scheme(target).systems, page.console())
+        show(load_laws(laws or None), load_scheme(target).systems, console())
     return 0
 
 
@@ -152,6 +152,7 @@ def _effort(**options: Any) -> Any:
 
 
 def _verify(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any], shown: str = "") -> int:
+    from sepv.console import console, print_sentence
     from sepv.verification import _report as page
     from sepv.verification import verify as run
     from sepv.verification._progress import watching
@@ -165,7 +166,7 @@ def _verify(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any], 
     if any(files.values()) or options["expected"]:
         _one_target(targets, "files")
     arguments = _arguments(laws, options)
-    out, reports = page.console(), []
+    out, reports = console(), []
     for target in targets:
         shown_as = shown or shlex.quote(target)
         with watching(quiet, _asked(laws, options), shown_as) as progress:
@@ -178,7 +179,7 @@ def _verify(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any], 
             if quiet:
                 # A single target needs no name.
                 which = f"{named}: " if len(targets) > 1 else ""
-                page.line(out, page.summary(report, which))
+                print_sentence(out, page.summary(report, which))
             else:
                 page.show(report, out, debug=debug)
             out.file.flush()
@@ -198,14 +199,13 @@ def _against(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any])
     """Run ``--against``: exit code 0 if all results are as reported, else 1."""
     from rich.text import Text
 
-    from sepv.verification import _report as page
+    from sepv.console import console, print_sentence, showing
     from sepv.verification._against import against, read_report
     from sepv.verification._laws import load_laws
-    from sepv.verification._progress import showing
     from sepv.verification._verify import load_in_time
 
     _one_target(targets, "--against")
-    report, seconds, out = read_report(options["against"]), options["timeout"], page.console()
+    report, seconds, out = read_report(options["against"]), options["timeout"], console()
     names = [law.name for law in load_laws(laws)] if laws else []
     scheme = load_in_time(targets[0], (), seconds, options["problems"] or None)
     wrong = []
@@ -215,9 +215,9 @@ def _against(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any])
             wrong += [again.what] if again.differs else []
             if not options["quiet"]:
                 wrongly = f". NOT AS REPORTED: {again.differs}" if again.differs else ""
-                page.line(out, Text(f"{again.what}: {again.came}").append(wrongly, style="bold red"))
+                print_sentence(out, Text(f"{again.what}: {again.came}").append(wrongly, style="bold red"))
     last = f"Not as reported: {', '.join(wrong)}." if wrong else "All as reported."
-    page.line(out, Text(last, style="bold red" if wrong else "green"))
+    print_sentence(out, Text(last, style="bold red" if wrong else "green"))
     return 1 if wrong else 0
 
 
@@ -304,6 +304,7 @@ def _no_longer_guarded(path: str, report: Any) -> list[str]:
 
 
 def _replay(targets: tuple[Any, ...], laws: cli.Names, token: str, asked: cli.Names, debug: bool) -> None:
+    from sepv.console import console
     from sepv.verification import Verdict
     from sepv.verification import _report as report
     from sepv.verification._cases import case
@@ -316,5 +317,5 @@ def _replay(targets: tuple[Any, ...], laws: cli.Names, token: str, asked: cli.Na
             remedy="copy the whole command from the report",
         )
     finding = replay(targets[0], laws[0], case.witness_of(token), asked or None)
-    report.show_finding(finding, report.console(), debug=debug)
+    report.show_finding(finding, console(), debug=debug)
     raise SystemExit({Verdict.HOLDS: 0, Verdict.ERROR: 3}.get(finding.verdict, 1))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sepv._terminal import printable
+from sepv.console import printable
 from sepv.errors import SchemeFault, SepvError, StepFailure, TargetError
 from sepv.problem import Array
 

@@ -10,7 +10,7 @@ import re
 import shlex
 from typing import Any
 
-from sepv._terminal import counted
+from sepv.console import counted
 from sepv.errors import UsageError
 from sepv.page._text import name, number, plain
 from sepv.page._views import View, again, cell, words_of

@@ -27,10 +27,9 @@ from sepv.problem import Array, Problem
 from sepv.record._binary64 import EPS
 from sepv.schemes import Look, Scheme
 from sepv.simulate import ensemble
+from sepv.statistics import jackknife_half, students_t
 from sepv.studies._energy_diffusion import EnergyDiffusion, energy_diffusion
 from sepv.studies._picture import Axis, Series, content, draw_curves, figure, looks
-from sepv.verification._orders.convergence import jackknife_half
-from sepv.verification._quantiles import students_t
 
 # The two-sided level of each interval.
 LEVEL = 1e-3

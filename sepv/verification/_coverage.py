@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 from rich.console import Console
 
-from sepv._terminal import Table, columns, fits, print_table
+from sepv.console import Table, columns, fits, print_table
 from sepv.problem import Systems
 from sepv.verification import _corpus as corpus
 from sepv.verification._cases.strata import KIND, Space

@@ -10,7 +10,7 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from sepv._terminal import markdown, printable
+from sepv.console import markdown, printable
 from sepv.verification._law import Verdict
 from sepv.verification._outcome import Report
 from sepv.verification._report import law_table, same_error, summary

@@ -3,24 +3,14 @@
 from __future__ import annotations
 
 import io
-import os
-import sys
 from collections.abc import Callable, Sequence
 from html import escape
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.text import Text
 
-from sepv._terminal import (
-    Column,
-    Table,
-    ascii_cell,
-    cannot_show,
-    counted,
-    print_table,
-    printable_cell,
-)  # fmt: skip
+from sepv.console import Column, Table, counted, plain_console, print_sentence, print_table
 from sepv.verification._law import Finding, Verdict
 from sepv.verification._profiles import PROFILES, SUITE, found
 
@@ -42,35 +32,6 @@ MARKS = {verdict: mark for verdict, (_, mark) in _SHOWN.items()}
 ALWAYS = ("contract",)
 
 
-def console(file: TextIO | None = None, *, stderr: bool = False) -> Console:
-    """A console with colour on terminals only (rich obeys NO_COLOR), and wide enough for a table when piped."""
-    out = file or (sys.stderr if stderr else sys.stdout)
-    width = None if out.isatty() or "COLUMNS" in os.environ else 100
-    return (_Ascii if cannot_show(out) else _Console)(file=out, highlight=False, markup=False, width=width)
-
-
-class _Console(Console):
-    """A console whose reader may close the pipe (``| head``): it exits with 141 as for SIGPIPE; rich's 1 is a verdict.
-
-    Brackets are not markup and no control character passes, because names and messages come from others.
-    """
-
-    def print(self, *objects: Any, **options: Any) -> None:
-        super().print(*(printable_cell(o) for o in objects), **options)
-
-    def on_broken_pipe(self) -> None:
-        self.quiet = True
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        raise SystemExit(141)
-
-
-class _Ascii(_Console):
-    """A console whose encoding lacks our signs: texts are converted to ASCII before they are laid out."""
-
-    def print(self, *objects: Any, **options: Any) -> None:
-        super().print(*(ascii_cell(o) for o in objects), **options)
-
-
 def show(report: Report, out: Console, *, debug: bool = False) -> None:
     """The table of a report, then each counterexample with the command that replays it."""
     print_table(law_table(report), out)
@@ -84,7 +45,7 @@ def show(report: Report, out: Console, *, debug: bool = False) -> None:
             continue  # the table and the last line already show it
         if finding.message or finding.verdict is not Verdict.HOLDS or finding.expected is not None:
             _details(finding, report, out, debug=debug)
-    line(out, summary(report))
+    print_sentence(out, summary(report))
 
 
 def same_error(message: str) -> str:
@@ -106,13 +67,8 @@ def in_notebook(report: Report) -> str:
 def _plain(write: Callable[[Console], None]) -> str:
     """The text that `write` prints on a console, without colour."""
     out = io.StringIO()
-    write(_Console(file=out, highlight=False, markup=False, width=100, color_system=None))
+    write(plain_console(out))
     return "\n".join(line.rstrip() for line in out.getvalue().rstrip().splitlines())
-
-
-def line(out: Console, text: Text) -> None:
-    """Print a sentence: wrapped for a terminal, one line for a program."""
-    out.print(text, soft_wrap=not out.is_terminal)
 
 
 # Columns. A law, its verdict and its defect always stay; the others are dropped in this order on a narrow terminal.

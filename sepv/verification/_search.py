@@ -24,7 +24,7 @@ from hypothesis.errors import Unsatisfiable
 
 from sepv._journal import note_case
 from sepv._patches import without_local_constants
-from sepv._terminal import counted
+from sepv.console import counted
 from sepv.errors import SchemeFault, SepvError, Skipped, StepFailure, UsageError
 from sepv.problem import PolynomialSystem
 from sepv.record._binary64 import EPS

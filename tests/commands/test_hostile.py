@@ -25,8 +25,8 @@ from click.testing import CliRunner
 import sepv
 from sepv import problems
 from sepv._arguments import double, hex_float, parse_json
-from sepv._terminal import printable
 from sepv.commands._cli import main
+from sepv.console import printable
 from sepv.files import cache_folder
 from sepv.verification import Effort, Verdict
 from sepv.verification._cases import case as cases

@@ -10,8 +10,8 @@ from click.testing import CliRunner
 from rich.cells import cell_len
 from rich.console import Console
 
-from sepv._terminal import Table, columns, kept, markdown, print_table
 from sepv.commands._cli import main
+from sepv.console import Table, columns, kept, markdown, print_table
 from sepv.schemes import midpoint
 from sepv.verification import Effort, Finding, Report, Verdict
 from sepv.verification._report import law_table

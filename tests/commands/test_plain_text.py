@@ -9,9 +9,9 @@ import sys
 import pytest
 from click.testing import CliRunner
 
-from sepv._terminal import ascii_text
 from sepv.commands._cli import main
 from sepv.commands._shared import CRASH
+from sepv.console import ascii_text
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "cp1252"])

@@ -17,12 +17,11 @@ from click.testing import CliRunner
 from rich.cells import cell_len
 from sepv.reference.faults import detection as fault_detection
 
-from sepv._terminal import print_table
 from sepv.commands._cli import COMMANDS, main
+from sepv.console import console, print_table
 from sepv.studies._bench import store
 from sepv.studies._bench.store import record_table
 from sepv.verification import LAWS, Verdict
-from sepv.verification._report import console
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -19,10 +19,10 @@ from benchmarks.peers.environments import VERSIONS
 from benchmarks.peers.releases import main as releases
 from benchmarks.peers.trend import main as trends
 from benchmarks.peers.trend_page import page
+from sepv.console import Shown
 from sepv.errors import UsageError
 from sepv.peers.peer import load
 from sepv.verification import Effort
-from sepv.verification._progress import Shown
 
 ROOT = Path(__file__).resolve().parents[2]
 RESULTS = ROOT / "results"

@@ -10,6 +10,7 @@ from sepv.reference.faults import detection as fault_detection
 from sepv.reference.faults.saboteurs import _BY_FAMILY, SABOTEURS, historical
 
 from sepv.commands._cli import main
+from sepv.console import console
 from sepv.errors import UsageError
 from sepv.problem import Systems
 from sepv.schemes import (
@@ -32,7 +33,6 @@ from sepv.schemes import (
 )
 from sepv.verification import LAWS, Effort, Verdict, load_laws
 from sepv.verification._cases.fixed_cases import fixed_cases, for_energy
-from sepv.verification._report import console
 
 # What these claim is what is wrong with them; all others claim exactly what (2.1) claims.
 ORIGINALS = {

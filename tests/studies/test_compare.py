@@ -21,6 +21,7 @@ from sepv.files import schema
 from sepv.problem import Array, Problem
 from sepv.schemes import load_problem
 from sepv.simulate import _wiener as wiener
+from sepv.statistics import Estimate
 from sepv.studies._compare import picture, table
 from sepv.studies._compare.method import (
     Ends,
@@ -34,7 +35,7 @@ from sepv.studies._compare.method import (
 from sepv.studies._compare.record import Comparison, Point, Seconds, time_to_error
 from sepv.studies._compare.run import compare, one_core
 from sepv.studies._evaluation_count import Work, counted
-from sepv.verification._orders.convergence import Estimate, strong_errors
+from sepv.verification._orders.convergence import strong_errors
 
 ROOT = Path(__file__).resolve().parents[2]
 STEPS = (4, 8, 16)

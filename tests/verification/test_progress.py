@@ -17,19 +17,20 @@ import pytest
 
 from sepv._journal import Journal, Notes
 from sepv.commands._shared import candidates
+from sepv.console import _progress as display
+from sepv.console import console
 from sepv.errors import TargetError
 from sepv.verification import Effort, Verdict, load_laws, verify
 from sepv.verification import _progress as progress
-from sepv.verification._report import console
 
 ROOT = Path(__file__).resolve().parents[2]
 
 
 def test_lines_say_the_share_and_the_seconds_left(monkeypatch: pytest.MonkeyPatch) -> None:
     written = io.StringIO()
-    monkeypatch.setattr(progress, "console", lambda **_: console(written))
-    monkeypatch.setattr(progress, "FIRST_LINES", ())
-    monkeypatch.setattr(progress, "REPEAT", 0.02)
+    monkeypatch.setattr("sepv.console._console.console", lambda **_: console(written))
+    monkeypatch.setattr(display, "FIRST_LINES", ())
+    monkeypatch.setattr(display, "REPEAT", 0.02)
     energy, casimir = load_laws(["energy", "casimir"])
     energy, casimir = (replace(law, cost=cost) for law, cost in ((energy, 1.0), (casimir, 3.0)))
     with progress.watching(laws=[energy, casimir]) as step:
@@ -107,7 +108,7 @@ def test_a_law_that_takes_longer_than_expected_says_so(monkeypatch: pytest.Monke
     now, laws = 0.0, load_laws(["energy", "casimir"])
     first, last = (replace(law, cost=cost, steps=0) for law, cost in zip(laws, (10.0, 0.5), strict=True))
     monkeypatch.setattr(time, "monotonic", lambda: now)
-    course, shown = progress.Course([first, last]), progress.Shown()
+    course, shown = progress.Course([first, last]), display.Shown()
     shown.expected, shown.doing = course.seconds_left, lambda: course.doing(None, "mine:step")
     course.heard(first, None)
     now = 20.0
@@ -155,9 +156,9 @@ def _said(written: io.StringIO, word: str) -> str:
 
 
 def test_what_is_quick_or_quiet_says_nothing(capfd: pytest.CaptureFixture[str]) -> None:
-    with progress.showing():
+    with display.showing():
         pass
-    with progress.showing(quiet=True) as shown:
+    with display.showing(quiet=True) as shown:
         shown.update("nothing", 0.5)
     assert capfd.readouterr().err == ""
 
@@ -240,9 +241,9 @@ def test_every_benchmark_is_imported_and_starts_with_its_progress() -> None:
 
 def test_violations_are_said_as_they_are_decided(monkeypatch: pytest.MonkeyPatch) -> None:
     written = io.StringIO()
-    monkeypatch.setattr(progress, "console", lambda **_: console(written))
-    monkeypatch.setattr(progress, "FIRST_LINES", (0.01,))
-    monkeypatch.setattr(progress, "TICK", 0.01)
+    monkeypatch.setattr("sepv.console._console.console", lambda **_: console(written))
+    monkeypatch.setattr(display, "FIRST_LINES", (0.01,))
+    monkeypatch.setattr(display, "TICK", 0.01)
     energy, casimir = load_laws(["energy", "casimir"])
     with progress.watching(laws=[energy, casimir]) as step:
         step(energy, None)

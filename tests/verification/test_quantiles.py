@@ -8,7 +8,7 @@ import sys
 import pytest
 from scipy.special import bdtr, fdtri, stdtrit
 
-from sepv.verification._quantiles import binomial, fishers_f, students_t
+from sepv.statistics import binomial, fishers_f, students_t
 
 
 @pytest.mark.parametrize("df", [1, 2, 7, 31, 59, 511, 16383, 10**6])

@@ -15,7 +15,7 @@ import numpy as np
 from sepv._arguments import hex_float
 from sepv.errors import UsageError
 from sepv.problem import Array
-from sepv.verification._orders.convergence import jackknife_half
+from sepv.statistics import jackknife_half
 
 ALPHA = 1e-3
 # An error is the scheme's; another order of summation moves it by rounding only, so one per cent is no accident.

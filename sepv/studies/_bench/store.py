@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from sepv._terminal import Table, columns
+from sepv.console import Table, columns
 from sepv.files import read_json, require_schema
 from sepv.schemes import Scheme
 from sepv.studies._bench import measure as measuring

@@ -12,7 +12,7 @@ import numpy as np
 from sepv.files import finite
 from sepv.record._binary64 import TINY
 from sepv.schemes import Look
-from sepv.verification._orders.convergence import Estimate
+from sepv.statistics import Estimate
 
 FORMAT = 1
 

@@ -18,10 +18,10 @@ from sepv.problem import Array, Problem
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._run_arguments import step_count
 from sepv.solve import Status
+from sepv.statistics import GROUPS, Estimate, jackknife
 from sepv.studies._compare.method import Ends, Followed, Method
 from sepv.studies._compare.record import Comparison, Point, Seconds
 from sepv.verification._cases.case import quiet_problem
-from sepv.verification._orders.convergence import GROUPS, Estimate, jackknife
 from sepv.workers import run_all
 
 # Intervals are two-sided at this level, for each point alone.

@@ -9,9 +9,9 @@ import statistics
 from dataclasses import replace
 from typing import Any
 
-from sepv._terminal import Table, columns, longest
+from sepv.console import Table, columns, longest
+from sepv.statistics import Estimate
 from sepv.studies._compare.record import Comparison, Point, TimeToError
-from sepv.verification._orders.convergence import Estimate
 
 # Clipping that costs this share of the strong error is said: in squares it is a tenth of it.
 CLIPPED = 0.3

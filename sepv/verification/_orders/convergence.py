@@ -29,12 +29,9 @@ from sepv.simulate import _wiener as wiener
 from sepv.simulate._batch import Ensemble, run_chunk
 from sepv.simulate._truncation import seen
 from sepv.solve import Status
+from sepv.statistics import Estimate, binomial, jackknife
 from sepv.verification._failed_step import failed_step
-from sepv.verification._quantiles import binomial, students_t
 
-# Groups of paths for the jackknife: enough for a t-quantile with 31 degrees of freedom, few enough that the mean square
-# over a group is nearly normal.
-GROUPS = 32
 # Errors below this many eps·scale are rounding: such step sizes are left out.
 FLOOR = 1e4
 # The quantile of errors that is judged: high enough to see the bulk of the errors of few steps, whose median is small
@@ -78,25 +75,6 @@ class StrongErrors:
     def rms(self) -> Array:
         """The rms errors √E|y_N − y(T)|², (L,)."""
         return np.sqrt(np.mean(self.squared, axis=1))
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """value ± half-width: a two-sided interval that misses with probability alpha."""
-
-    value: float
-    half: float
-    alpha: float
-
-    @property
-    def low(self) -> float:
-        """The lower end of the interval."""
-        return self.value - self.half
-
-    @property
-    def high(self) -> float:
-        """The upper end of the interval."""
-        return self.value + self.half
 
 
 # A draw of given paths yields for each number of steps: increments (N, m + k, M) as the scheme gets them, y(T), W(T)
@@ -297,24 +275,3 @@ def mean_square_order(
     reach = bulk.half / np.sqrt(more)
     low = max(min(rms.value - half, bulk.value + reach), min(bulk.value - reach, rms.value))
     return rms.value, low, max(rms.value + half, bulk.value + reach)
-
-
-def jackknife(samples: Array, statistic: Callable[[Array], float], alpha: float) -> Estimate:
-    """statistic(mean over paths) with a delete-one-group interval, Student's t with GROUPS − 1 degrees."""
-    parts = np.array_split(samples, GROUPS, axis=1)
-    groups = np.stack([part.sum(axis=1) for part in parts])
-    sizes = np.array([part.shape[1] for part in parts], dtype=np.float64)
-    total, count = groups.sum(axis=0), sizes.sum()
-    whole = float(statistic(total / count))
-    left_out = [float(statistic((total - g) / (count - n))) for g, n in zip(groups, sizes, strict=True)]
-    return Estimate(whole, jackknife_half(np.array(left_out), alpha), alpha)
-
-
-def jackknife_half(left_out: Array, alpha: float) -> float:
-    """Half the interval of level 1 − alpha from the values (G,) of a statistic without one of G groups each.
-
-    Student's t with G − 1 degrees of freedom (R. G. Miller, Biometrika 61, 1974).
-    """
-    groups = left_out.size
-    error = np.sqrt((groups - 1) / groups * np.sum((left_out - left_out.mean()) ** 2))
-    return float(students_t(alpha / 2, groups - 1) * error)

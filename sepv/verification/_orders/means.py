@@ -19,8 +19,8 @@ import numpy as np
 
 from sepv.problem import Array, Problem
 from sepv.problem._hamiltonians import combined_field
+from sepv.statistics import students_t
 from sepv.verification._orders.convergence import StrongErrors
-from sepv.verification._quantiles import students_t
 
 
 @dataclass(frozen=True)

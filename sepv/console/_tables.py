@@ -1,94 +1,21 @@
-"""Tables on a terminal, in Markdown and HTML, in ASCII where an encoding has no more.
+"""Tables on a terminal and in Markdown.
 
 A table that is too wide for its terminal loses columns, the least important first, and never digits.
 """
 
 from __future__ import annotations
 
-import codecs
-import unicodedata
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
+
+from sepv.console._text import ascii_cell, cannot_show, printable_cell
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.text import Text
 
     Cell = str | Text
-
-# ASCII for the signs of pages and messages; any other sign is decomposed or escaped.
-_ASCII = {
-    "≤": "<=", "≥": ">=", "≠": "!=", "−": "-", "–": "-", "—": "-", "‑": "-", "·": "*", "×": "x",
-    "∘": "o", "±": "+-", "…": "...", "√": "sqrt ", "Σ": "sum", "∑": "sum", "∇": "grad ",
-    "∫": "int ", "Δ": "Delta", "Φ": "Phi", "θ": "theta", "ζ": "zeta", "ξ": "xi", "τ": "tau",
-    "φ": "phi", "ϱ": "rho", "ν": "nu", "µ": "u", "μ": "mu", "§": "section ", "ᵀ": "^T", "⁻": "^-",
-    "¹": "^1", "²": "^2", "³": "^3", "′": "'", "∈": "in", "→": "->", "←": "<-", "∞": "inf",
-    "∂": "d", "ℝ": "R", "⌈": "ceil(", "⌉": ")", "“": '"', "”": '"', "‘": "'", "’": "'", "≈": "~",
-    "²⁻": "^-", "✓": "ok", "✗": "x", "━": "-", "─": "-", "│": "|", "╸": "-", "╺": "-", "•": "*",
-    "½": "1/2", "¼": "1/4", "ö": "oe", "ü": "ue", "ä": "ae", "ß": "ss",
-}  # fmt: skip
-_NAME = "sepv-ascii"
-
-
-def printable(text: str, kept: str = "\n\t") -> str:
-    """Escape every character that affects a terminal, or is invisible there.
-
-    Names and messages come from files and programs of others. Escape sequences, bells, marks that turn the direction of
-    writing and lone surrogates are escaped; `kept` characters pass.
-    """
-    if text.isprintable():
-        return text
-    return "".join(c if c.isprintable() or c in kept else repr(c)[1:-1] for c in text)
-
-
-def printable_cell(cell: Any) -> Any:
-    """Apply `printable` to a string or a `rich.text.Text`; anything else is returned unchanged."""
-    if isinstance(cell, str):
-        return printable(cell)
-    if hasattr(cell, "plain") and cell.plain != (safe := printable(cell.plain)):
-        return type(cell)(safe, style=cell.style, overflow=cell.overflow)
-    return cell
-
-
-def ascii_text(text: str) -> str:
-    """The text in ASCII."""
-    return "".join(c if c.isascii() else _character(c) for c in text)
-
-
-def ascii_cell(cell: Any) -> Any:
-    """Convert a string or a `rich.text.Text` to ASCII; anything else is returned unchanged."""
-    if isinstance(cell, str):
-        return ascii_text(cell)
-    if hasattr(cell, "plain"):
-        return type(cell)(ascii_text(cell.plain), style=cell.style, overflow=cell.overflow)
-    return cell
-
-
-def _character(c: str) -> str:
-    if c in _ASCII:
-        return _ASCII[c]
-    plain = unicodedata.normalize("NFKD", c).encode("ascii", "ignore").decode()
-    return plain or c.encode("ascii", "backslashreplace").decode()
-
-
-def _replace(error: UnicodeError) -> tuple[str, int]:
-    if not isinstance(error, UnicodeEncodeError):
-        raise error
-    return ascii_text(error.object[error.start : error.end]), error.end
-
-
-def cannot_show(stream: Any) -> bool:
-    """True if the stream's encoding lacks the signs of our tables."""
-    return not (getattr(stream, "encoding", None) or "utf-8").lower().replace("_", "-").startswith("utf")
-
-
-def never_fail(stream: Any) -> None:
-    """Make the stream write signs that its encoding lacks in ASCII, and a lone surrogate as an escape."""
-    codecs.register_error(_NAME, _replace)
-    if hasattr(stream, "reconfigure"):
-        stream.reconfigure(errors=_NAME)
-
 
 # The width from which a column of words reads well.
 WORDS = 24
@@ -247,11 +174,6 @@ def markdown(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """The lines of a table of Markdown."""
     lines = (headings, ["---"] * len(headings), *rows)
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
-
-
-def counted(number: int, what: str) -> str:
-    """A number with its noun: 1 law, 27 laws."""
-    return f"{number} {what}" + ("" if number == 1 else "s")
 
 
 def longest(texts: Iterable[str]) -> int:

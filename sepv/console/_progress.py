@@ -1,0 +1,122 @@
+"""Progress on stderr: a bar with the seconds left on a terminal, else a line from time to time.
+
+Work of more than two seconds is never silent, piped or not; shorter work prints nothing.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+# Seconds after which a line is printed if there is no bar; then one every REPEAT.
+FIRST = 2.0
+FIRST_LINES = (FIRST, 5.0, 10.0, 20.0)
+REPEAT = 20.0
+# A violation waits no longer than this, once anything is said.
+TICK = 0.2
+
+
+class Shown:
+    """The share that is done, None if unknown, and the current work; a display thread reads them."""
+
+    def __init__(self) -> None:
+        self.text, self.started = "starting", time.monotonic()
+        self._done = 0.0
+        # A source of better estimates: the seconds left, None if unknown, and the current work.
+        self.expected: Callable[[], float | None] | None = None
+        self.doing = lambda: self.text
+        self.found: list[str] = []  # what is to be said once, as soon as anything is
+
+    def update(self, text: str | None = None, share: float | None = None) -> None:
+        """Set the current work, and the share that is done, 0 to 1; omitted arguments keep their values."""
+        self.text = self.text if text is None else text
+        self._done = self._done if share is None else share
+
+    @property
+    def seconds_left(self) -> float | None:
+        """Seconds left, as the work expects, or at the pace so far; None without a pace."""
+        if self.expected is not None:
+            return self.expected()
+        return (time.monotonic() - self.started) * (1 - self._done) / self._done if self._done > 0 else None
+
+    def share(self, left: float | None) -> float:
+        """The share that is done, 0 to 1, if this many seconds are left."""
+        if self.expected is None or left is None:
+            return self._done
+        elapsed = time.monotonic() - self.started
+        return elapsed / (elapsed + left) if left else 1.0
+
+    def line(self) -> str:
+        """The line to print, such as: 42 %, about 17 s left: energy."""
+        left = self.seconds_left
+        known = f"{self.share(left):.0%}, {_about(left)}" if left is not None else ""
+        elapsed = f"{time.monotonic() - self.started:.0f} s"
+        text = self.doing()
+        return f"{known or elapsed}: {text}" if text else known or elapsed
+
+
+def _about(left: float) -> str:
+    return f"about {max(1.0, left):.0f} s left" if left > 0 else "ending"
+
+
+@contextmanager
+def showing(quiet: bool = False) -> Iterator[Shown]:
+    """Show the messages of `Shown.update` on stderr until the block ends."""
+    shown, done = Shown(), threading.Event()
+    if quiet:
+        yield shown
+        return
+    from sepv.console._console import console
+
+    out = console(stderr=True)
+    thread = threading.Thread(
+        target=_bar if out.is_terminal else _lines, args=(shown, out, done), daemon=True
+    )
+    thread.start()
+    try:
+        yield shown
+    finally:
+        done.set()
+        thread.join(1.0)
+
+
+def _lines(shown: Shown, out: Console, done: threading.Event) -> None:
+    marks, last = list(FIRST_LINES), 0.0
+    while True:
+        mark = marks.pop(0) if marks else last + REPEAT
+        while (left := shown.started + mark - time.monotonic()) > 0:
+            if done.wait(min(left, TICK)):
+                return
+            if last:
+                _say(shown, out)
+        last = mark
+        _say(shown, out)
+        out.print(shown.line(), soft_wrap=True)
+
+
+def _say(shown: Shown, out: Console) -> None:
+    while shown.found:
+        out.print(shown.found.pop(0), soft_wrap=True)
+
+
+def _bar(shown: Shown, out: Console, done: threading.Event) -> None:
+    from rich.progress import BarColumn, TaskProgressColumn, TextColumn
+    from rich.progress import Progress as Bar
+
+    columns: tuple[Any, ...] = (BarColumn(20), TaskProgressColumn(), TextColumn("{task.description}"))
+    with Bar(*columns, console=out, transient=True) as bar:
+        task = bar.add_task("", total=1.0)
+        while not done.wait(TICK):
+            if time.monotonic() - shown.started > FIRST:
+                _say(shown, out)
+            left = shown.seconds_left
+            text = f"{_about(left)}  {shown.doing()}" if left is not None else shown.doing()
+            # Without a known share the bar pulses. Square brackets are not markup here.
+            total, words = None if left is None else 1.0, text.replace("[", r"\[")
+            bar.update(task, total=total, completed=shown.share(left), description=words)
