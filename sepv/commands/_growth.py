@@ -44,7 +44,7 @@ def growth(
     from rich.text import Text
 
     from sepv import schemes
-    from sepv.console import console, showing
+    from sepv.console import console, print_sentence, showing
     from sepv.schemes import load_problem
     from sepv.studies import _energy_growth as study
     from sepv.studies._picture import require_picture

@@ -47,7 +47,7 @@ def reproduce(figures: cli.Names, out: str | None, json_file: str | None, **opti
 
     Exit code 0, or 2 for wrong usage.
     """  # fmt: skip
-    from sepv.console import console
+    from sepv.console import console, print_sentence
     from sepv.reference.paper.on_terminal import show, summary, watching
     from sepv.reference.paper.record import Size
     from sepv.reference.paper.suite import reproduce as run
