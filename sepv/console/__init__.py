@@ -1,4 +1,4 @@
-"""What a command prints: texts that do nothing to a terminal, tables, consoles and progress.
+"""Output of commands: texts that do nothing to a terminal, tables, consoles and progress.
 
 Read `_tables` first; `_text` has the ASCII of our signs. `_console` is loaded when a console is asked for, because it
 needs rich, and `_progress` shows work that takes more than two seconds.
