@@ -1,10 +1,13 @@
-"""Random steps and systems for tests, as the laws draw them."""
+"""Systems for tests: random ones as the laws draw them, and one by hand."""
 
 from __future__ import annotations
 
+from typing import Any
+
+import numpy as np
 from hypothesis import strategies as st
 
-from sepv.problem import PolynomialSystem, Systems
+from sepv.problem import Array, PolynomialSystem, Problem, Systems
 from sepv.verification import Case
 from sepv.verification._cases.classes import CLASSES
 
@@ -26,3 +29,19 @@ def drawn_systems(systems: Systems, **where: tuple[str, ...]) -> st.SearchStrate
 def _system(case: Case) -> PolynomialSystem:
     assert isinstance(case.problem, PolynomialSystem)
     return case.problem
+
+
+def J(y: Array) -> Array:
+    """The structure [[0, −1], [1, 0]] of the plane, component first."""
+    return np.array([[0 * y[0], -1 + 0 * y[0]], [1 + 0 * y[0], 0 * y[0]]])
+
+
+def by_hand(**changes: Any) -> Problem:
+    """H = ¼y₁⁴ + ½y₂² in the plane, given by functions, with these changes."""
+    parts: dict[str, Any] = {
+        "dimension": 2,
+        "structure": J,
+        "hamiltonian": lambda y: y[0] ** 4 / 4 + y[1] ** 2 / 2,
+        "gradient": lambda y: np.array([y[0] ** 3, y[1]]),
+    }
+    return Problem(**{**parts, **changes})

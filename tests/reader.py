@@ -28,7 +28,7 @@ class Reader:
     """Commands and Python of a document, run in this process, which has imported everything.
 
     Each process of its own would take a second to start. What a process does as it starts and ends is asked in
-    test_terminal.py, test_plain_text.py and test_progress.py.
+    test_terminal.py and test_progress.py.
     """
 
     def __init__(self, folder: Path, fewer: Callable[[list[str]], list[str]] = list) -> None:

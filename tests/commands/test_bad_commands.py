@@ -1,14 +1,12 @@
 """Bad input to commands, class by class: each ends in an error of sepv that says what to do, or in a right result.
 
-One parametrised test, a row for each class: files, schemes, programs, options and signals. Nothing may hang (an alarm
-rings after some seconds), show a traceback from inside, or leave half a file. What problem files, tokens and reports
-may say is in test_hostile.py, of pins in test_files.py; programs on their pipes are in test_external.py, functions of
-sepv in test_bad_input.py.
+A row is a file, a scheme, a module, a program or a command. Nothing may hang (an alarm rings after some seconds), show
+a traceback from inside, or leave half a file. What problem files, tokens and reports may say is in test_hostile.py,
+programs on their pipes are in test_external.py, functions of sepv in test_bad_input.py.
 """
 
 from __future__ import annotations
 
-import json
 import shlex
 import signal
 import subprocess
@@ -18,77 +16,62 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from doors import command
 
-from sepv.commands._cli import main
-
-SECONDS = 30
 Check = Callable[[Path], None]
 
 
-def cli(arguments: str, code: int, *words: str, files: dict[str, bytes] | None = None) -> Check:
+def cli(arguments: str, code: int, *words: str, **files: str | bytes) -> Check:
     """The command ends with this exit code and these words; the folder holds what it held before."""
 
     def check(folder: Path) -> None:
-        for name, content in (files or {}).items():
-            (folder / name).write_bytes(content)
+        for name, content in files.items():
+            file = folder / name.replace("_", ".")
+            file.write_bytes(content if isinstance(content, bytes) else content.encode())
         sys.modules.pop("mine", None)
         before = sorted(p.name for p in folder.iterdir())
-        result = CliRunner().invoke(main, shlex.split(arguments))
-        assert result.exit_code == code, f"{result.exit_code}: {result.output} {result.exception!r}"
-        for word in words:
-            assert word in result.output, result.output
-        assert "Traceback" not in result.output
+        shown = command(arguments, code).output
+        for word in (*words, ""):
+            assert word in shown
+        assert "Traceback" not in shown
         after = sorted(p.name for p in folder.iterdir() if p.name != "__pycache__")
         assert after == before, "left something behind"
 
     return check
 
 
-def scheme(
-    body: str, code: int, *words: str, options: str = "--law contract --examples 2 --shrink-checks 10"
-) -> Check:
+CONTRACT = "--law contract --examples 2 --shrink-checks 10"
+
+
+def scheme(body: str, code: int, *words: str, options: str = CONTRACT) -> Check:
     """`sepv verify` of a step with this body."""
     text = f"import numpy as np, os, sys, time\n\nHISTORY = []\n\ndef step(problem, y, h, dW):\n    {body}\n"
-    return cli(f"verify mine:step {options}", code, *words, files={"mine.py": text.encode()})
+    return cli(f"verify mine:step {options}", code, *words, mine_py=text)
 
 
 def module(arguments: str, code: int, *words: str, text: str = "") -> Check:
     """A command about the module `mine`, which has this text."""
-    mine = f"import numpy as np\nimport sepv\nfrom sepv.schemes._energy_preserving import step as correct\n{text}\n"
-    return cli(arguments, code, *words, files={"mine.py": mine.encode()})
+    head = "import numpy as np\nimport sepv\nfrom sepv.schemes._energy_preserving import step as correct\n"
+    return cli(arguments, code, *words, mine_py=f"{head}{text}\n")
 
 
-def program(body: str, *words: str) -> Check:
-    """`sepv verify --exec` of a Python program with this body: an error in words, exit code 3."""
-
-    def check(folder: Path) -> None:
-        (folder / "program.py").write_text(f"import sys, os, time\n{body}\n")
-        command = shlex.quote(f"{shlex.quote(sys.executable)} program.py")
-        cli(
-            f"verify --exec {command} --law contract --examples 1 --shrink-checks 2 --call-timeout 1",
-            3,
-            *words,
-        )(folder)
-
-    return check
+EXITS = shlex.quote(f"{shlex.quote(sys.executable)} -c 'raise SystemExit(7)'")
 
 
 VERIFY = "verify energy-preserving --law identity --examples 2"
 QUICK, STEP = "--steps 4,8 --paths 32 --repeats 1", "def step(problem, y, h, dW):"
-FILES: dict[str, Check] = {
-    "expected: empty": cli(f"{VERIFY} --expected e.toml", 0, files={"e.toml": b""}),
-    "expected: a folder": cli(f"{VERIFY} --expected .", 2, "is a directory"),
-    "problem file: a folder": cli("solvability .json", 2, ".json"),
-    "bench records: corrupted": cli(
-        "bench energy-preserving --against b.json", 2, "b.json", files={"b.json": b'{"format": 0}'}
-    ),
-    "output: a folder that is not there": cli(f"{VERIFY} --json no/r.json", 2, "folder"),
-    "output: a file for a folder": cli(f"{VERIFY} --json f/r.json", 2, "folder", files={"f": b""}),
-    "output: a folder for a file": cli(f"{VERIFY} --json .", 2, "directory"),
-    "output: picture of unknown kind": cli("solvability rigid-body --picture p.gif", 2, ".svg"),
-    "disk full": lambda folder: disk_full(folder),  # noqa: PLW0108  (defined below)
-}
+NO_START = (
+    "import dataclasses\np = dataclasses.replace(sepv.problems.rigid_body(), initial=None, check=False)"
+)
+FOR_EVER, ONE_LAW = "time.sleep(3600)", "--law energy --timeout 0.5"
+CATCHES = (
+    "while True:\n        try:\n            time.sleep(0.01)\n        except Exception:\n            pass"
+)
+COROUTINE = "import asyncio\n    async def later(): return y\n    c = later()\n    c.close()\n    return c"
+ONE_BUFFER = (
+    "HISTORY.append(np.empty(3)) if not HISTORY else None\n    b = HISTORY[0][:y.shape[0]] if y.shape[0] < 4 "
+    "else y.copy()\n    b[...] = y\n    return b"
+)
 
 
 def disk_full(folder: Path) -> None:
@@ -97,40 +80,33 @@ def disk_full(folder: Path) -> None:
         "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (64, 64)); from sepv.commands._cli import main; "
         "main(['hard', '--case', 'rank-0', '--steps', '2', '--laws', '0', '--json', 'r.json'])"
     )
-    done = subprocess.run(
-        # -B: bytecode is a file too, and would be cut off.
-        [sys.executable, "-B", "-c", code],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=SECONDS,
-    )
+    # -B: bytecode is a file too, and would be cut off.
+    words = [sys.executable, "-B", "-c", code]
+    done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False, timeout=30)
     assert done.returncode == 2, done.stderr
     assert "sepv:" in done.stderr
     assert "Traceback" not in done.stderr
     assert list(folder.iterdir()) == []
 
 
-SCHEMES: dict[str, Check] = {
+CHECKS: dict[str, Check] = {
+    "expected: empty": cli(f"{VERIFY} --expected e.toml", 0, e_toml=""),
+    "expected: not there": cli(f"{VERIFY} --expected no.toml", 2, "No such file"),
+    "expected: a folder": cli(f"{VERIFY} --expected .", 2, "is a directory"),
+    "problem file: a folder": cli("solvability .json", 2, ".json"),
+    "bench records: corrupted": cli("bench energy-preserving --against b.json", 2, "b.json", b_json='{"format": 0}'),
+    "output: a folder that is not there": cli(f"{VERIFY} --json no/r.json", 2, "folder"),
+    "output: a file for a folder": cli(f"{VERIFY} --json f/r.json", 2, "folder", f=""),
+    "output: a folder for a file": cli(f"{VERIFY} --json .", 2, "directory"),
+    "output: picture of unknown kind": cli("solvability rigid-body --picture p.gif", 2, ".svg"),
+    "disk full": disk_full,
     "step: raises": scheme("raise RuntimeError('out of order')", 3, "out of order"),
     "step: recurses": scheme("return step(problem, y, h, dW)", 3, "RecursionError"),
     "step: exits": scheme("sys.exit(0)", 3, "SystemExit"),
-    "step: sleeps for ever": scheme(
-        "time.sleep(3600)", 3, "did not come back", options="--law energy --timeout 0.5"
-    ),
-    "step: spins and catches everything": scheme(
-        "while True:\n        try:\n            time.sleep(0.01)\n        except Exception:\n            pass",
-        3,
-        "did not come back",
-        options="--law energy --timeout 0.5",
-    ),
+    "step: sleeps for ever": scheme(FOR_EVER, 3, "did not come back", options=ONE_LAW),
+    "step: spins and catches everything": scheme(CATCHES, 3, "did not come back", options=ONE_LAW),
     "step: returns a generator": scheme("yield y", 1, "generator"),
-    "step: returns a coroutine": scheme(
-        "import asyncio\n    async def later(): return y\n    c = later()\n    c.close()\n    return c",
-        1,
-        "coroutine",
-    ),
+    "step: returns a coroutine": scheme(COROUTINE, 1, "coroutine"),
     "step: returns NaN": scheme("return y * np.nan", 1, "finite"),
     "step: returns infinity": scheme("return y / 0.0", 1, "finite"),
     "step: returns another shape": scheme("return y[:1]", 1, "shape"),
@@ -140,81 +116,61 @@ SCHEMES: dict[str, Check] = {
     "step: returns single precision": scheme("return y.astype(np.float32)", 1, "float32"),
     "step: returns integers": scheme("return np.ones(y.shape, dtype=int)", 1, "int64"),
     "step: returns complex numbers": scheme("return y + 0j", 1, "complex128"),
-    "step: fails to solve": scheme(
-        "import sepv; raise sepv.StepFailure('gave up')", 3, "not solved:", "gave up"
-    ),
+    "step: fails to solve": scheme("import sepv; raise sepv.StepFailure('gave up')", 3, "not solved:", "gave up"),
     "step: returns objects": scheme("return y.astype(object)", 1, "object"),
     "step: returns a masked array": scheme("return np.ma.masked_invalid(y)", 1, "MaskedArray"),
     "step: returns its own argument": scheme("return y", 0, "holds"),
-    "step: returns one buffer for all": scheme(
-        "HISTORY.append(np.empty(3)) if not HISTORY else None\n    b = HISTORY[0][:y.shape[0]] if y.shape[0] < 4 "
-        "else y.copy()\n    b[...] = y\n    return b",
-        1,
-        "violated",
-        options="--law contract --shrink-checks 10",
-    ),
+    "step: returns one buffer": scheme(ONE_BUFFER, 1, "violated", options="--law contract --shrink-checks 10"),
     "step: changes y": scheme("y[...] = 0\n    return y.copy()", 1, "unchanged"),
     "step: changes dW": scheme("dW += 1.0\n    return y.copy()", 1, "dW unchanged"),
-    "step: changes the problem": scheme(
-        "problem.c.setflags(write=True); problem.c[:] = 7\n    return y.copy()", 3, "ValueError"
-    ),
+    "step: changes the problem":
+        scheme("problem.c.setflags(write=True); problem.c[:] = 7\n    return y.copy()", 3, "ValueError"),
     "step: depends on time": scheme("return y + 1e-9 * time.perf_counter()", 1, "one answer"),
-    "step: depends on the number of calls": scheme(
-        "HISTORY.append(1)\n    return y + len(HISTORY)", 1, "one answer"
-    ),
-    "step: keeps everything it sees": scheme(
-        "HISTORY.append(bytearray(10**5))\n    return y.copy()", 0, "holds"
-    ),
+    "step: counts its calls": scheme("HISTORY.append(1)\n    return y + len(HISTORY)", 1, "one answer"),
+    "step: keeps everything": scheme("HISTORY.append(bytearray(10**5))\n    return y.copy()", 0, "holds"),
     "step: prints": scheme("print('noise')\n    return y.copy()", 0, "holds"),
     "step: warns": scheme("import warnings; warnings.warn('odd')\n    return y.copy()", 0, "holds"),
-    "step: sets NumPy's error state": scheme(
-        "np.seterr(all='raise')\n    return y.copy()", 1, "NumPy's error handling"
-    ),
-    "step: wrong arguments": module(
-        "verify mine:step", 3, "(problem, y, h, dW)", "(y, h)", text="def step(y, h): pass"
-    ),
+    "step: sets NumPy's error state":
+        scheme("np.seterr(all='raise')\n    return y.copy()", 1, "NumPy's error handling"),
+    "step: wrong arguments":
+        module("verify mine:step", 3, "(problem, y, h, dW)", "(y, h)", text="def step(y, h): pass"),
     "module: does not parse": module("verify mine:step", 3, "SyntaxError", text="def step(:"),
-    "module: raises": module(
-        "verify mine:step", 3, "RuntimeError", "broken", text="raise RuntimeError('broken')"
-    ),
-    "module: lacks a library": module(
-        "verify mine:step", 3, "install nosuchlibrary", text="import nosuchlibrary"
-    ),
+    "module: raises": module("verify mine:step", 3, "RuntimeError", "broken", text="raise RuntimeError('broken')"),
+    "module: lacks a library": module("verify mine:step", 3, "install nosuchlibrary", text="import nosuchlibrary"),
     "module: not there": cli("verify no.such.module:step", 3, "no module named 'no'", "Remedy"),
     "module: a file": module("verify mine.py:step", 3, "mine:step", text="step = correct"),
-    "module: a path": module(
-        "verify ./mine.py", 3, "name it as mine:mine", text="def mine(problem, y, h, dW): return y"
-    ),
+    "module: a path":
+        module("verify ./mine.py", 3, "name it as mine:mine", text="def mine(problem, y, h, dW): return y"),
     "module: alone": module("verify mine", 3, "name it as mine:step", text="step = correct"),
+    "module: exits when imported": cli("verify mine:step", 3, "SystemExit", mine_py="import sys; sys.exit(0)"),
+    "module: null bytes": cli("verify mine:step", 3, "mine", mine_py="step = 1\x00"),
+    "module: without a name": cli("verify :step", 3, "module:attribute"),
+    "module: a path and an attribute": cli("verify /etc/passwd:step", 3, "module:attribute"),
     "attribute: not there": module("verify mine:nosuch", 3, "attribute 'nosuch'", "correct"),
     "attribute: misspelt": module("verify mine:stp", 3, "did you mean 'step'", text="step = correct"),
     "attribute: a number": module("verify mine:step", 3, "step(problem, y, h, dW)", "int", text="step = 3"),
     "attribute: a class": module("verify mine:Step", 3, "a class", text="class Step: pass"),
-    "attribute: a Scheme of a number": module(
-        "verify mine:step", 3, "Scheme(step=…)", text="step = sepv.Scheme(name='x', step=5)"
-    ),
-    "module: exits when imported": cli(
-        "verify mine:step", 3, "SystemExit", files={"mine.py": b"import sys; sys.exit(0)"}
-    ),
-    "module: null bytes": cli("verify mine:step", 3, "mine", files={"mine.py": b"step = 1\x00"}),
-}
-
-PROGRAMS: dict[str, Check] = {
+    "attribute: a Scheme of a number":
+        module("verify mine:step", 3, "Scheme(step=…)", text="step = sepv.Scheme(name='x', step=5)"),
     "program: not there": cli("verify --exec ./nosuch --law contract", 3, "nosuch"),
     "program: nothing": cli("verify --exec '' --law contract", 2),
     "program: unbalanced quotes": cli("""verify --exec '"./a' --law contract""", 2, "quot"),
-    "program: exits at once": program("sys.exit(7)", "7"),
-}
-
-COMMANDS: dict[str, Check] = {
+    "program: exits at once": cli(f"verify --exec {EXITS} --law contract --examples 1 --call-timeout 1", 3, "7"),
     "verify: no target": cli("verify", 2, "TARGET"),
     "verify: unknown scheme": cli("verify nosuch", 3, "built-in scheme", "nosuch"),
     "verify: a misspelt scheme": cli("verify midpiont", 3, "did you mean 'midpoint'"),
     "verify: a misspelt law": cli("verify midpoint --law enrgy", 2, "a law, one of", "did you mean 'energy'"),
     "verify: an unknown claim": cli("verify midpoint --claim nosuch", 2, "a law, one of", "nosuch"),
+    "verify: a law without a name": cli("verify midpoint --law ''", 2, "expected a name"),
+    "verify: a claim without a name": cli("verify midpoint --claim ,", 2, "expected a name"),
     "verify: a replay of no law": cli("verify midpoint --replay xyz", 2, "one --law"),
     "verify: a file for two": cli("verify energy-preserving midpoint --json x.json", 2, "one TARGET"),
     "verify: no examples": cli("verify energy-preserving --examples 0", 2, "--examples"),
+    "verify: no time": cli("verify midpoint --timeout nan", 2, "'nan' is not a finite number"),
+    "verify: time without end": cli("verify midpoint --timeout inf", 2, "--timeout"),
+    "verify: no problem file": cli("verify midpoint -p no.json", 2, "no.json: No such file"),
+    "step: h NaN": cli("step energy-preserving rigid-body --h nan", 2, "finite numbers after --h"),
+    "step: two h": cli("step energy-preserving rigid-body --h 1,2", 2, "1 number after --h"),
     "bench: no scheme": cli("bench", 2, "a scheme, or a program"),
     "bench: unknown scheme": cli("bench nosuch", 3, "built-in scheme"),
     "bench: unknown case": cli("bench energy-preserving --case nosuch", 2, "a case, one of"),
@@ -222,33 +178,30 @@ COMMANDS: dict[str, Check] = {
     "bench: two others": cli("bench midpoint --against a --against-ref .", 2, "one of"),
     "compare: no scheme": cli("compare", 2, "a SCHEME, --exec or --peers"),
     "compare: unknown scheme": cli("compare nosuch", 3, "built-in scheme"),
-    "compare: a misspelt problem": cli(
-        "compare midpoint -p rigid-bdy", 2, "a problem, one of", "did you mean 'rigid-body'"
-    ),
-    "compare: a problem that is a number": module(
-        "compare midpoint -p mine:h", 2, "a sepv.Problem", "float", text="h = 1.0"
-    ),
+    "compare: a misspelt problem":
+        cli("compare midpoint -p rigid-bdy", 2, "a problem, one of", "did you mean 'rigid-body'"),
+    "compare: a problem that is a number":
+        module("compare midpoint -p mine:h", 2, "a sepv.Problem", "float", text="h = 1.0"),
     "compare: fewer steps": cli("compare midpoint --steps 8,4", 2, "each dividing the last"),
     "compare: steps that do not divide": cli("compare midpoint --steps 8,12", 2, "each dividing the last"),
     "compare: no steps": cli("compare midpoint --steps 0", 2, "each dividing the last"),
     "compare: steps of words": cli("compare midpoint --steps 8,x", 2, "commas"),
     "compare: few paths": cli("compare midpoint --paths 8", 2, "--paths"),
     "compare: picture of unknown kind": cli("compare midpoint --picture c.gif", 2, ".svg, .png, .pdf"),
-    "compare: a step of another shape": module(
-        f"compare mine:step {QUICK}", 3, "shape", text=f"{STEP} return y[:1]"
-    ),
-    "compare: a step that raises later": module(
-        f"compare mine:step {QUICK}",
-        3,
-        "AttributeError",
-        text=f"{STEP} return y + 0 * (y.nosuch() if h > 0.01 else 0)",
-    ),
+    "compare: another shape": module(f"compare mine:step {QUICK}", 3, "shape", text=f"{STEP} return y[:1]"),
+    "compare: a step that raises later":
+        module(f"compare mine:step {QUICK}", 3, "AttributeError",
+               text=f"{STEP} return y + 0 * (y.nosuch() if h > 0.01 else 0)"),
     "compare: another initial state": cli(f"compare midpoint {QUICK} --initial 1,2", 2, "shape"),
     "solvability: unknown problem": cli("solvability nosuch", 2, "nosuch"),
     "solvability: no range": cli("solvability rigid-body --range 0", 2, "--range"),
+    "solvability: no time": cli("solvability rigid-body --time nan", 2, "not a finite number"),
     "solvability: another scheme": cli("solvability rigid-body --scheme discrete-gradient", 2, "Δ alone"),
     "solvability: another initial state": cli("solvability rigid-body --initial 1,2", 2, "(3,)"),
+    "solvability: no initial state": module("solvability mine:p", 2, "initial", text=NO_START),
     "solvability: negative noise": cli("solvability rigid-body --noise=-1", 2, "≥ 0"),
+    "solvability: noise in words": cli("solvability rigid-body --noise 1,x", 2, "1,x"),
+    "run: no scheme": cli("run", 2, "a scheme, or a program with --exec"),
     "command: misspelt": cli("compair midpoint", 2, "did you mean 'compare'", "solvability, teeth"),
     "command: unknown": cli("validate", 2, "validate"),
     "option: unknown": cli("verify energy-preserving --fast", 2, "--fast"),
@@ -256,52 +209,11 @@ COMMANDS: dict[str, Check] = {
     "number: beyond range": cli("hard --steps 0", 2, "--steps"),
     "number: a billion digits": cli(f"hard --steps {'9' * 5000}", 2),
     "seed: negative": cli("hard --seed -1", 2, "--seed"),
-    "list of numbers: a word": cli("solvability rigid-body --noise 1,x", 2, "1,x"),
-    "solvability: no initial state": cli(
-        "solvability mine:p",
-        2,
-        "initial",
-        files={
-            "mine.py": b"import dataclasses\nfrom sepv import problems\n"
-            b"p = dataclasses.replace(problems.rigid_body(), initial=None, check=False)\n"
-        },
-    ),
-    "Ctrl-C in sepv hard": lambda folder: interrupted(folder, "hard --steps 1000000 --json r.json"),
-    "Ctrl-C in sepv solvability": lambda folder: interrupted(
-        folder, "solvability lotka-volterra --states 4000 --json r.json"
-    ),
-}
-
-
-def interrupted(folder: Path, arguments: str) -> None:
-    """SIGINT while it works: exit code 130, no traceback, no half file."""
-    child = subprocess.Popen(
-        [sys.executable, "-m", "sepv", *arguments.split()],
-        cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        # Tests that were started in the background ignore SIGINT, and their children would.
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509  (no thread holds a lock)
-    )  # fmt: skip
-    try:
-        assert child.stderr
-        # The first line of progress: it works by now.
-        assert child.stderr.readline()
-        child.send_signal(signal.SIGINT)
-        out, err = child.communicate(timeout=SECONDS)
-    finally:
-        child.kill()
-    assert child.returncode == 130, f"{child.returncode}: {out} {err}"
-    assert "Traceback" not in out + err
-    assert [p.name for p in folder.iterdir() if p.name != "r.json"] == []
-    if (folder / "r.json").exists():
-        json.loads((folder / "r.json").read_text())
-
-
-GROUPS = {"file": FILES, "scheme": SCHEMES, "program": PROGRAMS, "command": COMMANDS}
-CLASSES = {f"{group}: {name}": check for group, table in GROUPS.items() for name, check in table.items()}
+}  # fmt: skip
 
 
 @pytest.mark.usefixtures("alarm")
-@pytest.mark.parametrize("name", CLASSES)
+@pytest.mark.parametrize("name", CHECKS)
 def test_bad_input_ends_in_an_error_of_ours_or_a_right_result(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -309,7 +221,7 @@ def test_bad_input_ends_in_an_error_of_ours_or_a_right_result(
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
     monkeypatch.syspath_prepend(str(tmp_path))
     with np.errstate():
-        CLASSES[name](tmp_path)
+        CHECKS[name](tmp_path)
     # What came in has an end: no time limit of sepv's is left to go off later, and nobody went to another folder.
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
     assert Path.cwd() == tmp_path.resolve()

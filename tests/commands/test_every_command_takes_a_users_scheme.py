@@ -7,14 +7,11 @@ import shlex
 import sys
 from pathlib import Path
 
-import jsonschema
 import pytest
-from click.testing import CliRunner, Result
+from doors import ROOT, command, obeys, verdicts
 
-import sepv
-from sepv.commands._cli import main
+from sepv.schemes import load_problem, load_scheme
 
-ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = shlex.join([sys.executable, str(ROOT / "examples" / "euler_heun_plain.py")])
 
 MODULE = '''
@@ -65,136 +62,79 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def sepv_(*arguments: str) -> Result:
-    return CliRunner().invoke(main, list(arguments))
+OWN, EXEC = "everywhere:step -p everywhere:pendulum", f"--exec {shlex.quote(PROGRAM)} -p pendulum"
+FEW = "--steps 8,16 --paths 32 --repeats 1"
 
 
-OWN = ("everywhere:step", "-p", "everywhere:pendulum")
-COMMANDS = {
-    "run": ("run", *OWN, "--steps", "50"),
-    "compare": ("compare", *OWN, "--steps", "8,16", "--paths", "32", "--repeats", "1"),
-    "hard": ("hard", *OWN, "--steps", "20", "--laws", "0"),
-    "ulps": ("ulps", *OWN, "--steps", "20"),
-    "bench": ("bench", *OWN),
-    "verify": ("verify", *OWN, "--law", "contract", "--examples", "5"),
-}
-
-
-@pytest.mark.parametrize("command", COMMANDS)
-def test_it_takes_a_scheme_and_a_problem_by_module_and_attribute(folder: Path, command: str) -> None:
-    done = sepv_(*COMMANDS[command])
-    assert done.exit_code == 0, done.output
-    assert "own" in done.output or "everywhere" in done.output
+@pytest.mark.parametrize(
+    ("line", "word"),
+    [
+        (f"run {OWN} --steps 50", "everywhere"),
+        (f"compare {OWN} {FEW}", "own"),
+        (f"hard {OWN} --steps 20 --laws 0", "own"),
+        (f"ulps {OWN} --steps 20", "own"),
+        (f"bench {OWN}", "everywhere"),
+        (f"verify {OWN} --law contract --examples 5", "everywhere"),
+        (f"run {EXEC} --steps 20", "euler"),
+        (f"compare {EXEC} {FEW}", "euler"),
+        (f"hard {EXEC} --steps 10 --laws 0", "euler"),
+        (f"ulps {EXEC} --steps 10", "euler"),
+    ],
+    ids=lambda text: " ".join(text.split()[:2]),
+)
+def test_it_takes_a_scheme_and_a_problem_of_a_module_and_a_program(
+    folder: Path, line: str, word: str
+) -> None:
+    assert word in command(line).output.lower()
 
 
 def test_a_path_of_a_black_box_says_what_is_known_and_no_more(folder: Path) -> None:
-    done = sepv_("run", *OWN, "--steps", "50", "--json", "path.json")
-    assert "iterations" not in done.output
-    assert "Casimir" not in done.output
+    shown = command(f"run {OWN} --steps 50 --json path.json").output
+    assert "iterations" not in shown
+    assert "Casimir" not in shown
     found = json.loads((folder / "path.json").read_text())
     assert (found["iterations"], found["casimir_defect"]) == (None, None)
-    assert sepv_("run", *OWN, "--steps", "50", "-q").output.startswith("50 steps: energy ")
-    solved = sepv_("run", "energy-preserving", "--steps", "50").output
+    assert command(f"run {OWN} --steps 50 -q").output.startswith("50 steps: energy ")
+    solved = command("run energy-preserving --steps 50").output
     assert "iterations a step" in solved
     assert "Casimirs" in solved
 
 
 def test_a_path_that_ends_early_names_one_step_and_what_the_scheme_said(folder: Path) -> None:
-    done = sepv_("run", "everywhere:tires", "-p", "everywhere:pendulum", "--h", "0.125", "--steps", "50")
-    assert done.exit_code == 2
-    assert "20 of 50" in done.output
-    assert "Received 20 steps; the next one, from y = [" in done.output
-    assert "failed: the scheme raised ArithmeticError: the inner iteration missed 1e-12." in done.output
-    assert "--seed" not in done.output
-
-
-EXEC = {
-    "run": ("run", "--exec", PROGRAM, "-p", "pendulum", "--steps", "20"),
-    "compare": (
-        "compare",
-        "--exec",
-        PROGRAM,
-        "-p",
-        "pendulum",
-        "--steps",
-        "8,16",
-        "--paths",
-        "32",
-        "--repeats",
-        "1",
-    ),
-    "hard": ("hard", "--exec", PROGRAM, "-p", "pendulum", "--steps", "10", "--laws", "0"),
-    "ulps": ("ulps", "--exec", PROGRAM, "-p", "pendulum", "--steps", "10"),
-}
-
-
-@pytest.mark.parametrize("command", EXEC)
-def test_it_takes_a_program_in_another_language(folder: Path, command: str) -> None:
-    done = sepv_(*EXEC[command])
-    assert done.exit_code == 0, done.output
-    assert "euler" in done.output.lower()
+    shown = command("run everywhere:tires -p everywhere:pendulum --h 0.125 --steps 50", 2).output
+    assert "20 of 50" in shown
+    assert "Received 20 steps; the next one, from y = [" in shown
+    assert "failed: the scheme raised ArithmeticError: the inner iteration missed 1e-12." in shown
+    assert "--seed" not in shown
 
 
 def test_a_scheme_that_fails_ends_no_comparison(folder: Path) -> None:
-    done = sepv_(
-        "compare", "midpoint", "everywhere:crashes", "everywhere:fails_late", "everywhere:missing",
-        "--steps", "8,16", "--paths", "32", "--repeats", "1", "-p", "pendulum", "--json", "all.json",
-    )  # fmt: skip
-    assert done.exit_code == 3
-    assert "midpoint" in done.output
-    for name, why in (
-        ("crashes", "not today"),
-        ("fails_late", "no noise, please"),
-        ("missing", "an attribute"),
-    ):
-        assert f"everywhere:{name} failed and is left out" in done.output
-        assert why in done.output
+    why = {"crashes": "not today", "fails_late": "no noise, please", "missing": "an attribute"}
+    failing = " ".join(f"everywhere:{name}" for name in why)
+    shown = command(f"compare midpoint {failing} {FEW} -p pendulum --json all.json", 3).output
+    assert "midpoint" in shown
+    for name, words in why.items():
+        assert f"everywhere:{name} failed and is left out" in shown
+        assert words in shown
     found = json.loads((folder / "all.json").read_text())
-    schema = json.loads((ROOT / "sepv" / "schemas" / "comparison.schema.json").read_text())
-    jsonschema.validate(found, schema)
+    obeys(found, "comparison")
     assert [m["name"] for m in found["methods"]] == ["midpoint"]
-    assert set(found["failed"]) == {f"everywhere:{name}" for name in ("crashes", "fails_late", "missing")}
-
-
-def test_where_all_fail_there_is_nothing_to_compare(folder: Path) -> None:
-    done = sepv_("compare", "everywhere:fails_late", "--steps", "8,16", "--paths", "32", "-p", "pendulum")
-    assert done.exit_code == 3
-    assert "no noise, please" in done.output
-
-
-def test_neither_a_scheme_nor_a_program_is_refused(folder: Path) -> None:
-    done = sepv_("run")
-    assert done.exit_code == 2
-    assert "a scheme, or a program with --exec" in done.output
+    assert set(found["failed"]) == {f"everywhere:{name}" for name in why}
+    # Where all fail there is nothing to compare.
+    assert "no noise, please" in command(f"compare everywhere:fails_late {FEW} -p pendulum", 3).output
 
 
 def test_a_saved_record_of_an_own_problem_guards_it(folder: Path) -> None:
-    assert sepv_("bench", *OWN, "--save", "own.json").exit_code == 0
-    done = sepv_("bench", "everywhere:step", "--against", "own.json", "-q")
-    assert done.exit_code == 0, done.output
-    assert "same" in done.output
-
-
-def test_ulps_of_functions_and_of_data_agree() -> None:
-    from dataclasses import replace
-
-    from sepv.studies._ulps import one_step
-
-    data = sepv.problems.pendulum()
-    functions = replace(data, data=None, check=False)
-    a, b = (one_step(sepv.schemes.midpoint, p, steps=20) for p in (data, functions))
-    assert a.energy_median is not None
-    assert b.energy_median == pytest.approx(a.energy_median, rel=1e-3)
+    command(f"bench {OWN} --save own.json")
+    assert "same" in command("bench everywhere:step --against own.json -q").output
 
 
 @pytest.mark.parametrize("problem", ["kepler", "toda"])
 def test_laws_about_many_steps_fit_the_problems_beyond_the_paper(problem: str) -> None:
     # Kepler's steps are as long as its slopes allow; Toda's lattice starts at y = 0, where no rounding has a size.
     laws = ["rounding", "mean-square-order", "weak-order", "right-limit"]
-    report = sepv.verify(
-        "energy-preserving", problems=[problem], laws=laws, effort=sepv.Effort(paths=512, examples=8)
-    )
-    assert {f.verdict for f in report.findings} <= {sepv.Verdict.HOLDS, sepv.Verdict.INCONCLUSIVE}, report
+    found = verdicts("energy-preserving", laws, problem, paths=512, examples=8)
+    assert set(found.values()) <= {"holds", "inconclusive"}, found
 
 
 NARROW = '''
@@ -231,11 +171,8 @@ def first_lane(problem, y, h, dW):
 def test_a_step_on_a_narrow_domain_is_seen_to_take_batches(folder: Path, domain: str) -> None:
     module = f"narrow_{len(domain)}"
     (folder / f"{module}.py").write_text(NARROW.replace("DOMAIN", domain))
-    from sepv.schemes import load_problem, load_scheme
-
     ring = load_problem(f"{module}:ring")
     assert load_scheme(f"{module}:step", problems=[ring]).batched
     assert not load_scheme(f"{module}:first_lane", problems=[ring]).batched
     if ring.domain is not None:  # without one a law may ask about any state
-        report = sepv.verify(f"{module}:step", problems=ring, laws="contract", effort=sepv.Effort(examples=5))
-        assert report.finding("contract").verdict is sepv.Verdict.HOLDS, report
+        assert verdicts(f"{module}:step", "contract", ring, examples=5) == {"contract": "holds"}

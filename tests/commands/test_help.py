@@ -51,6 +51,4 @@ def test_the_help_of_verify_states_the_usual_effort() -> None:
     asked = CliRunner().invoke(main, ["verify", "--help"], terminal_width=200).output
     said = dict(re.findall(r"--([a-z-]+) .*\[default: (\d+)\]", asked))
     usual = {field.name.replace("_", "-"): str(field.default) for field in fields(sepv.Effort)}
-    assert {name: said[name] for name in ("examples", "paths", "shrink-checks")} == {
-        name: usual[name] for name in ("examples", "paths", "shrink-checks")
-    }
+    assert all(said[name] == usual[name] for name in ("examples", "paths", "shrink-checks"))

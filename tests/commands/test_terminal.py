@@ -1,4 +1,7 @@
-"""Terminal manners: colour on terminals only, tables that fit, plain lines in pipes, completion, examples in help."""
+"""Terminal manners: colour on terminals only, tables that fit, plain lines in pipes, completion, examples in help.
+
+And what a terminal cannot encode is said in ASCII: never a traceback, and never exit code 1 for a crash.
+"""
 
 from __future__ import annotations
 
@@ -11,36 +14,32 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-import click
 import pytest
-from click.testing import CliRunner
+from doors import ROOT, command
 from rich.cells import cell_len
 from sepv.reference.faults import detection as fault_detection
 
 from sepv.commands._cli import COMMANDS, main
-from sepv.console import console, print_table
+from sepv.commands._shared import CRASH
+from sepv.console import ascii_text, console, print_table
 from sepv.studies._bench import store
 from sepv.studies._bench.store import record_table
 from sepv.verification import LAWS, Verdict
 
-ROOT = Path(__file__).resolve().parents[2]
-
 ESCAPES = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
-VERIFY = ["verify", "midpoint", "--law", "energy", "--law", "truncation", "--law", "local-mean-square"]
-CHEAP = ["--examples", "2", "--paths", "64", "--shrink-checks", "5"]
+VERIFY = "verify midpoint --law energy,truncation,local-mean-square --examples 2 --paths 64 --shrink-checks 5"
 
 
-def on_a_terminal(arguments: list[str], **variables: str) -> str:
+def a_process(line: str) -> list[str]:
+    return [sys.executable, "-m", "sepv", *line.split()]
+
+
+def on_a_terminal(line: str, **variables: str) -> str:
     """What a terminal of 80 columns would show."""
     ours, theirs = pty.openpty()
     environment = os.environ | {"TERM": "xterm-256color", "COLUMNS": "80", "LINES": "40"} | variables
-    with subprocess.Popen(
-        [sys.executable, "-m", "sepv", *arguments],
-        stdout=theirs,
-        stderr=theirs,
-        stdin=theirs,
-        env=environment,
-    ) as process:
+    streams = dict.fromkeys(("stdin", "stdout", "stderr"), theirs)
+    with subprocess.Popen(a_process(line), **streams, env=environment) as process:
         os.close(theirs)
         shown = b""
         while True:
@@ -56,12 +55,8 @@ def on_a_terminal(arguments: list[str], **variables: str) -> str:
     return shown.decode()
 
 
-@pytest.fixture(scope="module")
-def shown() -> str:
-    return on_a_terminal([*VERIFY, *CHEAP])
-
-
-def test_a_terminal_has_colour_and_tables_of_80_columns(shown: str) -> None:
+def test_a_terminal_has_colour_and_tables_of_80_columns() -> None:
+    shown = on_a_terminal(VERIFY)
     assert "\x1b[" in shown
     lines = ESCAPES.sub("", shown).replace("\r", "\n").splitlines()
     for line in lines:
@@ -71,19 +66,14 @@ def test_a_terminal_has_colour_and_tables_of_80_columns(shown: str) -> None:
 
 
 def test_no_colour_where_it_is_not_wanted() -> None:
-    plain = on_a_terminal(["list"], NO_COLOR="1")
+    plain = on_a_terminal("list", NO_COLOR="1")
     assert not re.search(r"\x1b\[[0-9;]*(3[0-7]|9[0-7])m", plain)
     lines = [cell_len(line) for line in ESCAPES.sub("", plain).replace("\r", "").splitlines()]
     assert max(lines) <= 80
 
 
 def test_a_pipe_gets_plain_lines() -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "sepv", *VERIFY, *CHEAP, "--quiet"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = subprocess.run(a_process(f"{VERIFY} --quiet"), capture_output=True, text=True, check=False)
     assert "\x1b" not in done.stdout + done.stderr
     assert len(done.stdout.splitlines()) == 1
     assert done.stdout.startswith("3 laws: ")
@@ -96,11 +86,10 @@ def test_tables_of_80_columns_hide_nothing(monkeypatch: pytest.MonkeyPatch) -> N
     out = console(text)
     for record in store.load(str(ROOT / "benchmarks" / "counters.json")):
         print_table(record_table(record), out)
-    detect = fault_detection.Detection(
-        "one-point-quadrature", "formula", "energy", 0, Verdict.VIOLATED, True, True, 5, 0.1
-    )
+    told = ("one-point-quadrature", "formula", "energy", 0, Verdict.VIOLATED, True, True, 5, 0.1)
+    detect = fault_detection.Detection(*told)
     fault_detection.show([replace(detect, law=law) for law in LAWS], out)
-    hard = CliRunner().invoke(main, ["hard", "--steps", "2", "--laws", "0"]).output
+    hard = command("hard --steps 2 --laws 0").output
     shown = text.getvalue() + hard[: hard.index("27 cases")]  # the last line is one line for who reads a pipe
     assert "…" not in shown
     assert "kepler-0.99*" in shown
@@ -109,29 +98,25 @@ def test_tables_of_80_columns_hide_nothing(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 @pytest.mark.parametrize(
-    "arguments",
-    ["hard --case rank-0 --steps 5", "run energy-preserving --steps 100", "bench midpoint --case rigid-body"],
+    "line", ["hard --case rank-0 --steps 5", "run energy-preserving --steps 100", "bench midpoint"]
 )
-def test_quiet_is_one_line(arguments: str) -> None:
-    result = CliRunner().invoke(main, [*arguments.split(), "--quiet"])
-    assert result.exit_code == 0, result.output
-    assert len(result.output.splitlines()) == 1
+def test_quiet_is_one_line(line: str) -> None:
+    assert len(command(f"{line} --quiet").output.splitlines()) == 1
 
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_help_fits_and_has_an_example(name: str) -> None:
-    text = CliRunner().invoke(main, [name, "--help"], terminal_width=80).output
+    text = command(f"{name} --help", COLUMNS="80").output
     assert max(map(cell_len, text.splitlines())) <= 80
     assert re.search(rf"\n  sepv {name}\b", text)
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_completion_scripts(shell: str, tmp_path: Path) -> None:
-    script = CliRunner().invoke(main, ["completion", shell])
-    assert script.exit_code == 0
-    assert f"_SEPV_COMPLETE={shell}_complete" in script.output
+    script = command(f"completion {shell}").output
+    assert f"_SEPV_COMPLETE={shell}_complete" in script
     if shell == "bash":
-        (tmp_path / "script").write_text(script.output)
+        (tmp_path / "script").write_text(script)
         assert subprocess.run(["bash", "-n", str(tmp_path / "script")], check=False).returncode == 0
 
 
@@ -146,4 +131,37 @@ def test_schemes_and_laws_are_completed() -> None:
     assert offers(["verify"], "energy") == ["energy-preserving"]
     assert offers(["verify", "--law"], "mean") == ["mean-square-order"]
     assert "reproduce" in offers([], "re")
-    assert isinstance(main, click.Group)
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "cp1252"])
+def test_a_report_is_printed_in_any_encoding(encoding: str) -> None:
+    line = a_process("verify midpoint --law truncation,identity --examples 5")
+    done = subprocess.run(
+        line, env=os.environ | {"PYTHONIOENCODING": encoding}, capture_output=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    shown = done.stdout.decode("ascii")
+    assert "<= 0" in shown
+    assert "2 laws: 2 hold;" in shown
+
+
+def test_texts_read_the_same_in_ascii() -> None:
+    shown = "|Delta| <= 1/2*sqrt n, grad H >= 2^-4, naive \\u2603"
+    assert ascii_text("|Δ| ≤ ½·√n, ∇H ≥ 2⁻⁴, naïve ☃") == shown
+
+
+def test_a_defect_of_our_own_is_no_verdict(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object, **__: object) -> None:
+        raise TypeError("a defect")
+
+    monkeypatch.setattr("sepv.verification._report.summary", broken)
+    assert CRASH == 70
+    shown = command("verify midpoint --law truncation", CRASH).output
+    assert "a defect of sepv itself, and no verdict: TypeError: a defect" in shown
+
+
+def test_a_reader_that_goes_away_is_no_verdict() -> None:
+    line = f"{sys.executable} -m sepv hard --explain | true; echo ${{PIPESTATUS[0]}}"
+    done = subprocess.run(["bash", "-c", line], capture_output=True, text=True, check=False)
+    assert done.stdout.strip() == "141", done.stderr
+    assert "Traceback" not in done.stderr

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import random
+import re
 import signal
 import subprocess
 import sys
@@ -151,18 +152,20 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_ctrl_c_that_a_destructor_eats_is_answered(folder: Path) -> None:
-    """As Hypothesis' callback of the garbage collector ate it: the run went on to its end and said 0."""
-    child = started(folder, "verify mine:destroys --law identity -q")
-    wait_for(folder / "begun")
-    require_answered(child, *interrupted(child)[:2])
-
-
-@pytest.mark.parametrize("times", [1, 2])
-def test_ctrl_c_that_nothing_lets_through_ends_the_process(times: int, folder: Path) -> None:
-    child = started(folder, "verify mine:eats --law identity -q")
+@pytest.mark.parametrize(("scheme", "times"), [("destroys", 1), ("eats", 1), ("eats", 2)])
+def test_ctrl_c_that_is_eaten_is_answered(scheme: str, times: int, folder: Path) -> None:
+    """By a destructor, as Hypothesis' callback of the garbage collector ate it, or by a step that catches all."""
+    child = started(folder, f"verify mine:{scheme} --law identity -q")
     wait_for(folder / "begun")
     require_answered(child, *interrupted(child, times)[:2])
+
+
+def crashed(folder: Path, command: str) -> str:
+    """What a command prints that ends in an error of its scheme."""
+    child = started(folder, command)
+    out, err = child.communicate(timeout=6 * SOON)
+    assert child.returncode == 3, out + err
+    return out + err
 
 
 def wait_for(file: Path) -> None:
@@ -176,9 +179,7 @@ def wait_for(file: Path) -> None:
 def test_a_segmentation_fault_ends_its_law_alone_and_its_case_is_named(jobs: str, folder: Path) -> None:
     """It ended `sepv verify` with 139 and no word."""
     command = f"verify mine:falls --law identity,energy,casimir -j {jobs} --shrink-checks 3 --json r.json"
-    child = started(folder, command)
-    out, err = child.communicate(timeout=6 * SOON)
-    assert child.returncode == 3, out + err
+    crashed(folder, command)
     laws = {law["law"]: law for law in json.loads((folder / "r.json").read_text())["laws"]}
     assert {name: law["verdict"] for name, law in laws.items()} == {
         "identity": "holds", "energy": "violated", "casimir": "error",
@@ -186,35 +187,26 @@ def test_a_segmentation_fault_ends_its_law_alone_and_its_case_is_named(jobs: str
     crash = laws["casimir"]
     assert "signal SIGSEGV" in crash["message"]
     assert len(crash["witness"]["y"]) == 5
-    assert "B12(y) = " in crash["message"] or "B13(y) = " in crash["message"] or "B24(y)" in crash["message"]
+    assert re.search(r"B\d\d\(y\) = ", crash["message"])
     # It is replayed by its token, and ends so again.
-    again = started(folder, f"verify mine:falls {crash['replay']}")
-    out, err = again.communicate(timeout=SOON)
-    assert again.returncode == 3, out + err
-    assert "signal SIGSEGV" in out
+    assert "signal SIGSEGV" in crashed(folder, f"verify mine:falls {crash['replay']}")
 
 
-def test_a_step_that_ends_the_process_is_no_success(folder: Path) -> None:
-    child = started(folder, "verify mine:leaves --law identity -q")
-    out, err = child.communicate(timeout=SOON)
-    assert child.returncode == 3, out + err
-    assert "1 error" in out
-
-
-@pytest.mark.parametrize("command", ["verify mine:aborts --law identity", "run mine:aborts --steps 4"])
-def test_a_crash_outside_of_every_law_has_a_word(command: str, folder: Path) -> None:
-    child = started(folder, command)
-    out, err = child.communicate(timeout=SOON)
-    assert child.returncode == 3, out + err
-    assert "the process ended with signal SIGABRT" in err
-
-
-def test_what_was_printed_before_a_crash_is_printed_once(folder: Path) -> None:
-    child = started(folder, "verify midpoint mine:falls --law identity,casimir --shrink-checks 3 -q")
-    out, err = child.communicate(timeout=6 * SOON)
-    assert child.returncode == 3, out + err
-    assert out.count("midpoint: 2 laws: 2 hold") == 1
-    assert out.count("mine:falls: 2 laws: 1 holds, 1 error") == 1
+@pytest.mark.parametrize(
+    ("command", "once"),
+    [
+        ("verify mine:leaves --law identity -q", ["1 error"]),
+        ("verify mine:aborts --law identity", ["the process ended with signal SIGABRT"]),
+        ("run mine:aborts --steps 4", ["the process ended with signal SIGABRT"]),
+        ("verify midpoint mine:falls --law identity,casimir --shrink-checks 3 -q",
+         ["midpoint: 2 laws: 2 hold", "mine:falls: 2 laws: 1 holds, 1 error"]),
+    ],
+)  # fmt: skip
+def test_a_step_that_ends_the_process_has_a_word_and_is_no_success(
+    command: str, once: list[str], folder: Path
+) -> None:
+    shown = crashed(folder, command)
+    assert [shown.count(words) for words in once] == [1] * len(once)
 
 
 def test_a_debugger_sees_the_step(folder: Path) -> None:

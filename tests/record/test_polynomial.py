@@ -94,15 +94,6 @@ def test_algebra_agrees_with_hand_calculation() -> None:
     assert str(product) == "y1^2 - y2^2"
 
 
-@pytest.mark.parametrize(
-    ("terms", "word"),
-    [({(1,): 1.0}, "2 exponents"), ({(1, -1): 1.0}, "≥ 0"), ({(1, 0): float("nan")}, "finite")],
-)
-def test_wrong_terms_are_refused(terms: dict[tuple[int, ...], float], word: str) -> None:
-    with pytest.raises(UsageError, match=word):
-        poly.polynomial(2, terms)
-
-
 def test_degrees_and_the_order_of_terms() -> None:
     p = poly.polynomial(2, {(2, 1): 4.0, (0, 1): 1.0, (1, 0): 2.0})
     assert p.degree == 3

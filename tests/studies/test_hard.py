@@ -84,12 +84,6 @@ def test_further_problems_agree_with_themselves(name: str) -> None:
         assert np.max(np.abs(quadrature.value[:, 0] - closed)) < 1e-13
 
 
-def test_a_toda_chain_needs_two_particles() -> None:
-    for wrong in (1, 2.5):
-        with pytest.raises(ProblemError, match="particles"):
-            problems.toda(wrong)
-
-
 def test_a_structure_off_by_1e_12_is_refused_when_the_problem_is_made() -> None:
     case = hard.by_name("nearly-skew-1e-12")
     with pytest.raises(ProblemError, match="skew"):

@@ -7,11 +7,11 @@ problem and the numbers here are our own: of the paper the abstract and the intr
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from doors import doc, verdicts
 from drawn import drawn_systems
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -23,18 +23,18 @@ from sepv.reference.generator import moments
 from benchmarks import additive_noise
 from benchmarks.additive_noise import euler_maruyama, implicit_euler
 from benchmarks.right_schemes import RIGHT
-from sepv import Problem, Scheme, problems, schemes, verify
+from sepv import Problem, Scheme, problems, schemes
 from sepv.errors import ProblemError, Skipped, UsageError
 from sepv.problem import HamiltoniansProblem, PolynomialSystem, Systems, vector_field
 from sepv.problem._checks import check_problem
 from sepv.problem._hamiltonians import noise_vectors
 from sepv.problems._polynomial_system import drift_of_energy
 from sepv.record import _polynomial as poly
-from sepv.verification import Case, Effort
+from sepv.verification import Case
 from sepv.verification._trace_formula import mean_after
 
 DRIFT = ["energy-drift", "casimir-drift"]
-QUICK = Effort(examples=4, shrink_checks=0)
+FEW = {"examples": 4, "shrink_checks": 0}
 
 
 def body() -> Problem:
@@ -62,11 +62,12 @@ def test_vectors_survive_json_and_are_checked() -> None:
     assert np.array_equal(noise_vectors(again), [[1.0, 0.5, 0.0], [0.0, 0.5, 1.0]])
     data = problem.data
     assert isinstance(data, PolynomialSystem)
+    twice: dict[str, Any] = {"noise_hamiltonians": (data.hamiltonian,) * 2}
+    short: dict[str, Any] = {"noise_vectors": ((1.0, 0.0), (1.0, 0.0))}
+    one: dict[str, Any] = {"noise": (1.0,)}
     for wrong, said in (
-        ({"noise": (1.0,)}, "2 vectors, 1 coefficients"),
-        ({"noise_hamiltonians": (data.hamiltonian,) * 2}, "2 Hamiltonians, 2 vectors"),
-        ({"noise_vectors": ((1.0, 0.0), (1.0, 0.0))}, "shape"),
-    ):
+        (one, "2 vectors, 1 coefficients"), (twice, "2 Hamiltonians, 2 vectors"), (short, "shape"),
+    ):  # fmt: skip
         with pytest.raises(ProblemError, match=said):
             problems.build(replace(data, **wrong))
     given: dict[str, Any] = {"noise": (1.0,), "noise_vectors": ((0.0, 0.0, 1.0),)}
@@ -113,9 +114,8 @@ def test_means_of_casimirs_grow_at_a_constant_rate(system: PolynomialSystem, see
 
 @pytest.mark.parametrize("right", [schemes.drift_preserving, RIGHT["pushed-at-once"]], ids=lambda s: s.name)
 def test_both_means_are_kept_by_a_push_and_a_step_that_keeps_h_and_c(right: Scheme) -> None:
-    report = verify(right, laws=[*DRIFT, "identity", "noise-sum", "casimir"], effort=QUICK)
-    for finding in report.findings:
-        assert finding.verdict.text == ("not applicable" if finding.law == "casimir" else "holds")
+    held = dict.fromkeys((*DRIFT, "identity", "noise-sum"), "holds")
+    assert verdicts(right, [*held, "casimir"], **FEW) == held | {"casimir": "not applicable"}
 
 
 def test_they_are_measured_of_functions_too() -> None:
@@ -124,8 +124,7 @@ def test_they_are_measured_of_functions_too() -> None:
         noise=(0.5,), noise_vectors=((1.0, 0.0, 2.0),), casimirs=(np.eye(3),), initial=(0.8, 0.6, 0.1),
     )  # fmt: skip
     for tried, verdict in ((schemes.drift_preserving, "holds"), (scheme(implicit_euler), "violated")):
-        report = verify(replace(tried, problems=(problem,)), laws=["casimir-drift"], effort=QUICK)
-        assert report.finding("casimir-drift").verdict.text == verdict
+        assert verdicts(tried, "casimir-drift", problem, **FEW) == {"casimir-drift": verdict}
 
 
 def test_euler_maruyama_misses_the_mean_of_a_casimir_by_what_theory_says() -> None:
@@ -155,8 +154,7 @@ def test_over_many_steps_the_means_grow_linearly_and_those_of_euler_maruyama_do_
 def test_the_page_has_the_numbers_of_today() -> None:
     """Of the explicit scheme, which a compiler or another processor changes by roundings alone."""
     mean, error = additive_noise.rates(additive_noise.euler_maruyama, body(), 2)
-    page = (Path(__file__).resolve().parents[2] / "docs" / "class.md").read_text(encoding="utf-8")
-    assert f"| Euler-Maruyama | {mean[0]:.3f} ± {error[0]:.3f} |" in page
+    assert f"| Euler-Maruyama | {mean[0]:.3f} ± {error[0]:.3f} |" in doc("class.md")
 
 
 # What the laws must not say.

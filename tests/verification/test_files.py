@@ -214,35 +214,3 @@ def test_statistical_laws_can_be_expected_failures(tmp_path: Path, monkeypatch: 
     assert "seed = 0" in file.read_text()
     code, output = run(["verify", target, *laws, "--expected", str(file)])
     assert code == 0, output
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        (None, "No such file"),
-        ("[[expected]", "TOML"),
-        ("expected = 3", "[[expected]]"),
-        ("[other]\n", "[[expected]]"),
-        ('[[expected]]\nlaw = "energy"', "law, reason and witness"),
-        ('[[expected]]\nlaw = "nosuch"\nreason = "r"\nwitness = "w"', "nosuch"),
-        ('[[expected]]\nlaw = "energy"\nreason = " "\nwitness = "w"', "a reason"),
-        ('[[expected]]\nlaw = "energy"\nreason = "r"\nwitness = "w"', "token"),
-        ('[[expected]]\nlaw = "energy"\nreason = "r"\nwitness = 3', "a witness"),
-        ('[[expected]]\nlaw = "energy"\nreason = "r"\nwitness = { seed = 0 }', "a witness"),
-        ('[[expected]]\nlaw = "energy"\nreason = "r"\nwitness = "TOKEN"\n' * 2, "twice"),
-    ],
-)
-def test_wrong_files_are_refused_with_one_message(tmp_path: Path, text: str | None, words: str) -> None:
-    file = tmp_path / "expected.toml"
-    if text is not None and "TOKEN" in text:
-        from sepv.verification._cases.case import from_json, to_token
-
-        finding = verify("midpoint", laws=["energy"], effort=FEW).finding("energy")
-        assert finding.witness
-        text = text.replace("TOKEN", to_token(from_json(finding.witness)))
-    if text is not None:
-        file.write_text(text)
-    code, output = run(["verify", "midpoint", "--law", "energy", "--expected", str(file)])
-    assert code == 2, output
-    assert words in output
-    assert "Traceback" not in output

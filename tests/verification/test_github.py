@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from click.testing import CliRunner
+from doors import command
 
 import sepv
-from sepv.commands._cli import main
 from sepv.verification import Effort, Verdict
 from sepv.verification._github import error_lines, step_summary
 from sepv.verification._profiles import requirements
@@ -85,20 +84,16 @@ def test_text_of_strangers_is_no_markup_and_no_command() -> None:
 
 
 def test_the_command_adds_to_the_summary_and_keeps_its_exit_code(tmp_path: Path) -> None:
-    words = ["verify", "midpoint", "--law", "energy", "--claim", "energy", "--examples", "2", "-q"]
+    line = "verify midpoint --law energy --claim energy --examples 2 -q"
     summary = tmp_path / "summary.md"
     summary.write_text("before\n")
-    environment = {"GITHUB_STEP_SUMMARY": str(summary), "GITHUB_ACTIONS": "true"}
-    done = CliRunner(env=environment).invoke(main, words)
-    assert done.exit_code == 1
+    done = command(line, 1, GITHUB_STEP_SUMMARY=str(summary), GITHUB_ACTIONS="true")
     assert done.stderr.count("::error title=sepv%3A energy::energy (Prop. 3.1) violated") == 1
     assert "::error" not in done.stdout
     text = summary.read_text()
     assert text.startswith("before\n### ❌ sepv: midpoint\n")
     assert "| energy | yes | violated |" in text
     assert "replay: sepv verify midpoint --law energy --replay" in text
-    nowhere = CliRunner(env={"GITHUB_STEP_SUMMARY": str(tmp_path / "no" / "file"), "GITHUB_ACTIONS": ""})
-    done = nowhere.invoke(main, words)
-    assert done.exit_code == 1
+    done = command(line, 1, GITHUB_STEP_SUMMARY=str(tmp_path / "no" / "file"), GITHUB_ACTIONS="")
     assert "sepv: no summary for GitHub: " in done.stderr
     assert "::error" not in done.stderr
