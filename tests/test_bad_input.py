@@ -274,6 +274,7 @@ CHECKS: dict[str, Check] = {
     "rigid body: negative inertia": refused(lambda: problems.rigid_body(inertia=(1, -1, 1))),
     "rigid body: two moments": refused(lambda: problems.rigid_body(inertia=(1, 1))),
     "kepler: a hyperbola": refused(lambda: problems.kepler(eccentricity=1.5)),
+    "planets: an axis for two": refused(lambda: problems.planets(axes=(1.0,)), "axis"),
     "toda: one particle": refused(lambda: problems.toda(particles=1), "particles"),
     "toda: half a particle": refused(lambda: problems.toda(particles=2.5), "particles"),
     "lotka-volterra: NaN": refused(lambda: problems.lotka_volterra(nu=float("nan"))),

@@ -24,6 +24,8 @@ from sepv.problems._mechanical import harmonic_trap as harmonic_trap
 from sepv.problems._mechanical import henon_heiles as henon_heiles
 from sepv.problems._mechanical import lennard_jones as lennard_jones
 from sepv.problems._mechanical import pendulum_chain as pendulum_chain
+from sepv.problems._n_body import figure_eight as figure_eight
+from sepv.problems._n_body import planets as planets
 from sepv.problems._nambu_system import nambu_system as nambu_system
 from sepv.problems._noisy_oscillators import noisy_henon_heiles as noisy_henon_heiles
 from sepv.problems._noisy_oscillators import pushed_henon_heiles as pushed_henon_heiles
@@ -53,12 +55,14 @@ def _listed(*factories: Callable[..., Problem]) -> dict[str, Callable[..., Probl
 PAPER = _listed(harmonic_oscillator, rigid_body, pendulum, lotka_volterra)
 # Problems beyond the paper; two of them serve the hard cases.
 EXTENSIONS = _listed(
+    figure_eight,
     harmonic_trap,
     henon_heiles,
     kepler,
     lennard_jones,
     maxwell_bloch,
     pendulum_chain,
+    planets,
     toda,
 )
 # Problems with several structures or Hamiltonians.

@@ -46,17 +46,22 @@ def _radius(y: Array) -> Array:
 
 
 def _mean_gradient(y0: Array, y1: Array) -> Array:
-    r0, r1 = _radius(y0), _radius(y1)
-    u = np.stack([y0[2] / r0 + y1[2] / r1, y0[3] / r0 + y1[3] / r1])
+    return np.concatenate([y0[:2] + 0.5 * (y1[:2] - y0[:2]), mean_attraction(y0[2:], y1[2:])])
+
+
+def mean_attraction(q0: Array, q1: Array) -> Array:
+    """∫₀¹ q/|q|³ dτ over the segment from q0 to q1 in the plane, (2, ...)."""
+    r0, r1 = np.sqrt(q0[0] * q0[0] + q0[1] * q0[1]), np.sqrt(q1[0] * q1[0] + q1[1] * q1[1])
+    u = np.stack([q0[0] / r0 + q1[0] / r1, q0[1] / r0 + q1[1] / r1])
     opening = u[0] * u[0] + u[1] * u[1]  # 2(1 + cos φ) for the angle φ between q0 and q1
     force = 2 * u / (r0 * r1 * opening)
     # Beyond a right angle and a half u cancels. The part along b = q1 − q0 then comes from 1/r0 − 1/r1, and the rest is
     # perpendicular to b in every digit: it does no work however inaccurate it is.
-    b, middle = y1[2:] - y0[2:], y1[2:] + y0[2:]
+    b, middle = q1 - q0, q1 + q0
     square = np.where(opening < 1, b[0] * b[0] + b[1] * b[1], 1.0)
     along = (b[0] * middle[0] + b[1] * middle[1]) / (r0 * r1 * (r0 + r1)) / square
-    area = y0[2] * y1[3] - y0[3] * y1[2]
+    area = q0[0] * q1[1] - q0[1] * q1[0]
     across = 2 * area * (r0 + r1) / ((r0 * r1) ** 2 * np.where(opening > 0, opening, 1.0)) / square
     split = np.stack([along * b[0] + across * b[1], along * b[1] - across * b[0]])
-    force = np.where((opening < 1) & (opening > 0), split, force)
-    return np.concatenate([y0[:2] + 0.5 * (y1[:2] - y0[:2]), force])
+    found: Array = np.where((opening < 1) & (opening > 0), split, force)
+    return found

@@ -12,7 +12,17 @@ from sepv.problems._common import canonical
 from sepv.record import _polynomial as poly
 from sepv.verification._cases.classes import CLASSES
 
-NAMED = ("henon-heiles", "pendulum-chain", "lennard-jones", "harmonic-trap", "kepler", "pendulum", "toda")
+NAMED = (
+    "henon-heiles",
+    "pendulum-chain",
+    "lennard-jones",
+    "planets",
+    "figure-eight",
+    "harmonic-trap",
+    "kepler",
+    "pendulum",
+    "toda",
+)
 
 
 def agrees(problem: Problem, y: np.ndarray) -> None:

@@ -1,0 +1,104 @@
+"""Bodies that attract each other in the plane, H = Σ|p_i|²/2m_i − G Σ_{i<j} m_im_j/|q_i − q_j| with B = J.
+
+y = (x_1, y_1, x_2, …, p) in an inertial frame, positions first. The total momentum is zero and the centre of mass rests
+in the origin. The flow keeps both, and the angular momentum Σ q_i × p_i.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sepv.errors import ProblemError
+from sepv.problem import Array, Problem
+from sepv.problem._fields import dot
+from sepv.problems._common import named
+from sepv.problems._kepler import mean_attraction
+from sepv.problems._mechanical import positions_first
+
+# Each body has two degrees of freedom; B and H″ are dense.
+MOST_BODIES = 16
+
+
+def planets(
+    masses: ArrayLike = (1000.0, 1.0, 0.3),
+    axes: ArrayLike = (1.0, 1.8),
+    eccentricities: ArrayLike = (0.05, 0.1),
+    noise: ArrayLike = 1.0,
+) -> Problem:
+    """A star, the first of the masses, and planets on ellipses about it with these semi-major axes.
+
+    Gm_0 = 1: a light planet of axis 1 has the period 2π. Planet k starts at its pericentre, in the direction of 2k
+    radians. With masses of the order of the planets', momenta are of the order of positions.
+    """
+    m, a, e = (np.atleast_1d(np.asarray(part, dtype=np.float64)) for part in (masses, axes, eccentricities))
+    shapes = 2 <= m.size <= MOST_BODIES and m.ndim == 1 and a.shape == e.shape == (m.size - 1,)
+    if not (
+        shapes
+        and np.all(m > 0)
+        and np.all(a > 0)
+        and np.all((e >= 0) & (e < 1))
+        and np.isfinite([*m, *a]).all()
+    ):
+        raise ProblemError(
+            expected=f"2 to {MOST_BODIES} masses > 0, for each but the first an axis > 0 and an eccentricity 0 ≤ e < 1",
+            received=f"masses={masses!r:.60}, axes={axes!r:.60}, eccentricities={eccentricities!r:.60}",
+            remedy="masses=(1000.0, 1.0), axes=(1.0,), eccentricities=(0.05,)",
+        )  # fmt: skip
+    angle = 2.0 * np.arange(a.size)
+    direction = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    across = np.stack([-np.sin(angle), np.cos(angle)], axis=1)
+    speed = np.sqrt((1 + m[1:] / m[0]) / a * (1 + e) / (1 - e))
+    q = np.concatenate([np.zeros((1, 2)), (a * (1 - e))[:, None] * direction])
+    v = np.concatenate([np.zeros((1, 2)), speed[:, None] * across])
+    parameters = {"masses": m.tolist(), "axes": a.tolist(), "eccentricities": e.tolist()}
+    return _bodies("planets", parameters, m, q, v, noise, gravity=1 / m[0])
+
+
+def figure_eight(noise: ArrayLike = 1.0) -> Problem:
+    """Three equal masses that follow each other on one curve shaped like an eight, with the period 6.32591398.
+
+    A. Chenciner and R. Montgomery, Annals of Mathematics 152 (2000), with the initial state of C. Simó.
+    """
+    x, v = np.array([0.97000436, -0.24308753]), np.array([0.93240737, 0.86473146])
+    q, velocities = np.stack([x, -x, 0 * x]), np.stack([v / 2, v / 2, -v])
+    return _bodies("figure-eight", {}, np.ones(3), q, velocities, noise, gravity=1.0)
+
+
+def _bodies(
+    name: str, parameters: dict[str, Sequence[float]], m: Array, q: Array, v: Array, noise: ArrayLike, gravity: float
+) -> Problem:  # fmt: skip
+    """The problem of masses (n,) at positions (n, 2) with velocities (n, 2), moved to their centre of mass."""
+    n = m.size
+    q, v = q - m @ q / m.sum(), v - m @ v / m.sum()
+    inverse = np.repeat(1 / m, 2).tolist()
+    pairs = [(i, j, float(gravity * m[i] * m[j])) for i, j in combinations(range(n), 2)]
+
+    def between(y: Array, i: int, j: int) -> Array:
+        return np.stack([y[2 * i] - y[2 * j], y[2 * i + 1] - y[2 * j + 1]])
+
+    def distance(y: Array, i: int, j: int) -> Array:
+        found: Array = np.sqrt(dot(between(y, i, j), between(y, i, j)))
+        return found
+
+    def hamiltonian(y: Array) -> Array:
+        kinetic = 0.5 * sum(w * p * p for w, p in zip(inverse, y[2 * n :], strict=True))
+        return kinetic - sum(weight / distance(y, i, j) for i, j, weight in pairs)
+
+    def mean_gradient(y0: Array, y1: Array) -> Array:
+        pulls = np.zeros_like(y0[: 2 * n] + y1[: 2 * n])
+        for i, j, weight in pairs:
+            pull = weight * mean_attraction(between(y0, i, j), between(y1, i, j))
+            pulls[2 * i : 2 * i + 2] += pull
+            pulls[2 * j : 2 * j + 2] -= pull
+        p0, p1 = y0[2 * n :], y1[2 * n :]
+        return np.concatenate([pulls, (np.array(inverse) * (p0 + 0.5 * (p1 - p0)).T).T])
+
+    return named(
+        name, noise, parameters, dimension=4 * n, structure=positions_first, hamiltonian=hamiltonian,
+        mean_gradient=mean_gradient, initial=np.concatenate([q.ravel(), (m[:, None] * v).ravel()]).tolist(),
+        domain=lambda y: np.min([distance(y, i, j) for i, j, _ in pairs], axis=0) > 0,
+    )  # fmt: skip
