@@ -13,20 +13,19 @@ from sepv.verification import Verdict
 # Half of the lowest order that a consistent scheme has, ½: an error that falls so has a limit of 0.
 LEAST_SLOPE = 0.25
 
-INTRODUCTION = """What each recorded version of these libraries was found to do: its Stratonovich solvers, through the
-library's own code, in a fresh environment with that version. Asked are *local-mean*, *local-mean-square*, *local-weak*,
-*mean-square-order* and *right-limit*. A solver claims the orders that its documentation states for noise that commutes
-([all laws, of the newest versions](compliance.md)); a cell names the claimed laws that are not found to hold. The
-records are `results/LIBRARY/VERSION.json`, with every verdict, defect, seed and package; none is ever overwritten.
+INTRODUCTION = """Read what each recorded version of a library was found to do, and when that changed. Its Stratonovich solvers ran
+through the library's own code, in a fresh environment. A solver claims the orders that its documentation states for noise
+that commutes; a cell names those of *local-mean*, *local-mean-square*, *local-weak*, *mean-square-order* and *right-limit*
+that are not found to hold ([all laws, of the newest versions](compliance.md)). The records, `results/LIBRARY/VERSION.json`,
+have every verdict, defect, seed and package; none is ever overwritten.
 
 ```sh
 python -m benchmarks.peers.releases sdeint 0.2.4 0.3.0
 python -m benchmarks.peers.trend results --out docs/trend.md
 ```
 
-The first measures versions and adds their records (`--versions`: all that this page shows), the second makes this
-page. A seed and a suite give the same verdicts. Where another package changed with the library, the page
-says so: the reason may be there."""
+The first measures versions and adds their records, the second makes this page. Where another package changed with the
+library, the page says so: the reason may be there."""
 
 
 def page(found: dict[str, list[Record]]) -> str:
@@ -39,9 +38,12 @@ def page(found: dict[str, list[Record]]) -> str:
 
 def _library(records: Sequence[Record]) -> Iterator[str]:
     last = latest(records)
+    alike: dict[tuple[str, ...], list[str]] = {}  # solvers with the same cells share a row
+    for name in solvers(records):
+        alike.setdefault(tuple(cell(r, name) for r in last), []).append(name)
     yield markdown(
         ["solver", *(r.version for r in last)],
-        [(name, *(cell(r, name) for r in last)) for name in solvers(records)],
+        [("; ".join(names), *cells) for cells, names in alike.items()],
     )
     slow = [name for name, entry in last[-1].solvers.items() if _falls_slowly(entry)]
     if slow:
