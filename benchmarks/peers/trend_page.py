@@ -13,11 +13,11 @@ from sepv.verification import Verdict
 # Half of the lowest order that a consistent scheme has, ½: an error that falls so has a limit of 0.
 LEAST_SLOPE = 0.25
 
-INTRODUCTION = """Read what each recorded version of a library was found to do, and when that changed. Its Stratonovich solvers ran
-through the library's own code, in a fresh environment. A solver claims the orders that its documentation states for noise
-that commutes; a cell names those of *local-mean*, *local-mean-square*, *local-weak*, *mean-square-order* and *right-limit*
-that are not found to hold ([all laws, of the newest versions](compliance.md)). The records, `results/LIBRARY/VERSION.json`,
-have every verdict, defect, seed and package; none is ever overwritten.
+INTRODUCTION = """Read what each recorded version of a library was found to do, and when that changed. Its Stratonovich
+solvers ran through the library's own code, in a fresh environment. A solver claims the orders that its documentation
+states for noise that commutes ([all laws, of the newest versions](compliance.md)). A cell names those of *local-mean*,
+*local-mean-square*, *local-weak*, *mean-square-order* and *right-limit* that are not found to hold. The records,
+`results/LIBRARY/VERSION.json`, have every verdict, defect, seed and package; none is ever overwritten.
 
 ```sh
 python -m benchmarks.peers.releases sdeint 0.2.4 0.3.0
