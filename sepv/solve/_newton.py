@@ -77,9 +77,10 @@ def solve(
 
     Notes
     -----
-    The unknown is δ = y1 − y0. The iteration stops where the next correction is below half an ulp of
-    every component, or where corrections no longer shrink. That correction is not applied: the
-    residual returned is the one at the value returned, at no further evaluation.
+    The unknown is δ = y1 − y0. The iteration stops where a correction leaves nothing but rounding, or where
+    corrections no longer shrink (`sepv.solve._stop_rule`). The last correction is applied too. Left out, it
+    would keep one sign over many steps if Newton's matrix differs from the slope of R by a rounding: on the
+    oscillator the energy then drifts by a tenth of a rounding a step.
     """
 
     def evaluate(z: Array, lanes: Lanes) -> Evaluation:
@@ -197,38 +198,35 @@ def _newton_of_many(equations: Equations, start: Array, numbers: Lanes, *, diffe
             residual[at] = residual_norm = np.abs(F).max(axis=0)
             magnitude, moves = y + np.abs(z), np.abs(correction)
             scale, move = magnitude.max(axis=0), moves.max(axis=0)
-            # Where no matrix is used again, the share is needed only for small corrections.
-            size, near = np.full(move.size, np.inf), move <= (STAGNATION if recorded else np.inf) * scale
-            if near.any():
-                np.copyto(size, stop.relative(moves, magnitude, scale).max(axis=0), where=near)
+            near = move <= STAGNATION * scale
+            size = _share(moves, magnitude, move, scale, near if recorded else None)
             outgrown = scale > outgrown_at[at]
             reuse, last_matrix = stop.may_reuse_matrix(size, last_size) & ~(outgrown | recorded), K
-            stagnated = _small(size, moves, magnitude, outgrown) | stop.is_stuck(
-                size, move, scale, last_size, last_move
-            )
+            stagnated = near
+            if near.any():
+                last = stop.is_last(size, last_size, residual_norm, scale)
+                stagnated = _unless_hidden(last, moves, magnitude, outgrown) | stop.is_stuck(
+                    size, move, scale, last_size, last_move
+                )
             if stagnated.any():
                 stagnated &= _is_rounding(equations, lanes, residual_norm, z, scale, stagnated & exact)
+            goes_on = np.ones(lanes.size, dtype=bool)
             # False also where one of them is NaN.
             if stagnated.any() or not (
                 residual_norm.min(initial=np.inf) > QUANTA and move.max(initial=0) < np.inf
             ):
                 outcome = _outcome(residual_norm, move, stagnated, reliable, K, algebra)
-                go_on, ended = np.flatnonzero(outcome < 0), outcome >= 0
-                status[active[ended]] = outcome[ended]
-                if not go_on.size:
-                    break
-                z, correction, lanes, stays, active = _of(go_on, z, correction, lanes, stays, active)
-                size, move, reuse, last_matrix = _of(go_on, size, move, reuse, last_matrix)
-            moved, inside = z - correction, stays
-            if not recorded and not stays.all():
-                moved, inside = into_domain(equations, z, correction, lanes)
-            z_all[:, at if active.size == count else active] = moved
-            if not inside.all():
-                status[active[~inside]] = Status.LEFT_DOMAIN
-                if not inside.any():
-                    break
+                goes_on = outcome < 0
+                status[active[~goes_on]] = outcome[~goes_on]
+                correction = np.where(goes_on | stagnated & (residual_norm > QUANTA), correction, 0.0)
+            z_all[:, at], inside = _moved(equations, recorded, z, correction, lanes, stays)
+            status[active[goes_on & ~inside]] = Status.LEFT_DOMAIN
+            goes_on &= inside
+            if not goes_on.any():
+                break
+            if not goes_on.all():
                 active, size, move, reuse, last_matrix = _of(
-                    np.flatnonzero(inside), active, size, move, reuse, last_matrix
+                    np.flatnonzero(goes_on), active, size, move, reuse, last_matrix
                 )
             last_size, last_move = size, move
     return Solution(z_all, residual, iterations, gradients, structures, status)
@@ -254,17 +252,39 @@ def _asked(
     return F, equations.algebra.correction(K, F), stays, K, costs, R.reliable
 
 
+def _moved(
+    equations: Equations, recorded: bool, z: Array, correction: Array, lanes: Lanes, stays: Flags
+) -> tuple[Array, Flags]:
+    """z less the correction, shortened to stay in the domain (not by a record); z and False where no share does."""
+    if stays.all():
+        return z - correction, stays
+    moved, inside = (z - correction, stays) if recorded else into_domain(equations, z, correction, lanes)
+    return np.where(inside, moved, z), inside
+
+
 def _of(lanes: Any, *values: Any) -> Any:
     """The entries of each array for these lanes, contiguous in memory, as v[..., lanes] is not."""
     return values if isinstance(lanes, slice) else [v.take(lanes, axis=-1) for v in values]
 
 
-def _small(size: Array, moves: Array, magnitude: Array, outgrown: Flags) -> Flags:
-    """True where the correction is below half an ulp of every component, unless an outgrown one hides the others."""
-    small: Flags = stop.is_small(size)
-    if outgrown.any():
-        small &= ~(outgrown & (moves > STAGNATION * magnitude).any(axis=0))
-    return small
+def _share(moves: Array, magnitude: Array, move: Array, scale: Array, near: Flags | None) -> Array:
+    """The largest share of a component that a correction moves; only move/scale, which is less, where not `near`.
+
+    Where no matrix is used again, shares of large corrections are not needed.
+    """
+    if near is None:
+        return np.asarray(stop.relative(moves, magnitude, scale).max(axis=0))
+    size = stop.relative(move, scale, scale)
+    if near.any():
+        np.copyto(size, stop.relative(moves, magnitude, scale).max(axis=0), where=near)
+    return np.asarray(size)
+
+
+def _unless_hidden(last: Flags, moves: Array, magnitude: Array, outgrown: Flags) -> Flags:
+    """True where a correction is the `last`, unless an outgrown component hides the others."""
+    if last.any() and outgrown.any():
+        last = last & ~(outgrown & (moves > STAGNATION * magnitude).any(axis=0))
+    return last
 
 
 def _outcome(
@@ -309,33 +329,31 @@ def _newton_of_one(equations: Equations, start: Array, number: Lanes, *, differe
                 singular = K is None or np.all(equations.algebra.finite(K))
                 status = Status.SINGULAR if singular else Status.OVERFLOW
                 break
-            size, outgrown = math.inf, before > 0 and scale > before / EPS
+            size, outgrown = stop.relative(move, scale, scale), before > 0 and scale > before / EPS
             if not recorded or move <= STAGNATION * scale:
                 size = _largest([stop.relative(a, b, scale) for a, b in zip(moves, magnitude, strict=True)])
-            small = stop.is_small(size) and not (
-                outgrown and any(a > STAGNATION * b for a, b in zip(moves, magnitude, strict=True))
-            )
-            stagnated = small or stop.is_stuck(size, move, scale, last_size, last_move)
+            hidden = outgrown and any(a > STAGNATION * b for a, b in zip(moves, magnitude, strict=True))
+            last = stop.is_last(size, last_size, residual_norm, scale) and not hidden
+            stagnated = last or stop.is_stuck(size, move, scale, last_size, last_move)
             if stagnated and not stop.is_rounding(residual_norm, scale):
                 least = np.array([residual_norm]), np.array(z)[:, None], np.array([scale]), np.array([exact])
                 stagnated = bool(_is_rounding(equations, number, *least)[0])
-            if solved or stagnated:
+            ended = solved or stagnated
+            if ended:
                 status = Status.CONVERGED if reliable else Status.QUADRATURE
+            if solved:
                 break
             K = K if stop.may_reuse_matrix(size, last_size) and not outgrown else None
             last_size, last_move = size, move
             if stays:
                 z = [a - b for a, b in zip(z, correction, strict=True)]
-                continue
-            if recorded:
+            elif not recorded:
+                arrays = np.array(z)[:, None], np.array(correction)[:, None]
+                moved, inside = _moved(equations, False, *arrays, number, np.array([False]))
+                z, stays = moved.ravel().tolist(), bool(inside[0])
+            if not (stays or ended):
                 status = Status.LEFT_DOMAIN
-                break
-            moved, inside = into_domain(
-                equations, np.array(z)[:, None], np.array(correction)[:, None], number
-            )
-            z = moved.ravel().tolist()
-            if not inside[0]:
-                status = Status.LEFT_DOMAIN
+            if ended or not stays:
                 break
     counted = np.array([[iterations], [gradients], [structures], [status]], dtype=np.int64)
     return Solution(np.array(z)[:, None], np.array([residual]), *counted)

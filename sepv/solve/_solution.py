@@ -71,7 +71,7 @@ class Solution:
     value : (d, M)
         y1 where converged; the last iterate elsewhere.
     residual : (M,)
-        Largest component of |y1 − y0 − R(y0, y1)|, at `value`.
+        Largest component of |y1 − y0 − R(y0, y1)|, at `value` before its last correction if it converged.
     iterations, gradient_evaluations, structure_evaluations : (M,)
         Newton iterations, and evaluations of ∇H and B (those of Newton's Jacobian not counted).
     status : (M,)

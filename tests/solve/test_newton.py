@@ -59,6 +59,75 @@ def test_newton_takes_the_steps_that_theory_says_and_reports_them() -> None:
     )
 
 
+class TestLastCorrection:
+    """z = c − rz with a slope r(1 + off), for y = 1: each correction is off·r/(1 + r) of the one before."""
+
+    r = 0.25
+
+    def solved(self, c: float, off: float, lanes: int, **options) -> Solution:
+        system = Counted(
+            lambda z, _: c - self.r * z,
+            lambda z, _: (-self.r * (1 + off) + 0 * z)[None],
+            exact=True,
+            lanes=lanes,
+            **options,
+        )
+        return system.solve(np.zeros((1, lanes)))
+
+    @pytest.mark.parametrize("lanes", [1, 3])
+    def test_it_is_applied_however_small_beside_the_state(self, lanes: int) -> None:
+        """The second correction is 0.1 ulp of y, and 3 ulps of z."""
+        found = self.solved(2.0**-5, 2.0**-46, lanes)
+        assert np.all(np.abs(found.value - 2.0**-5 / 1.25) <= EPS * 2.0**-6)
+        assert found.iterations.tolist() == [2] * lanes
+
+    @pytest.mark.parametrize("lanes", [1, 3])
+    @pytest.mark.parametrize(
+        ("c", "off", "count"),
+        [(2.0**-5, 3 * 2.0**-23, 3), (2.0**-4, -1.0, 26)],
+        ids=["to 2⁻²⁴ of the last one", "to a quarter"],
+    )
+    def test_a_larger_one_is_the_last_if_the_next_is_sure_to_be_nothing(
+        self, c: float, off: float, count: int, lanes: int
+    ) -> None:
+        """Corrections of 0.6 and of 1 ulp of y. After the first comes one of 2⁻⁷⁶, after the second one of 2⁻⁵⁴."""
+        found = self.solved(c, off, lanes)
+        assert found.status.tolist() == [Status.CONVERGED] * lanes
+        assert found.iterations.tolist() == [count] * lanes
+        assert np.all(np.abs(found.value - c / 1.25) <= EPS / 16)
+
+    @pytest.mark.parametrize("lanes", [1, 3])
+    def test_it_is_left_out_where_it_leaves_the_domain(self, lanes: int) -> None:
+        """The domain ends at the first iterate."""
+        first = 2.0**-5 / (1 + self.r * (1 + 2.0**-46))
+        found = self.solved(2.0**-5, 2.0**-46, lanes, inside=lambda z, _: (z <= first).all(axis=0))
+        assert found.status.tolist() == [Status.CONVERGED] * lanes
+        assert np.all(found.value == first)
+
+    @pytest.mark.parametrize("lanes", [1, 3])
+    def test_it_is_left_out_where_a_record_says_so(self, lanes: int) -> None:
+        """Corrections of −1/8 and of 2⁻⁵⁴; the second leaves the domain."""
+
+        class Two:
+            gradients = structures = 3
+
+            def of_lanes(self, z: np.ndarray, lanes: np.ndarray) -> tuple[np.ndarray, ...]:
+                second = z[0] != 0
+                correction = np.where(second, 2.0**-54, -0.125)[None]
+                return correction, correction, ~second
+
+            def of_one(self, lane: np.ndarray) -> Callable:
+                return lambda z: (
+                    [part.ravel().tolist() for part in self.of_lanes(np.array([z]), lane)[:2]] + [z == [0.0]]
+                )
+
+        nothing = lambda z, _: pytest.fail("the record does not suffice")  # noqa: E731
+        equations = Equations(np.ones((1, lanes)), nothing, lambda z, _: z[0] >= 0.125, corrections=Two())
+        found = iterate(equations, np.zeros((1, lanes)))
+        assert found.status.tolist() == [Status.CONVERGED] * lanes
+        assert found.value.tolist() == [[0.125] * lanes]
+
+
 def test_a_slow_jacobian_ends_with_one_of_differences() -> None:
     """R′ = −r said to be 0: after 40 iterations an error of r⁴⁰, small beside its own lane's size or not.
 

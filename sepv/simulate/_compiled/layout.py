@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from sepv.solve import Status
-from sepv.solve._stop_rule import ROUNDING
+from sepv.solve._stop_rule import LEFT, ROUNDING
 
 # Paths side by side: sixteen registers of eight doubles hide latencies, and the data still fit into L1.
 LANES = 128
@@ -16,8 +16,6 @@ CACHE_LINE = 64
 BUSY, ALIVE, STATUS, FAILED = range(4)
 EVALUATIONS, STRUCTURES, LIVING, WORK, DONE = range(5)
 NUMBERS = 8
-# The largest error that a lane may be left with, relative to its state: 2⁻¹⁰ of a rounding.
-LEFT = 2.0**-62
 # A first correction below this ends the iteration, because its square is below LEFT; later ones are compared.
 FIRST = 2.0**-31
 # Corrections below a quarter of a rounding change nothing.
