@@ -22,14 +22,14 @@ def to_markdown() -> str:
     lines = [
         "# What does not hold as printed",
         "",
-        "D. Cohen and G. Dujardin, *Energy-preserving integrators for stochastic Poisson systems* (2014). Each entry",
-        "quotes the sentence with its neighbours. The evidence is computed and decides; it satisfies what the passage",
-        "assumes. Each entry says what becomes of the conclusion. `sepv reproduce --errata` computes and prints them;",
-        "this page is its output as Markdown. A sentence that an entry above quotes is left out: […].",
+        "This page lets you read D. Cohen and G. Dujardin, *Energy-preserving integrators for stochastic Poisson",
+        "systems* (2014) with what holds instead. Each entry quotes the sentence with its neighbours; […] is quoted in",
+        "an entry above. The evidence is computed and decides; brackets say how it satisfies what the passage assumes.",
+        "`python -m benchmarks.errata` makes this page, `sepv reproduce --errata` computes it on a terminal.",
     ]
     quoted: set[str] = set()
     for entry, measured in errata():
-        sentences = re.split(r"(?<=[a-z]\.) (?=[A-Z])", entry.quote)
+        sentences = re.split(r"(?<=[a-z]\.) (?=[A-Z])|(?<=…) (?=[A-Z])", entry.quote)
         quote = " ".join("[…]" if sentence in quoted else sentence for sentence in sentences)
         quoted |= {*sentences}
         command = "" if entry.command == Erratum.command else f" (`{entry.command}`)"
@@ -37,9 +37,8 @@ def to_markdown() -> str:
         lines += [
             f"- decided on: {entry.printed}",
             f"- instead: {entry.right}",
-            f"- evidence: {measured}{command}",
+            f"- evidence ({entry.hypotheses}): {measured}{command}",
         ]
-        lines += [f"- hypotheses: {entry.hypotheses}", f"- holds where: {entry.criterion}"]
     return "\n".join(lines) + "\n"
 
 
