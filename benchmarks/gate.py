@@ -15,7 +15,7 @@ from rich.console import Console
 
 from benchmarks import over, start
 from sepv.studies._bench import cases, pairs
-from sepv.studies._bench.gate import Check, check
+from sepv.studies._bench.gate import Change, check
 
 PLAIN = """
 from dataclasses import replace
@@ -68,7 +68,7 @@ EXPECTED = {
 CASES = cases.choose(("rigid-body", "pendulum"), portable=False)
 
 
-def run(head: Path, base: Path, *, timed: bool) -> list[Check]:
+def run(head: Path, base: Path, *, timed: bool) -> list[Change]:
     """The whole gate, or without times."""
     checks = check(*pairs.measured("ours:scheme", head, base, CASES))
     return checks + (pairs.time_pairs("ours:scheme", head, base, CASES) if timed else [])

@@ -57,15 +57,15 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     y1 = ask(scheme, problem, y, h, dW)
     exact = exact_problem(case.problem, 40)
     residual = 2 * step_residual(problem, y, y1, h, dW, scheme)
-    found = []
+    measurements = []
     for M, before, after in zip(
         slopes(case, problem, y, y1), values(exact, y), values(exact, y1), strict=True
     ):
         unit = EPS * max(float(np.linalg.norm(M) * np.linalg.norm(v)) for v in (y, y1)) + TINY
         change = float(after - before)
         detail = f"C(y1) − C(y0) = {change:.6g}, C(y0) = {float(before):.6g}, y1 = {y1.tolist()}"
-        found.append(Measurement(abs(change) / unit, (float(M @ residual) + TINY) / unit, detail))
-    return max(found, key=lambda m: m.ratio)
+        measurements.append(Measurement(abs(change) / unit, (float(M @ residual) + TINY) / unit, detail))
+    return max(measurements, key=lambda m: m.ratio)
 
 
 def beyond_three() -> Iterable[Case]:

@@ -28,17 +28,17 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     exact = exact_problem(case.problem, 40)
     residual = step_residual(problem, y, y1, h, dW, scheme)
     before, after = exact.casimir_values(exact.state(y)), exact.casimir_values(exact.state(y1))
-    found = []
+    measurements = []
     for A, c0, c1 in zip((*problem.casimirs, *problem.linear_casimirs), before, after, strict=True):
         unit = casimir_ulp(A, y, y1)
         form = "yᵀAy" if np.ndim(A) == 2 else "bᵀy"
         detail = (
             f"C = {form}: C(y1) − C(y0) = {float(c1 - c0):.6g}, C(y0) = {float(c0):.6g}, y1 = {y1.tolist()}"
         )
-        found.append(
+        measurements.append(
             Measurement(abs(float(c1 - c0)) / unit, casimir_bound(A, y, y1, residual) / unit, detail)
         )
-    return max(found, key=lambda m: m.ratio)
+    return max(measurements, key=lambda m: m.ratio)
 
 
 law = searched(

@@ -52,8 +52,8 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     """The worst Casimir; the bound is that of `sepv.verification._trace_formula` with |∇C| ≤ |A|(|y0| + |y1|)."""
     problem, y, h, _ = case.build()
     casimirs = (*problem.casimirs, *problem.linear_casimirs)
-    found = (measured(scheme, problem, y, h, quantity(problem, A, y, h)) for A in casimirs)
-    return max(found, key=lambda m: m.ratio)
+    measurements = (measured(scheme, problem, y, h, quantity(problem, A, y, h)) for A in casimirs)
+    return max(measurements, key=lambda m: m.ratio)
 
 
 _KEPT = "the exact flow keeps Casimirs: see the law casimir"

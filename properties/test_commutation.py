@@ -48,11 +48,11 @@ def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) ->
     return Assessment(verdict, off, low, high, MARGIN, text)
 
 
-def run(law: Law, scheme: Scheme, own: Run) -> Finding:
+def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
     """Slopes on commuting families, on commuting noises with another drift, and on noises that do not commute."""
     if scheme.systems != Systems.SEVERAL:
         return law.finding(Verdict.NOT_APPLICABLE, message="the scheme is not for several structures")
-    return judge(law, scheme, own, assess, at_least=False, setups=SETUPS)
+    return judge(law, scheme, this_run, assess, at_least=False, setups=SETUPS)
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:

@@ -24,7 +24,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     exact = exact_problem(case.problem, 40)
     r = residual(scheme, problem, y, y1, h, dW)
     before, after = exact.casimir_values(exact.state(y)), exact.casimir_values(exact.state(y1))
-    found = []
+    measurements = []
     for A, c0, c1 in zip((*problem.casimirs, *problem.linear_casimirs), before, after, strict=True):
         unit = casimir_ulp(A, y, y1)
         expected = factor(exact, problem, h, A.ndim) * c0
@@ -33,8 +33,10 @@ def check(scheme: Scheme, case: Case) -> Measurement:
             f"C = {form}: C(y1) = {float(c1)!r}, expected e^(−{A.ndim}γh)C(y0) = {float(expected)!r}, "
             f"C(y0) = {float(c0)!r}, y1 = {y1.tolist()}"
         )
-        found.append(Measurement(abs(float(c1 - expected)) / unit, casimir_bound(A, y, y1, r) / unit, detail))
-    return max(found, key=lambda m: m.ratio)
+        measurements.append(
+            Measurement(abs(float(c1 - expected)) / unit, casimir_bound(A, y, y1, r) / unit, detail)
+        )
+    return max(measurements, key=lambda m: m.ratio)
 
 
 law = searched(

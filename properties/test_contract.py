@@ -124,10 +124,10 @@ def _keeps(
     ------
     SchemeFault
     """
-    asked, noise, before = y.copy(), dW.copy(), _surroundings()
+    copied, noise, before = y.copy(), dW.copy(), _surroundings()
     handling: dict[str, str] = {}
-    raw = raw_answer(_watched(scheme, handling), problem, asked, h, noise)
-    require_unchanged(y=(y, asked), dW=(dW, noise))
+    raw = raw_answer(_watched(scheme, handling), problem, copied, h, noise)
+    require_unchanged(y=(y, copied), dW=(dW, noise))
     changed = [key for key, value in _surroundings().items() if value != before[key]]
     changed += ["NumPy's error handling"] * any(value != "warn" for value in handling.values())
     if changed:
@@ -222,10 +222,10 @@ def _refuses_again(scheme: Scheme, case: Case) -> None:
     for first, again in ((seen[0], seen[2]), (seen[1], seen[3]), (seen[0], seen[4])):
         same = first is again if first is None or again is None else np.array_equal(first, again)
         if not same:
-            told = ["a refusal" if v is None else str(v.tolist()) for v in (first, again)]
+            answers = ["a refusal" if v is None else str(v.tolist()) for v in (first, again)]
             raise SchemeFault(
                 expected="one answer for one question, a refusal too, and what it leaves behind changes no other",
-                received=f"{told[0]} and then {told[1]}",
+                received=f"{answers[0]} and then {answers[1]}",
                 remedy="begin each step anew: keep no iterate, step size or flag of one that failed",
             )
 
@@ -367,7 +367,7 @@ def _step_seconds(scheme: Scheme, case: Case) -> float | None:
     return None
 
 
-def run(law: Law, scheme: Scheme, own: Run) -> Finding:
+def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
     """Search; where nothing is found, ask all of it backwards, steps that are refused, and one step TIMES times.
 
     A corpus witness with a problem given by name is repeated too.
@@ -375,11 +375,11 @@ def run(law: Law, scheme: Scheme, own: Run) -> Finding:
     measured: list[tuple[Case, Array | None]] = []
 
     def remembered(scheme: Scheme, case: Case) -> Measurement:
-        found = check(scheme, case)
+        measurement = check(scheme, case)
         measured.append((case, None if case.times else ask(scheme, *case.build())))
-        return found
+        return measurement
 
-    finding = _searched(remembered).run(law, scheme, own)
+    finding = _searched(remembered).run(law, scheme, this_run)
     if finding.verdict is not Verdict.HOLDS or not measured:
         return finding
     with warnings.catch_warnings():
@@ -388,7 +388,7 @@ def run(law: Law, scheme: Scheme, own: Run) -> Finding:
         more: list[partial[Any]] = [
             partial(_again, scheme, case, answer) for case, answer in reversed(measured)
         ]
-        more += [partial(check, scheme, case) for case in _refused(scheme, own.effort.seed)]
+        more += [partial(check, scheme, case) for case in _refused(scheme, this_run.effort.seed)]
         if not any(case.times for case, _ in measured):
             more.append(partial(check, scheme, replace(simplest, times=TIMES)))
         for question in more:

@@ -26,7 +26,7 @@ def run(law: Law, scheme: Scheme, own: Run) -> Finding:  # noqa: ARG001 - nothin
         )
     claimed = scheme.order or 1.0
     least, lines, measured, checks = claimed + 0.5, [], [], 0
-    found: list[tuple[StepErrors, int, Order]] = []
+    judged: list[tuple[StepErrors, int, Order]] = []
     skipped: list[Skipped] = []
     for problem in quiet_problems(scheme):
         try:
@@ -41,15 +41,15 @@ def run(law: Law, scheme: Scheme, own: Run) -> Finding:  # noqa: ARG001 - nothin
             return law.finding(Verdict.ERROR, checks=checks, message=why)
         seen = orders(scheme, errors, least)
         s = min(range(len(seen)), key=lambda k: _first(seen[k], _OF_STATES))
-        found.append((errors, s, seen[s]))
+        judged.append((errors, s, seen[s]))
         order: float | None = seen[s].order
         if order is None and seen[s].verdict is Verdict.HOLDS:  # a bound of the power, or none
             order = claimed if scheme.order or np.isnan(seen[s].value) else max(1, int(seen[s].value) - 1)
         lines.append(f"{problem.name}: {_words(seen[s])}the error of a step is {seen[s].text}")
         measured.append({"problem": problem.name, "order": order, "verdict": seen[s].verdict.value})
-    if not found:
+    if not judged:
         raise skipped[0]
-    errors, s, worst = min(found, key=lambda entry: _first(entry[2], _OF_PROBLEMS))
+    errors, s, worst = min(judged, key=lambda entry: _first(entry[2], _OF_PROBLEMS))
     if worst.verdict is Verdict.VIOLATED:
         lines = [
             f"order {claimed:g} {'claimed' if scheme.order else 'needed'}, {worst.order} found",
@@ -71,19 +71,20 @@ _OF_STATES = (Verdict.VIOLATED, Verdict.HOLDS, Verdict.INCONCLUSIVE)
 _OF_PROBLEMS = (Verdict.VIOLATED, Verdict.INCONCLUSIVE, Verdict.HOLDS)
 
 
-def _first(found: Order, ranks: tuple[Verdict, ...]) -> tuple[int, float]:
+def _first(order: Order, ranks: tuple[Verdict, ...]) -> tuple[int, float]:
     """The rank of a verdict, and among equal ones the least slope."""
-    return ranks.index(found.verdict), float(np.nan_to_num(found.value, nan=np.inf))
+    return ranks.index(order.verdict), float(np.nan_to_num(order.value, nan=np.inf))
 
 
-def _words(found: Order) -> str:
-    return "" if found.order is None else f"order {found.order}: "
+def _words(order: Order) -> str:
+    return "" if order.order is None else f"order {order.order}: "
 
 
-def _example(found: StepErrors, s: int) -> str:
-    h, error = found.h, found.errors[s]
+def _example(errors: StepErrors, s: int) -> str:
+    h, error = errors.h, errors.errors[s]
     sizes = ", ".join(f"{e:.3g}" for e in error[:: max(1, len(error) // 6)])
-    return f"{found.problem.name}, from y0 = {row(found.starts[:, s])}: errors {sizes} for h = {h[0]:.3g} … {h[-1]:.2g}"
+    start = f"{errors.problem.name}, from y0 = {row(errors.starts[:, s])}"
+    return f"{start}: errors {sizes} for h = {h[0]:.3g} … {h[-1]:.2g}"
 
 
 def replay(law: Law, scheme: Scheme, _witness: dict[str, Any]) -> Finding:

@@ -47,13 +47,13 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         unit = energy_ulp(problem, y, y1)
         bound = energy_bound(problem, y, y1, step_residual(problem, y, y1, h, dW, scheme))
         bound = bound + exact.uncertainty(y, y1)
-        found = Measurement(
+        measurement = Measurement(
             abs(float(after - before)) / unit,
             bound / unit,
             f"step {n + 1}: H(y1) − H(y0) = {mpmath.nstr(after - before, 6)}, H(y0) = {mpmath.nstr(before, 6)}, "
             f"y1 = {y1.tolist()}" + (f", from y0 = {y.tolist()} after {n} step{'s' * (n > 1)}" if n else ""),
         )
-        worst = found if n == 0 or found.ratio > worst.ratio else worst
+        worst = measurement if n == 0 or measurement.ratio > worst.ratio else worst
         y = y1
         if n + 1 == STEPS:
             break

@@ -136,8 +136,8 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         unit = state_ulp(z, z1)
         error = float(np.max(np.abs(z1 - expected)))
         detail = f"{name}: the step from there is {z1.tolist()}, the step from y goes to {expected.tolist()}"
-        found = Measurement(error / unit, allowed / (1 - CONTRACTION) / unit, detail)
-        worst = max(worst, found, key=lambda m: (m.ratio, m.bound))
+        measurement = Measurement(error / unit, allowed / (1 - CONTRACTION) / unit, detail)
+        worst = max(worst, measurement, key=lambda m: (m.ratio, m.bound))
     return worst
 
 

@@ -60,7 +60,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     x = delta / radius
     tail = x**4 / (1 - x * x)
     # A system at rest has no scale of its own: its scale is r/ϱ, the largest field it may have.
-    found = []
+    measurements = []
     for name, power, parity, expected in (
         ("a = f", 1, -1.0, vector_field(field, y)),
         ("b = f′f/2", 2, 1.0, 0.5 * derivative_along(field, y, vector_field(field, y))),
@@ -71,8 +71,8 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         error = float(np.max(np.abs(measured - expected)))
         bound = unit * tail + 2 * 4**power / 2 * rounding / abs(delta) ** power + TINY
         detail = f"{name}: measured {measured.tolist()}, expected {expected.tolist()}"
-        found.append(Measurement(error / unit, bound / unit, detail))
-    return max([*found, *higher_coefficients(scheme, case, radius / 2, r)], key=lambda m: m.ratio)
+        measurements.append(Measurement(error / unit, bound / unit, detail))
+    return max([*measurements, *higher_coefficients(scheme, case, radius / 2, r)], key=lambda m: m.ratio)
 
 
 def turned(problem: Problem, h: float, dW: Array) -> Array:
@@ -144,7 +144,7 @@ def higher_coefficients(scheme: Scheme, case: Case, radius: float, r: float) -> 
         residual = step_residual(problem, y, y1, step, noise, scheme)
         rounding.append(float(residual.max()))
     exact = flow_series(case.problem, case.y, last)
-    found = []
+    coefficients = []
     for k in range(3, last + 1):
         # Values in units of r/ϱ^k.
         measured = weights[k - 1] @ np.array(values) / r
@@ -152,8 +152,8 @@ def higher_coefficients(scheme: Scheme, case: Case, radius: float, r: float) -> 
         bound = tails[k - 1] + np.abs(weights[k - 1]) @ np.array(rounding) / r + TINY
         detail = f"coefficient of Δ^{k}: measured {(measured * r / radius**k).tolist()}, "
         detail += f"expected {(expected * r / radius**k).tolist()}"
-        found.append(Measurement(float(np.max(np.abs(measured - expected))), float(bound), detail))
-    return found
+        coefficients.append(Measurement(float(np.max(np.abs(measured - expected))), float(bound), detail))
+    return coefficients
 
 
 @lru_cache(maxsize=1)

@@ -11,14 +11,14 @@ from sepv.verification._orders.local_example import mean_example
 from sepv.verification._orders.local_orders import judge, mean_slope, strong_order
 
 
-def run(law: Law, scheme: Scheme, own: Run) -> Finding:
+def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
     """Compare the slope with the claimed order, or with order 1 where none is claimed."""
     return judge(
         law,
         scheme,
-        own,
-        lambda found: found.mean,
-        lambda found: strong_order(scheme, found.column),
+        this_run,
+        lambda errors: errors.mean,
+        lambda errors: strong_order(scheme, errors.column),
         mean_slope,
         0.5,
         example=mean_example,

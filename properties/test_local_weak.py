@@ -16,14 +16,14 @@ from sepv.verification._orders.local_example import weak_example
 from sepv.verification._orders.local_orders import judge, mean_slope
 
 
-def run(law: Law, scheme: Scheme, own: Run) -> Finding:
+def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
     """Compare the slope with the claimed order, or with order 1 where none is claimed."""
     return judge(
         law,
         scheme,
-        own,
-        lambda found: found.weak,
-        lambda found: order_of(scheme.weak_order, found.column),
+        this_run,
+        lambda errors: errors.weak,
+        lambda errors: order_of(scheme.weak_order, errors.column),
         mean_slope,
         1.0,
         example=weak_example,

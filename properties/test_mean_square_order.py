@@ -34,8 +34,8 @@ def assessing(claimed: float | None, tilted: bool, hold: float = 0.0) -> Assess:
         kind = column(problem)
         order = order_of(claimed, kind, unclaimed(kind))
         bound = order - MARGIN
-        kept = above_floor(errors)
-        if kept.sum() < 2:
+        usable = above_floor(errors)
+        if usable.sum() < 2:
             return at_the_floor(errors, order)
         value, low, high = mean_square_order(errors, alpha, more=more, weighted=tilted)
         if hold > alpha:
@@ -62,20 +62,23 @@ def at_the_floor(errors: StrongErrors, order: float) -> Assessment:
 
     Where only the coarsest step is above the floor, the others must lie below the order's prediction from it.
     """
-    kept, rms, floor, bound = above_floor(errors), errors.rms(), floors(errors), order - MARGIN
-    if not kept.any():
+    usable, rms, floor, bound = above_floor(errors), errors.rms(), floors(errors), order - MARGIN
+    if not usable.any():
         text = "errors at the rounding floor at every step size"
         return Assessment(Verdict.HOLDS, math.inf, math.inf, math.inf, bound, text, order)
-    fall = math.log(rms[0] / floor[-1]) / math.log(errors.h[0] / errors.h[-1]) if kept[0] else -math.inf
+    fall = math.log(rms[0] / floor[-1]) / math.log(errors.h[0] / errors.h[-1]) if usable[0] else -math.inf
     verdict = Verdict.HOLDS if fall > bound else Verdict.INCONCLUSIVE
     text = f"errors at the rounding floor but for one step size, a slope of at least {fall:.3g}"
     return Assessment(verdict, fall, fall, math.inf, bound, text, order if verdict is Verdict.HOLDS else None)
 
 
-def run(law: Law, scheme: Scheme, own: Run) -> Finding:
+def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
     """Compare the slope with the claimed order; without a claim with 1, or ½ for noises that do not commute."""
     return judge(
-        law, scheme, own, assessing(scheme.mean_square_order, is_tilted(scheme), hold_level(scheme, own))
+        law,
+        scheme,
+        this_run,
+        assessing(scheme.mean_square_order, is_tilted(scheme), hold_level(scheme, this_run)),
     )
 
 

@@ -47,9 +47,9 @@ def check(scheme: Scheme, case: Case) -> Measurement:
             return _furthest(scheme, case, _given_orders(case, data))
         if not isinstance(data, PolynomialSystem):
             raise Skipped("its noises cannot be reversed: the problem is not data")
-        own = getattr(data, _key(data))
-        noises: list[Noise] = list(zip(data.noise, own, case.dW, strict=True))
-        still: Noise = (0.0, own[0], case.dW[0])
+        parts = getattr(data, _key(data))
+        noises: list[Noise] = list(zip(data.noise, parts, case.dW, strict=True))
+        still: Noise = (0.0, parts[0], case.dW[0])
         orders = {
             "reversed": noises[::-1],
             "moved on by one": [noises[-1], *noises[:-1]],
@@ -72,8 +72,8 @@ def _key(data: PolynomialSystem) -> str:
 
 def _ordered(case: Case, data: PolynomialSystem, noises: Sequence[Noise]) -> Case:
     """The step with these noises, each with its structure or Hamiltonian and its increment."""
-    c, own, dW = zip(*noises, strict=True)
-    changes: dict[str, Any] = {"noise": c, _key(data): own}
+    c, parts, dW = zip(*noises, strict=True)
+    changes: dict[str, Any] = {"noise": c, _key(data): parts}
     return replace(case, problem=replace(data, **changes), dW=dW)
 
 
@@ -81,7 +81,7 @@ def _given_orders(case: Case, given: GivenProblem) -> dict[str, Case]:
     """The reordered cases for several Hamiltonians that are functions."""
     m = given.problem.noises
     orders = {"reversed": [*range(m)][::-1], "moved on by one": [m - 1, *range(m - 1)]}
-    found = {}
+    by_order = {}
     for name, order in orders.items():
         changes: dict[str, Any] = {"noise": given.problem.c[order]}
         keys = ("noise_hamiltonians", "noise_gradients", "noise_hessians", "noise_flows", "noise_vectors")
@@ -89,8 +89,8 @@ def _given_orders(case: Case, given: GivenProblem) -> dict[str, Case]:
             parts = getattr(given.problem, key)
             changes[key] = tuple(parts[j] for j in order) if parts else ()
         other = GivenProblem(replace(given.problem, check=False, **changes), given.target)
-        found[name] = replace(case, problem=other, dW=tuple(case.dW[j] for j in order))
-    return found
+        by_order[name] = replace(case, problem=other, dW=tuple(case.dW[j] for j in order))
+    return by_order
 
 
 def _furthest(scheme: Scheme, case: Case, others: dict[str, Case]) -> Measurement:
@@ -104,8 +104,8 @@ def _furthest(scheme: Scheme, case: Case, others: dict[str, Case]) -> Measuremen
         answer = ask(scheme, *other.build())
         distance = float(np.max(np.abs(answer - y1)))
         detail = f"y1 = {y1.tolist()}, with the noises {name}: {answer.tolist()}"
-        found = Measurement(distance / unit, allowed / unit, detail)
-        worst = max(worst, found, key=lambda m: (m.ratio, m.bound))
+        measurement = Measurement(distance / unit, allowed / unit, detail)
+        worst = max(worst, measurement, key=lambda m: (m.ratio, m.bound))
     return worst
 
 

@@ -23,12 +23,12 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     if not others:
         raise Skipped("a problem without noise has one split of Δ only")
     y1 = ask(scheme, problem, y, h, dW)
-    own = step_residual(problem, y, y1, h, dW, scheme)
+    own_residual = step_residual(problem, y, y1, h, dW, scheme)
     amplified = amplification(scheme, case)
     unit, worst = state_ulp(y, y1), Measurement(0.0, 0.0)
     for name, other_h, other_dW in others:
         answer = ask(scheme, problem, y, other_h, other_dW)
-        residual = own + step_residual(problem, y, answer, other_h, other_dW, scheme)
+        residual = own_residual + step_residual(problem, y, answer, other_h, other_dW, scheme)
         allowed = amplified * float(residual.max())
         distance = float(np.max(np.abs(answer - y1)))
         detail = (
@@ -47,19 +47,19 @@ def splits(problem: Problem, h: float, dW: Array) -> list[tuple[str, float, Arra
     if not driven.size:
         return []
     j, delta, none = int(driven[-1]), float(problem.random_step(h, dW)), np.zeros_like(dW)
-    found = []
+    pairs = []
     for name, share in (("half of h in the noise", 0.5), ("nearly all of h in the noise", 2.0**-10)):
         moved = dW.copy()
         moved[j] += (1 - share) * h / c[j]
-        found.append((name, share * h, moved))
+        pairs.append((name, share * h, moved))
     if driven.size > 1:
         moved, i = dW.copy(), int(driven[0])
         moved[i] /= 2
         moved[j] += c[i] * moved[i] / c[j]
-        found.append(("half of one noise in another", h, moved))
+        pairs.append(("half of one noise in another", h, moved))
     if delta * h > 0:
-        found.append(("all of Δ in h", delta, none))
-    return [(name, a, b) for name, a, b in found if a != h or not np.array_equal(b, dW)]
+        pairs.append(("all of Δ in h", delta, none))
+    return [(name, a, b) for name, a, b in pairs if a != h or not np.array_equal(b, dW)]
 
 
 _NO_STEP = "with several fields there is no random step Δ"

@@ -184,11 +184,11 @@ def _law(seen: list[tuple[Case, Measurement]], extra: Iterable[Case] = ()) -> La
     )
 
 
-def _run(_: Law, scheme: Scheme, own: Run) -> Finding:
+def _run(_: Law, scheme: Scheme, this_run: Run) -> Finding:
     seen: list[tuple[Case, Measurement]] = []
     # Vectors are long steps, with a solution of their own: without its noise each would be another step.
     inner = _law(seen, [case for case in vectors(scheme) if not (scheme.deterministic and case.dW)])
-    finding = inner.run(inner, scheme, own)
+    finding = inner.run(inner, scheme, this_run)
     if finding.verdict is not Verdict.HOLDS:
         return finding
     return replace(finding, message="\n".join(filter(None, (finding.message, _statistics(scheme, seen)))))

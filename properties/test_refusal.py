@@ -120,21 +120,21 @@ def _law(stages: int = 1) -> Law:
     )
 
 
-def _run(_: Law, scheme: Scheme, own: Run) -> Finding:
+def _run(_: Law, scheme: Scheme, this_run: Run) -> Finding:
     inner = _law(scheme.stages)
     if "reference" in scheme.claims:
-        found = inner.run(inner, scheme, own)
+        finding = inner.run(inner, scheme, this_run)
         # Steps that the scheme does not take (`longest_step`) are none that it fails to refuse.
         if (
-            found.verdict in (Verdict.INCONCLUSIVE, Verdict.NOT_APPLICABLE)
+            finding.verdict in (Verdict.INCONCLUSIVE, Verdict.NOT_APPLICABLE)
             and scheme.longest_step is not None
         ):
-            left = Verdict.HOLDS if found.checks else Verdict.NOT_APPLICABLE
-            return replace(found, verdict=left, skipped=found.skipped if found.checks else 0)
-        return found
+            left = Verdict.HOLDS if finding.checks else Verdict.NOT_APPLICABLE
+            return replace(finding, verdict=left, skipped=finding.skipped if finding.checks else 0)
+        return finding
     text = "the scheme does not claim reference, and may solve another equation"
     if scheme.systems in MADE and not scheme.problems:
-        text += f"\n{_returned(scheme, own.effort.seed)}"
+        text += f"\n{_returned(scheme, this_run.effort.seed)}"
     return inner.finding(Verdict.NOT_APPLICABLE, message=text)
 
 

@@ -36,7 +36,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         if size > 1:
             ends = np.cumsum(sizes)
             cut = zip(np.split(states, ends[:-1], axis=1), np.split(noise, ends[:-1], axis=1), strict=True)
-            parts = np.concatenate([ask(scheme, problem, part, h, some) for part, some in cut], axis=1)
+            parts = np.concatenate([ask(scheme, problem, part, h, dW_part) for part, dW_part in cut], axis=1)
             others[f"in batches of {', '.join(map(str, sizes))}"] = (list(range(size)), parts)
         for name, (places, answers) in others.items():
             apart = np.max(np.abs(batch[:, places] - answers), axis=0)

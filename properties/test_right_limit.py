@@ -46,10 +46,10 @@ def assessing(tilted: bool, orders: tuple[float, ...] = (1.0,), resolution: floa
 
     def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) -> Assessment:
         for order in orders:
-            found = _assessed(problem, errors, alpha, more, order)
-            if found.verdict is not Verdict.VIOLATED:
+            assessment = _assessed(problem, errors, alpha, more, order)
+            if assessment.verdict is not Verdict.VIOLATED:
                 break
-        return found
+        return assessment
 
     def _assessed(
         problem: Problem, errors: StrongErrors, alpha: float, more: float, order: float
@@ -109,11 +109,11 @@ def mean_orders(scheme: Scheme) -> tuple[float, ...]:
     return tuple(claimed[:1]) or (1.0, 0.5)
 
 
-def run(law: Law, scheme: Scheme, own: Run) -> Finding:
+def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
     """Extrapolate the shares on every problem."""
-    resolution = SPARED if sparing(scheme, own.effort) else RESOLUTION
+    resolution = SPARED if sparing(scheme, this_run.effort) else RESOLUTION
     assess = assessing(is_tilted(scheme), mean_orders(scheme), resolution)
-    return judge(law, scheme, own, assess, at_least=False)
+    return judge(law, scheme, this_run, assess, at_least=False)
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:

@@ -77,10 +77,10 @@ ALIKE, SPREAD = 0.25, 256
 BEYOND, EXPLODED = 1e150, 1e100
 
 
-def run(law: Law, scheme: Scheme, own: Run) -> Finding:
+def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
     """The worst of size, drift and growth over the runs, in ulp of H over √n."""
     judged: list[Judged] = []
-    effort = own.effort
+    effort = this_run.effort
     lines, broken, skipped, checks = [], [], [], 0
     ratio = scheme.eps / EPS  # of the roundings of single precision to those of H's unit
     deeper = DEEPER if effort.examples >= DEEP_EXAMPLES else 1
@@ -98,10 +98,10 @@ def run(law: Law, scheme: Scheme, own: Run) -> Finding:
             broken.append(f"{label}: {paths - alive.sum()} of {paths} paths failed; {failed}")
             continue
         checks += int(alive.sum())
-        found = judge(defects[:, alive] / ratio, predicted, scheme.solver_tolerance / ratio)
-        judged += found
+        judgement = judge(defects[:, alive] / ratio, predicted, scheme.solver_tolerance / ratio)
+        judged += judgement
         lost = "" if alive.all() else f", {paths - alive.sum()} paths failed; {failed}"
-        lines.append(f"{label}, {steps} steps: " + ", ".join(r.text for r in found) + lost)
+        lines.append(f"{label}, {steps} steps: " + ", ".join(r.text for r in judgement) + lost)
     if not judged and not broken:
         return law.finding(Verdict.NOT_APPLICABLE, message="\n".join(skipped))
     worst = max(judged, key=lambda r: r.size / r.allowed, default=Judged("", 0.0, 1.0, ""))
@@ -165,25 +165,25 @@ def judge(defects: Array, predicted: float, solver_tolerance: float = 0.0) -> li
 
 def runs_for(scheme: Scheme) -> list[tuple[Problem, float, int]]:
     """Runs (problem, h, steps) on the scheme's problems, or its class's, with steps that their slopes allow."""
-    own = problems_of(scheme)
-    if own is not None:
-        own = tuple(problem for problem in own if not isinstance(problem, HamiltoniansProblem))
-    if own and all(map(damping_of, own)):
+    users = problems_of(scheme)
+    if users is not None:
+        users = tuple(problem for problem in users if not isinstance(problem, HamiltoniansProblem))
+    if users and all(map(damping_of, users)):
         raise Skipped(UNDAMPED)
-    if scheme.systems == Systems.HAMILTONIANS or own == ():
+    if scheme.systems == Systems.HAMILTONIANS or users == ():
         raise Skipped(NOT_KEPT)
-    if own is None:
+    if users is None:
         runs: dict[str, Any] = {Systems.NAMBU: NAMBU_RUNS, Systems.SEVERAL: SEVERAL_RUNS}
         names, *lengths = zip(*runs.get(scheme.systems, RUNS), strict=True)
         return list(zip(as_taken(scheme, map(problems.by_name, names)), *lengths, strict=True))
-    share = max(1, -(-len(own) // 2))
+    share = max(1, -(-len(users) // 2))
     # Numbers of steps are the first checkpoint, doubled.
     long, short = (FIRST * 2 ** max(1, int(np.log2(steps / FIRST / share))) for steps in (256, 128))
-    times = [units_of(p).time for p in own]
+    times = [units_of(p).time for p in users]
     return [
         (p, share * t, n)
         for share, n in ((0.01, long), (0.125, short))
-        for p, t in zip(own, times, strict=True)
+        for p, t in zip(users, times, strict=True)
     ]
 
 
@@ -210,7 +210,7 @@ def energy_walk(
 
     The others are the movement of H by rounding alone in a step, in the same unit, and the first failed step in words.
     """
-    asked, exact = guarded(scheme), exact_problem(describe(problem), 30)
+    guarded_scheme, exact = guarded(scheme), exact_problem(describe(problem), 30)
     raw = wiener.increments(seed, T=h * steps, steps=steps, noises=problem.noises, paths=paths)
     dW = bounded.seen(raw, h, scheme.truncation, scheme.increments, units_for(scheme, problem).time)
     y0 = np.array(problem.initial, dtype=np.float64)
@@ -222,7 +222,7 @@ def energy_walk(
     carried = Carried(scheme)
     walks, alive, checkpoint, failed = [], np.arange(paths), FIRST, ""
     for n in range(1, steps + 1):
-        value, status, *_ = advance(asked, problem, y[:, alive], h, dW[n - 1][:, alive], carried)
+        value, status, *_ = advance(guarded_scheme, problem, y[:, alive], h, dW[n - 1][:, alive], carried)
         if not failed and np.any(status != Status.CONVERGED):
             k = alive[status != Status.CONVERGED][0]
             failed = f"path {k} of seed {seed} in step {n}, " + failed_step(

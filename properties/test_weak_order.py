@@ -93,16 +93,18 @@ def _small(samples: Array, h: Array, lower: Coefficient, alpha: float, more: flo
     return bool(np.all(most < SMALL * np.sqrt(np.mean(samples[0] ** 2, axis=1))))
 
 
-def run(law: Law, scheme: Scheme, own: Run) -> Finding:
+def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
     """Compare the weak order with the claimed one, or with 1 where none is claimed."""
     order = order_of(scheme.weak_order, "general")
     if point_law(scheme.increments) is not None:
         return local_orders.judge(
-            law, scheme, own, lambda found: found.weak, lambda _: order,
+            law, scheme, this_run, lambda errors: errors.weak, lambda _: order,
             lambda _, order: order - MARGIN,
             1.0, tree_errors, ENOUGH,
         )  # fmt: skip
-    return judge(law, scheme, own, assessing(scheme.weak_order, is_tilted(scheme), hold_level(scheme, own)))
+    return judge(
+        law, scheme, this_run, assessing(scheme.weak_order, is_tilted(scheme), hold_level(scheme, this_run))
+    )
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:

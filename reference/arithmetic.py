@@ -91,7 +91,7 @@ def context(digits: int) -> Any:
 def gauss_nodes(nodes: int, digits: int) -> list[tuple[Number, Number]]:
     """Gauss-Legendre nodes and weights on [0, 1], ascending: Newton on P_n from Tricomi's first guess."""
     ctx = context(digits + 10)
-    found = []
+    roots = []
     for i in range(nodes):
         x = ctx.cos(ctx.pi * (4 * i + 3) / (4 * nodes + 2))
         for _ in range(100):
@@ -102,9 +102,9 @@ def gauss_nodes(nodes: int, digits: int) -> list[tuple[Number, Number]]:
             x, old = x - p / slope, x
             if abs(x - old) <= 10 * ctx.eps:
                 break
-        found.append(((1 + x) / 2, 1 / ((1 - x * x) * slope**2)))
+        roots.append(((1 + x) / 2, 1 / ((1 - x * x) * slope**2)))
     exact = context(digits)
-    return [(exact.mpf(node), exact.mpf(weight)) for node, weight in reversed(found)]
+    return [(exact.mpf(node), exact.mpf(weight)) for node, weight in reversed(roots)]
 
 
 @lru_cache(maxsize=64)

@@ -45,13 +45,13 @@ def follow(
     reached, width = 0.0, _FIRST
     while reached < 1.0 and width > _LEAST * max(reached, 1e-3):
         t = min(1.0, reached + width)
-        found = _at(
+        point = _at(
             equation, problem, y0, Step(*(t * v for v in whole[:3]), tuple(t * w for w in whole.dW)), x, scale
         )
-        if found is None:
+        if point is None:
             width /= 2
         else:
-            reached, x, width = t, found, 1.5 * width
+            reached, x, width = t, point, 1.5 * width
     return Branch(reached, x)
 
 

@@ -148,11 +148,11 @@ def _rigid_body(ctx: Any, parameters: Parameters, y: Vector, theta: Number) -> V
     # The phase takes its sign from σ; A_aA_bA_c > 0 whichever of a and c comes first.
     phase = ctx.atan2(body.sigma * s * y[b] / ctx.sqrt(A[b]), y[a] / ctx.sqrt(A[a]))
     sn, cn, dn, _angle = _amplitude(ctx, rate * theta + ctx.ellipf(phase, m), m)
-    found = list(y)
-    found[a] = ctx.sqrt(A[a] * K[a]) * cn
-    found[b] = body.sigma * s * ctx.sqrt(A[b] * K[a]) * sn
-    found[c] = s * ctx.sqrt(A[c] * K[c]) * dn
-    return found
+    y1 = list(y)
+    y1[a] = ctx.sqrt(A[a] * K[a]) * cn
+    y1[b] = body.sigma * s * ctx.sqrt(A[b] * K[a]) * sn
+    y1[c] = s * ctx.sqrt(A[c] * K[c]) * dn
+    return y1
 
 
 _FORMS: dict[str, Form] = {

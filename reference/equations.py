@@ -152,11 +152,11 @@ def gauss(stages: int) -> Equation:
 
     def residual(problem: ExactProblem, y0: Vector, step: Step, x: Vector) -> Vector:
         table, K = stage_table(stages, problem.arithmetic), in_blocks(x, stages)
-        found: Vector = []
-        for row, own in zip(table.a, K, strict=True):
+        residuals: Vector = []
+        for row, stage in zip(table.a, K, strict=True):
             right = _times(step.delta, problem.field(combined(y0, row, K)))
-            found += [k - r for k, r in zip(own, right, strict=True)]
-        return found
+            residuals += [k - r for k, r in zip(stage, right, strict=True)]
+        return residuals
 
     return Equation(
         f"gauss-{stages}", "Hairer, Nørsett, Wanner, II.7", residual, _stage_result(stages), stages, True
@@ -183,12 +183,14 @@ def collocation(stages: int, nodes: int = 0) -> Equation:
             (weights, problem.gradient(combined(y0, integrals, K)))
             for weights, integrals in weighted_rule(stages, count, problem.arithmetic)
         ]
-        found: Vector = []
-        for i, own in enumerate(K):
+        residuals: Vector = []
+        for i, stage in enumerate(K):
             mean = _plus(*(_times(weights[i], g) for weights, g in slopes))
             B = problem.structure(combined(y0, table.a[i], K))
-            found += [k - r for k, r in zip(own, _times(step.delta, problem.turned(B, mean)), strict=True)]
-        return found
+            residuals += [
+                k - r for k, r in zip(stage, _times(step.delta, problem.turned(B, mean)), strict=True)
+            ]
+        return residuals
 
     return Equation(
         f"collocation-{stages}",

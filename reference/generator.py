@@ -24,20 +24,20 @@ Rational = dict[Exponents, Fraction]
 
 
 def _product(p: Rational, q: Rational) -> Rational:
-    found: Rational = {}
+    product: Rational = {}
     for a, s in p.items():
         for b, t in q.items():
             key = tuple(i + j for i, j in zip(a, b, strict=True))
-            found[key] = found.get(key, Fraction(0)) + s * t
-    return found
+            product[key] = product.get(key, Fraction(0)) + s * t
+    return product
 
 
 def _sum(*parts: Rational) -> Rational:
-    found: Rational = {}
+    total: Rational = {}
     for part in parts:
         for key, value in part.items():
-            found[key] = found.get(key, Fraction(0)) + value
-    return found
+            total[key] = total.get(key, Fraction(0)) + value
+    return total
 
 
 def _slope(p: Rational, i: int) -> Rational:
@@ -65,14 +65,14 @@ def _field(
     """The field c B∇H expanded about y0."""
     h = _shifted(H, y0)
     gradient = [_slope(h, i) for i in range(len(y0))]
-    found: list[Rational] = [{} for _ in y0]
+    components: list[Rational] = [{} for _ in y0]
     scale: Rational = {(0,) * len(y0): c}
     for i, j, entry in structure:
         B = _product(_shifted(entry, y0), scale)
-        found[i] = _sum(found[i], _product(B, gradient[j]))
+        components[i] = _sum(components[i], _product(B, gradient[j]))
         minus = {key: -value for key, value in _product(B, gradient[i]).items()}
-        found[j] = _sum(found[j], minus)
-    return found
+        components[j] = _sum(components[j], minus)
+    return components
 
 
 def fields(data: PolynomialSystem, y0: Sequence[float]) -> list[list[Rational]]:

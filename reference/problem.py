@@ -191,12 +191,12 @@ def _commuting_structure(self: ExactProblem, y: Vector, c: Number, slope: Vector
     """
     v, w = self.turned(self.structure(y), slope), self.gradient(y)
     normals = [[2 * total(a * b for a, b in zip(row, y, strict=True)) for row in A] for A in self.casimirs]
-    found: list[Vector] = []
+    rows: list[Vector] = []
     for normal in [*normals, *self.linear_casimirs]:
-        n = _without(normal, found)
+        n = _without(normal, rows)
         if total(a * a for a in n):
-            found.append(n)
-    w = _without(w, found)
+            rows.append(n)
+    w = _without(w, rows)
     square = total(a * a for a in w)
     if not square:
         if any(v):
@@ -236,12 +236,12 @@ def _monomials(self: ExactProblem, terms: tuple[tuple[Exponents, float], ...]) -
 
 def _partial(terms: Monomials, i: int) -> Monomials:
     """∂/∂y_i of each term."""
-    found = []
+    derivative = []
     for c, powers in terms:
         k = dict(powers).get(i, 0)
         if k:
-            found.append((c * k, [(n, e - (n == i)) for n, e in powers if e > (n == i)]))
-    return found
+            derivative.append((c * k, [(n, e - (n == i)) for n, e in powers if e > (n == i)]))
+    return derivative
 
 
 def _value(terms: Monomials, y: Vector, zero: Number) -> Number:
@@ -251,7 +251,7 @@ def _value(terms: Monomials, y: Vector, zero: Number) -> Number:
 def _values(rows: Sequence[Monomials], y: Vector, zero: Number) -> Vector:
     """Values of several polynomials at one point; they share the powers."""
     known: dict[tuple[int, int], Number] = {}
-    found = []
+    values = []
     for terms in rows:
         result = zero
         for c, powers in terms:
@@ -262,8 +262,8 @@ def _values(rows: Sequence[Monomials], y: Vector, zero: Number) -> Vector:
                     value = known[factor] = power(y[factor[0]], factor[1])
                 term = term * value
             result = result + term
-        found.append(result)
-    return found
+        values.append(result)
+    return values
 
 
 def _oscillator(self: ExactProblem, parameters: dict[str, Vector]) -> None:

@@ -138,12 +138,12 @@ def load(scheme: str, folder: Path = FOLDER) -> tuple[ReferenceVector, ...]:
             remedy=_REMEDY,
         ) from error
     if not isinstance(data, dict) or data.get("format") != FORMAT or data.get("scheme") != scheme:
-        found = (
+        loaded = (
             {k: data.get(k) for k in ("format", "scheme")} if isinstance(data, dict) else type(data).__name__
         )
         raise UsageError(
             expected=f'{path} with "format": "{FORMAT}" and "scheme": "{scheme}"',
-            received=f"{found}",
+            received=f"{loaded}",
             remedy=_REMEDY,
         )
     vectors, seen = [], set()

@@ -117,12 +117,12 @@ def _finite(word: str, kind: type[Any]) -> Any:
 
 
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    found = dict(pairs)
-    if len(found) < len(pairs):
+    record = dict(pairs)
+    if len(record) < len(pairs):
         keys = [key for key, _ in pairs]
         twice = next(key for key in keys if keys.count(key) > 1)
         raise ValueError(f"the key {twice!r:.{_SHOWN}} stands twice in one object")
-    return found
+    return record
 
 
 def hex_float(text: Any) -> float:
@@ -147,13 +147,13 @@ def double(value: Any) -> float:
         kind = {bool: "true or false", type(None): "null", list: "a list", dict: "an object"}
         raise ValueError(f"{kind.get(type(value), type(value).__name__)} where a number was expected")
     try:
-        found = hex_float(value) if isinstance(value, str) else float(value)
+        number = hex_float(value) if isinstance(value, str) else float(value)
     except OverflowError:
-        found = math.inf
+        number = math.inf
     except ValueError:
         raise ValueError(
             f'{value!r:.{_SHOWN}} is neither a JSON number such as 0.5 nor a hex float with 0x, such as "0x1p-1"'
         ) from None
-    if not math.isfinite(found):
+    if not math.isfinite(number):
         raise ValueError(f"{value!r:.{_SHOWN}} is not finite, or beyond the largest binary64 number")
-    return found
+    return number

@@ -97,11 +97,11 @@ def attempted(key: str, work: Callable[[], T], *, kept: bool = True) -> T:
     journal.send(BEGIN, key.encode())
     done = BACK, b""
     try:
-        found = work()
-        done = (RESULT, pickle.dumps(found)) if kept else done
+        outcome = work()
+        done = (RESULT, pickle.dumps(outcome)) if kept else done
     finally:
         journal.send(*done)
-    return found
+    return outcome
 
 
 def note_case(case: Callable[[], dict[str, Any]]) -> None:

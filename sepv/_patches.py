@@ -23,12 +23,12 @@ def put_off_blas() -> None:
 
     if "numba.np.arraymath" in sys.modules or not hasattr(linalg, "ensure_blas"):
         return
-    asked = linalg.ensure_blas
+    ensure_blas = linalg.ensure_blas
     linalg.ensure_blas = lambda: None
     try:
         importlib.import_module("numba.np.arraymath")
     finally:
-        linalg.ensure_blas = asked
+        linalg.ensure_blas = ensure_blas
 
 
 def add_attribute(attributes: Any, text: str) -> None:

@@ -72,8 +72,8 @@ def _fresh_folder(name: str) -> Path:
 
 def _is_private(folder: Path) -> bool:
     """True if nobody else can write there; Windows keeps users apart by their homes."""
-    found = folder.stat()
-    return not hasattr(os, "geteuid") or (found.st_uid == os.geteuid() and not found.st_mode & 0o022)
+    status = folder.stat()
+    return not hasattr(os, "geteuid") or (status.st_uid == os.geteuid() and not status.st_mode & 0o022)
 
 
 def write_atomically(path: str, content: str | bytes) -> None:
@@ -172,13 +172,13 @@ def schema(name: str) -> dict[str, Any]:
     UsageError
     """
     require_one_of("a schema", name, SCHEMAS)
-    found = _packaged("problem" if name == "witness" else name)
+    packaged = _packaged("problem" if name == "witness" else name)
     if name == "witness":
-        found["$ref"] = "#/$defs/witness"
+        packaged["$ref"] = "#/$defs/witness"
     if name in RESULTS:
-        found["properties"]["made"] = _packaged("made")
-        found["properties"]["made"]["properties"]["schema"] = {"const": name}
-    return found
+        packaged["properties"]["made"] = _packaged("made")
+        packaged["properties"]["made"]["properties"]["schema"] = {"const": name}
+    return packaged
 
 
 def _packaged(name: str) -> dict[str, Any]:
@@ -193,10 +193,10 @@ def fault(data: Any, schema: dict[str, Any]) -> str:
 
     formats = FormatChecker(())
     formats.checks("double", raises=ValueError)(lambda value: double(value) is not None)
-    found = list(Draft202012Validator(schema, format_checker=formats).iter_errors(data))
-    error = best_match(found)
+    errors = list(Draft202012Validator(schema, format_checker=formats).iter_errors(data))
+    error = best_match(errors)
     if error is None:
         return ""
     # For a number, our own words, which say what it may be.
-    own = next((e.cause for e in found if e.cause is not None and e.json_path == error.json_path), None)
-    return f"{error.json_path}: {own or f'{error.message:.200}'}"
+    cause = next((e.cause for e in errors if e.cause is not None and e.json_path == error.json_path), None)
+    return f"{error.json_path}: {cause or f'{error.message:.200}'}"

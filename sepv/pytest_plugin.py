@@ -106,8 +106,8 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         return
     from sepv.schemes import PAPER, load_scheme
 
-    asked = metafunc.config.getoption("--scheme") or getattr(metafunc.module, "sepv_schemes", None)
-    names = asked or metafunc.config.getini("sepv_schemes") or list(PAPER)
+    targets = metafunc.config.getoption("--scheme") or getattr(metafunc.module, "sepv_schemes", None)
+    names = targets or metafunc.config.getini("sepv_schemes") or list(PAPER)
     try:
         schemes = [load_scheme(name, metafunc.config.stash[_EXPECTED].claims or ()) for name in names]
     except SepvError as error:
@@ -143,31 +143,31 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Any:
     listed, runs = pyfuncitem.config.stash[_EXPECTED], pyfuncitem.config.stash[_RUNS]
     target = pyfuncitem.callspec.id if hasattr(pyfuncitem, "callspec") else "TARGET"
 
-    def measure(asked: Law, scheme: Scheme, own: Run) -> Finding:
-        run = runs.setdefault((target, own.effort), own)
-        failure = listed.failures.get(asked.name)
+    def measure(chosen: Law, scheme: Scheme, this_run: Run) -> Finding:
+        run = runs.setdefault((target, this_run.effort), this_run)
+        failure = listed.failures.get(chosen.name)
         if failure is not None:
             require_named(failure.witness, scheme)
-        if not asked.claimed_by(scheme) and not listed.is_pin:
+        if not chosen.claimed_by(scheme) and not listed.is_pin:
             # A violation becomes one line, without a counterexample, so none is simplified. An error is shown, and
             # searched with the full effort.
-            found = suite.measure(
-                asked, scheme, replace(run, effort=replace(run.effort, shrink_checks=0)), failure=failure
+            finding = suite.measure(
+                chosen, scheme, replace(run, effort=replace(run.effort, shrink_checks=0)), failure=failure
             )
-            if found.verdict is not Verdict.ERROR:
-                return found
-        return suite.measure(asked, scheme, run, failure=failure)
+            if finding.verdict is not Verdict.ERROR:
+                return finding
+        return suite.measure(chosen, scheme, run, failure=failure)
 
-    found: list[Finding] = []
+    findings: list[Finding] = []
     result: Any = None
-    with law.collecting(found, measure):
+    with law.collecting(findings, measure):
         try:
             result = yield
         except LawViolated:
             pass  # judged below, in fewer words
         except SepvError as error:
             pytest.fail(str(error), pytrace=False)
-    for finding in found:
+    for finding in findings:
         # The name of the scheme in reports and pins: a record has its own.
         given = pyfuncitem.callspec.params if hasattr(pyfuncitem, "callspec") else {}
         name = getattr(given.get("scheme"), "name", target)
@@ -209,18 +209,18 @@ class _Collector:
 
 def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
     """Print a table of laws for each scheme after the tests."""
-    found = config.stash[_FINDINGS]
-    if not found:
+    findings = config.stash[_FINDINGS]
+    if not findings:
         return
     terminalreporter.section("laws (+ claimed)")
-    for scheme in dict.fromkeys(row["sepv_scheme"] for row in found):
+    for scheme in dict.fromkeys(row["sepv_scheme"] for row in findings):
         terminalreporter.write_line(scheme)
-        for row in found:
+        for row in findings:
             if row["sepv_scheme"] == scheme:
                 claimed = " +" if row["sepv_claimed"] == "yes" else ""
                 terminalreporter.write_line(f"  {row['sepv_law']:<20}{row['sepv_verdict']}{claimed}")
     # --expected is about one scheme.
     for gap in config.stash[_EXPECTED].gaps(
-        dict.fromkeys(row["sepv_law"] for row in found), found[0]["sepv_name"]
+        dict.fromkeys(row["sepv_law"] for row in findings), findings[0]["sepv_name"]
     ):
         terminalreporter.write_line(gap, yellow=True)

@@ -80,9 +80,9 @@ def run(
     With `first` a saboteur is done at the first law that kills, expected ones first: the matrix has holes.
     """
     chosen = [find(name) for name in (SABOTEURS if names is None else names)]
-    asked = [law.name for law in load_laws(laws)]
+    law_names = [law.name for law in load_laws(laws)]
     budget = effort or Effort(corpus=False)
-    how = (asked, budget.examples, budget.paths, first, budget.corpus)
+    how = (law_names, budget.examples, budget.paths, first, budget.corpus)
     jobs = [(s.name, seed, *how) for seed in seeds for s in chosen]
     detections: list[Detection] = []
     # spawn: a saboteur may leave anything in this process's memory.
@@ -93,7 +93,7 @@ def run(
             detections += future.result()
             if progress:
                 progress(done, len(jobs), future.result())
-    order = {name: n for n, name in enumerate((*(s.name for s in chosen), *asked))}
+    order = {name: n for n, name in enumerate((*(s.name for s in chosen), *law_names))}
     return sorted(detections, key=lambda b: (order[b.saboteur], order[b.law], b.seed))
 
 
@@ -107,15 +107,15 @@ def detect(
     if first:
         laws = sorted(laws, key=lambda law: (law not in saboteur.caught_by, LAWS.index(law)))
     detections: list[Detection] = []
-    for asked in laws:
-        (law,) = load_laws([asked])
+    for chosen in laws:
+        (law,) = load_laws([chosen])
         finding = measure(law, scheme, run, TIMEOUT)
         message = finding.message if finding.verdict is Verdict.ERROR else ""
-        found = Detection(
-            name, saboteur.family, asked, seed, finding.verdict, law.claimed_by(scheme), asked in saboteur.caught_by,
+        detection = Detection(
+            name, saboteur.family, chosen, seed, finding.verdict, law.claimed_by(scheme), chosen in saboteur.caught_by,
             finding.checks, round(finding.seconds, 3), message,
         )  # fmt: skip
-        detections.append(found)
+        detections.append(detection)
         if first and detections[-1].kills:
             break
     return detections
@@ -130,21 +130,21 @@ def find(name: str) -> Saboteur:
 def survivors(detections: Sequence[Detection]) -> dict[str, list[int]]:
     """The seeds with which no claimed law killed, for each saboteur that survived any."""
     killed = {(b.saboteur, b.seed) for b in detections if b.kills}
-    found: dict[str, list[int]] = {}
+    by_saboteur: dict[str, list[int]] = {}
     for name, seed in sorted({(b.saboteur, b.seed) for b in detections} - killed):
-        found.setdefault(name, []).append(seed)
-    return found
+        by_saboteur.setdefault(name, []).append(seed)
+    return by_saboteur
 
 
 def found_by_one_law(detections: Sequence[Detection]) -> dict[str, list[str]]:
     """For each law, the saboteurs that no other law killed with any seed: the loss without it."""
     kills = dict.fromkeys((b.saboteur, b.law) for b in detections if b.kills)
     laws = Counter(name for name, _ in kills)
-    kept: dict[str, list[str]] = {}
+    by_law: dict[str, list[str]] = {}
     for name, law in kills:
         if laws[name] == 1:
-            kept.setdefault(law, []).append(name)
-    return kept
+            by_law.setdefault(law, []).append(name)
+    return by_law
 
 
 def missed(detections: Sequence[Detection]) -> list[tuple[str, str]]:
@@ -189,9 +189,9 @@ def matrix(detections: Sequence[Detection]) -> Table:
     """A table of saboteurs and laws, with the number of seeds that killed."""
     laws = list(dict.fromkeys(b.law for b in detections))
     heads = columns(["saboteur"], [*map(abbreviation, laws), "killed"])
-    found = _rows(detections)
+    rows = _rows(detections)
     return Table(
-        heads, [[name, *(cells.get(law, "") for law in laws), killed] for name, killed, cells in found]
+        heads, [[name, *(cells.get(law, "") for law in laws), killed] for name, killed, cells in rows]
     )
 
 
@@ -199,17 +199,17 @@ def listing(detections: Sequence[Detection]) -> Table:
     """A list for terminals too narrow for the matrix: the laws that do not hold, for each saboteur."""
     rows: list[tuple[str, Text, Text]] = []
     for name, killed, cells in _rows(detections):
-        told = ((law, cell) for law, cell in cells.items() if cell.plain.strip("*") not in ("·", "n/a"))
-        rows.append((name, killed, Text(", ").join(Text(f"{law} ") + cell for law, cell in told)))
+        killers = ((law, cell) for law, cell in cells.items() if cell.plain.strip("*") not in ("·", "n/a"))
+        rows.append((name, killed, Text(", ").join(Text(f"{law} ") + cell for law, cell in killers)))
     return Table((*columns(["saboteur"], ["killed"]), *columns(["laws"], words=True)), rows)
 
 
 def _rows(detections: Sequence[Detection]) -> Iterator[tuple[str, Text, dict[str, Text]]]:
     """Rows of a saboteur, the number of its kills, and the cell of each law that it was run against."""
-    alive, found = survivors(detections), dict[str, dict[str, list[Detection]]]()
+    alive, by_law = survivors(detections), dict[str, dict[str, list[Detection]]]()
     for b in detections:
-        found.setdefault(b.saboteur, {}).setdefault(b.law, []).append(b)
-    for name, laws in found.items():
+        by_law.setdefault(b.saboteur, {}).setdefault(b.law, []).append(b)
+    for name, laws in by_law.items():
         seeds = len({b.seed for seen in laws.values() for b in seen})
         killed = seeds - len(alive.get(name, []))
         count = Text(f"{killed}/{seeds}", style="green" if killed == seeds else "bold red")

@@ -24,14 +24,14 @@ T, STEPS = 1.0, (16, 32, 64, 128)
 def errors(scheme: str, problem: str) -> list[float]:
     """|y_N − y(T)| with c = 0, for each number of steps."""
     method, system = schemes.PAPER[scheme], SYSTEMS[problem](noise=())
-    start, found = np.array(system.initial), []
+    start, sizes = np.array(system.initial), []
     exact = exact_flow(system, T).y
     for steps in STEPS:
         y = start
         for _ in range(steps):
             y = method.step(system, y, T / steps, np.empty(0))
-        found.append(float(np.linalg.norm(y - exact)))
-    return found
+        sizes.append(float(np.linalg.norm(y - exact)))
+    return sizes
 
 
 def jobs(_size: Size) -> list[Job]:
@@ -45,11 +45,11 @@ def jobs(_size: Size) -> list[Job]:
 
 def panels(results: Results) -> list[Panel]:
     """Errors against h, and the slope of (2.1) between the finest two steps; coarser ones show that it has settled."""
-    h, found, slopes, statements = T / np.array(STEPS), [], {}, []
+    h, measured, slopes, statements = T / np.array(STEPS), [], {}, []
     for s, p in ((s, p) for s in SHOWN for p in SYSTEMS):
         errors = np.array(results["theory", "deterministic", s, p])
         seen = -np.diff(np.log2(errors))
-        found.append(points(f"{s}, {p}", h, errors, s))
+        measured.append(points(f"{s}, {p}", h, errors, s))
         slopes[f"{s}, {p}"] = {"errors": errors.tolist(), "slopes": seen.tolist()}
         if s == "energy-preserving":
             statements.append(Statement(
@@ -58,7 +58,7 @@ def panels(results: Results) -> list[Panel]:
                 "the slope between the two finest steps is within 2 ± 1/4",
             ))  # fmt: skip
     return [Panel(
-        key="theory-deterministic-order", title="Without noise", source="§2", series=tuple(found),
+        key="theory-deterministic-order", title="Without noise", source="§2", series=tuple(measured),
         parameters={"c": 0.0, "T": T, "N": list(STEPS)}, slopes=(1.0, 2.0), statements=tuple(statements),
         description="Energy-preserving and midpoint scheme have slope two. The discrete gradient scheme has slope one "
         "where B is not constant, because it takes B at the start of the step.",

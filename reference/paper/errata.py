@@ -59,12 +59,12 @@ class Erratum:
 
     def statement(self) -> Statement:
         """The printed part with the verdict of its evidence."""
-        found = self.evidence()
+        evidence = self.evidence()
         return Statement(
             text=self.printed,
             source=self.place,
-            verdict=decide(found.holds, found.refuted),
-            measured=found.measured,
+            verdict=decide(evidence.holds, evidence.refuted),
+            measured=evidence.measured,
             criterion=self.criterion,
             correction=self.right,
         )
@@ -78,7 +78,7 @@ def statements() -> list[Statement]:
 def errata() -> list[tuple[Erratum, str]]:
     """The entries that their evidence refutes, in the order of the paper, each with what was measured."""
     decided = zip(ENTRIES, statements(), strict=True)
-    return [(entry, found.measured) for entry, found in decided if found.verdict == "fails"]
+    return [(entry, evidence.measured) for entry, evidence in decided if evidence.verdict == "fails"]
 
 
 def moment_gap(A: float) -> float:
@@ -162,15 +162,15 @@ def _comparison() -> Evidence:
     start, h = float(system.hamiltonian(np.array(system.initial))), 2.0**-4
     times, reach = h * np.arange(1, 17), {}
     for scheme in (schemes.energy_preserving, schemes.midpoint):
-        found = ensemble(scheme, system, h=h, T=1.0, paths=256, times=times, engine="numpy")
-        reach[scheme.name] = max(float(np.max(system.hamiltonian(y))) / start for y in found.states)
+        sample = ensemble(scheme, system, h=h, T=1.0, paths=256, times=times, engine="numpy")
+        reach[scheme.name] = max(float(np.max(system.hamiltonian(y))) / start for y in sample.states)
     ours, theirs = reach.values()
-    kept = ours <= 1 + 1e-12
+    bounded = ours <= 1 + 1e-12
     measured = (
         f"H = ½p² + ¼q⁴, y0 = (0.5, 1), h = 2^-4, t ≤ 1, 256 paths: H reaches {ours:.6g} H(y0) along (2.1), and "
         f"{theirs:.4g} H(y0) along (3.4)"
     )
-    return Evidence(kept and theirs <= 1 + 1e-12, kept and theirs > 1 + 1e-6, measured)
+    return Evidence(bounded and theirs <= 1 + 1e-12, bounded and theirs > 1 + 1e-6, measured)
 
 
 SETS = (

@@ -36,8 +36,8 @@ def jobs(size: Size) -> list[Job]:
 
 def panels(results: Results) -> list[Panel]:
     """Figure 4.3: Casimir and Hamiltonian along one sample, and the order."""
-    found = RUNS.found(results)
-    shown = [r for n, r in found.items() if n != "midpoint"]
+    long_runs = RUNS.found(results)
+    shown = [r for n, r in long_runs.items() if n != "midpoint"]
     places = {"energy-preserving": "§4.2, Proposition 3.2", "midpoint": "§4.2, by §3.3"}
     keep = ("energy-preserving", "midpoint", "discrete-gradient")
     return [
@@ -49,7 +49,7 @@ def panels(results: Results) -> list[Panel]:
                 "C = |y|², the first of the two definitions in §4.2; the second is half of it",
                 "splitting, which the paper names and does not show, is added",
             ),
-            statements=tuple(runs.statements(found, "Casimir", set(SHOWN) - set(LOSE), "§4.2", **places)),
+            statements=tuple(runs.statements(long_runs, "Casimir", set(SHOWN) - set(LOSE), "§4.2", **places)),
             description="The energy-preserving scheme and splitting keep the Casimir at 1; Euler-Maruyama, "
             "Euler-Heun, Milstein and the discrete gradient scheme do not.",
         ),
@@ -57,7 +57,7 @@ def panels(results: Results) -> list[Panel]:
             key="4.3-hamiltonian", title="Rigid body: energy", source="§4.2, in words only",
             x=TIME, y=Axis("energy H"), series=tuple(runs.curve(r, r.energy) for r in shown),
             parameters=_PARAMETERS, chosen=("the paper describes this panel and does not show it",),
-            statements=tuple(runs.statements(found, "energy", keep, "§4.2")),
+            statements=tuple(runs.statements(long_runs, "energy", keep, "§4.2")),
             description="Energy-preserving and discrete gradient scheme keep the energy; the explicit schemes do not, "
             "and splitting stays near it.",
         ),

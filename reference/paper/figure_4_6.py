@@ -43,12 +43,12 @@ def jobs(size: Size) -> list[Job]:
 
 def panels(results: Results) -> list[Panel]:
     """Figure 4.6: the Hamiltonian along one sample, and the order."""
-    found = RUNS.found(results)
+    long_runs = RUNS.found(results)
     energy = Panel(
         key="4.6-hamiltonian", title="Lotka-Volterra: energy", source="Figure 4.6, left",
-        x=TIME, y=Axis("energy H"), series=tuple(runs.curve(r, r.energy) for r in found.values()),
+        x=TIME, y=Axis("energy H"), series=tuple(runs.curve(r, r.energy) for r in long_runs.values()),
         parameters=_PARAMETERS, chosen=("splitting, which the paper names and does not show, is added",),
-        statements=(*runs.statements(found, "energy", KEEP, "§4.4"), _domain(found["splitting"])),
+        statements=(*runs.statements(long_runs, "energy", KEEP, "§4.4"), _domain(long_runs["splitting"])),
         description="Energy-preserving and discrete gradient scheme keep the energy; the others do not, and splitting "
         "stays near it.",
     )  # fmt: skip

@@ -62,7 +62,7 @@ def _phase_space(by_scheme: dict[str, runs.Run], parameters: dict[str, Any]) -> 
     circle = series("exact: the energy circle", RADIUS * np.cos(angle), RADIUS * np.sin(angle))
     off = float(np.max(np.abs(np.hypot(*preserving.y) / RADIUS - 1)))
     limit = runs.rounding_bound(preserving.steps)
-    kept = Statement(
+    statement = Statement(
         "The numerical solutions given by the energy-preserving scheme remain on the initial energy circle", "§4.1",
         judge.at_most(off, limit, 1e3 * limit), f"largest relative distance from the circle {off:.1e}",
         f"8 eps √N = {limit:.1e}",
@@ -76,7 +76,7 @@ def _phase_space(by_scheme: dict[str, runs.Run], parameters: dict[str, Any]) -> 
             f"|x|, |p| ≤ {WINDOW:g}, beyond which the explicit schemes go on to the end of the run",
             "at most 250 points of each solution are drawn (the paper: not all)",
         ),
-        statements=(kept, _cayley(), _not_suited(by_scheme)),
+        statements=(statement, _cayley(), _not_suited(by_scheme)),
         description="The energy-preserving scheme stays on the circle of the initial energy; the others leave it.",
     )  # fmt: skip
 

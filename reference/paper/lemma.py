@@ -80,7 +80,7 @@ def measured(problem: str) -> dict[str, dict[str, Any]]:
     y = (1.1 * np.array(system.initial) + 0.05)[:, None]
     a = vector_field(system, y)
     b = 0.5 * derivative_along(system, y, a)
-    found = {}
+    moments = {}
     for name, c in zip(SCHEMES, coefficients(system, y), strict=True):
         mean, rms = [], []
         for h in H_STEPS:
@@ -93,8 +93,13 @@ def measured(problem: str) -> dict[str, dict[str, Any]]:
             mean.append(float(size @ nodes.weights))
             rms.append(float(np.sqrt(size**2 @ nodes.weights)))
         expansion = expanded(name, system.data, y[:, 0])
-        found[name] = {"formula": c[:, 0].tolist(), "expansion": expansion.tolist(), "mean": mean, "rms": rms}
-    return found
+        moments[name] = {
+            "formula": c[:, 0].tolist(),
+            "expansion": expansion.tolist(),
+            "mean": mean,
+            "rms": rms,
+        }
+    return moments
 
 
 def jobs(_size: Size) -> list[Job]:
@@ -104,23 +109,23 @@ def jobs(_size: Size) -> list[Job]:
 
 def panels(results: Results) -> list[Panel]:
     """Moments of R_n and R̃_n against h."""
-    found = {name: results["theory", "lemma", name] for name in NAMES}
+    moments = {name: results["theory", "lemma", name] for name in NAMES}
     return [Panel(
         key="theory-lemma-3.2", title="What the expansions (3.1) and (3.5) leave", source="Lemma 3.2, (3.2), (3.5)",
         y=Axis("moments of R_n", log=True),
         series=tuple(
             points(f"{name}, {label}", H_STEPS, one[SCHEMES[0]][kind])
-            for name, one in found.items() for kind, label in (("mean", "E‖R‖"), ("rms", "(E‖R‖²)^½"))
+            for name, one in moments.items() for kind, label in (("mean", "E‖R‖"), ("rms", "(E‖R‖²)^½"))
         ),
         parameters={"k": 2, "h": list(H_STEPS)}, chosen=("one step from 1.1 y0 + 0.05",), slopes=(2.0,),
-        statements=tuple(s for name, one in found.items() for s in _statements(name, one)),
-        description="Both moments fall along slope two.", numbers=found,
+        statements=tuple(s for name, one in moments.items() for s in _statements(name, one)),
+        description="Both moments fall along slope two.", numbers=moments,
     )]  # fmt: skip
 
 
-def _statements(name: str, found: dict[str, dict[str, Any]]) -> Iterator[Statement]:
+def _statements(name: str, moments: dict[str, dict[str, Any]]) -> Iterator[Statement]:
     """The coefficients by formula and by expansion, their difference, and the orders of the rest."""
-    values = {kind: [np.array(found[n][kind]) for n in SCHEMES] for kind in ("formula", "expansion")}
+    values = {kind: [np.array(moments[n][kind]) for n in SCHEMES] for kind in ("formula", "expansion")}
     size = max(np.max(np.abs(one)) for one in values["expansion"])
     ours, theirs = (a - b for a, b in zip(*values.values(), strict=True))
     both = np.subtract(*values["formula"]) - np.subtract(*values["expansion"])
@@ -144,7 +149,7 @@ def _statements(name: str, found: dict[str, dict[str, Any]]) -> Iterator[Stateme
     for scheme, letter, source in zip(SCHEMES, ("R_n", "R̃_n"), ("(3.2)", "after (3.5)"), strict=True):
         # The finest pair of steps: the next term of the rest is a factor √h of the first.
         mean, rms = (
-            float(np.log2(found[scheme][kind][-2] / found[scheme][kind][-1])) for kind in ("mean", "rms")
+            float(np.log2(moments[scheme][kind][-2] / moments[scheme][kind][-1])) for kind in ("mean", "rms")
         )
         yield Statement(
             f"E‖{letter}‖ = O(h²) and (E‖{letter}‖²)^½ = O(h²) ({name})", source,

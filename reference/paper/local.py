@@ -42,14 +42,14 @@ def difference() -> dict[str, list[float]]:
 
 def against_exact(scheme: str) -> dict[str, list[float]]:
     """Mean and mean-square error of one step of a scheme against the exact solution, the largest over a few states."""
-    found = local_errors(schemes.PAPER[scheme], problems.by_name(PROBLEM), Run())
-    return {"h": found.h.tolist(), "mean": found.mean.tolist(), "rms": found.rms.tolist()}
+    errors = local_errors(schemes.PAPER[scheme], problems.by_name(PROBLEM), Run())
+    return {"h": errors.h.tolist(), "mean": errors.mean.tolist(), "rms": errors.rms.tolist()}
 
 
 def jobs(_size: Size) -> list[Job]:
     """One job a scheme; nothing is random."""
-    found = [Job(("theory", "local", name), against_exact, {"scheme": name}, 0.5) for name in STATED]
-    return [*found, Job(("theory", "local", ""), difference, {}, 0.2)]
+    listed = [Job(("theory", "local", name), against_exact, {"scheme": name}, 0.5) for name in STATED]
+    return [*listed, Job(("theory", "local", ""), difference, {}, 0.2)]
 
 
 def _of_the_paper(pair: dict[str, list[float]]) -> tuple[Statement, ...]:
@@ -89,20 +89,20 @@ def _of_a_scheme(name: str, mean: float, rms: float) -> Statement:
 
 def panels(results: Results) -> list[Panel]:
     """One panel: both errors of every scheme, with their slopes."""
-    found = {name: results["theory", "local", name] for name in STATED}
+    errors = {name: results["theory", "local", name] for name in STATED}
     pair = results["theory", "local", ""]
-    slopes = {n: [judge.finest_slope(e["h"], e[kind]) for kind in ("mean", "rms")] for n, e in found.items()}
+    slopes = {n: [judge.finest_slope(e["h"], e[kind]) for kind in ("mean", "rms")] for n, e in errors.items()}
     return [Panel(
         key="theory-local-conditions", title="One step: (3.8) and (3.9)", source="(3.8), (3.9)",
         y=Axis("error of one step", log=True),
         series=tuple(
             points(f"{n}, {label}", e["h"], e[kind], n)
-            for n, e in found.items() for kind, label in (("mean", "mean"), ("rms", "mean-square"))
+            for n, e in errors.items() for kind, label in (("mean", "mean"), ("rms", "mean-square"))
         ),
         parameters={"problem": PROBLEM, "k": 2}, slopes=(1.0, 1.5, 2.0),
         statements=(*_of_the_paper(pair), *(_of_a_scheme(name, *both) for name, both in slopes.items())),
         description="Mean errors fall along slope two, mean-square errors along 3/2, and along one for Euler-Maruyama.",
-        numbers={n: {**e, "slopes": slopes[n]} for n, e in found.items()} | {"(2.1) and midpoint": pair},
+        numbers={n: {**e, "slopes": slopes[n]} for n, e in errors.items()} | {"(2.1) and midpoint": pair},
     )]  # fmt: skip
 
 

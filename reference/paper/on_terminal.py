@@ -17,15 +17,15 @@ from .suite import Reproduction, ShareProgress
 _STYLES = {"holds": "green", "fails": "bold red", "open": "yellow"}
 
 
-def show(found: Reproduction, out: Console) -> None:
+def show(reproduction: Reproduction, out: Console) -> None:
     """Each panel's statements with what was measured."""
-    for panel in found.panels:
+    for panel in reproduction.panels:
         out.print(Text.assemble((panel.title, "bold"), f"  {panel.source}"))
         rows = [Row("", f"chosen: {choice}", "dim") for choice in panel.chosen]
         _print([*rows, *(row for s in panel.statements for row in _rows(s))], out)
-    if found.text:
+    if reproduction.text:
         out.print(Text("As printed", style="bold"))
-        _print([row for s in found.text for row in _rows(s)], out)
+        _print([row for s in reproduction.text for row in _rows(s)], out)
 
 
 class Row(NamedTuple):
@@ -59,16 +59,16 @@ def _print(rows: Sequence[Row], out: Console) -> None:
     out.print()
 
 
-def summary(found: Reproduction) -> Text:
+def summary(reproduction: Reproduction) -> Text:
     """One line: the counts, and how long it took."""
-    n = counts(found.statements)
+    n = counts(reproduction.statements)
     text = Text(f"{in_words(n)}; ")
     text.append(
-        f"{counted(len(found.panels), 'panel')} in {found.seconds:.0f} s, "
-        f"{found.processor_seconds:.0f} s of processor time"
+        f"{counted(len(reproduction.panels), 'panel')} in {reproduction.seconds:.0f} s, "
+        f"{reproduction.processor_seconds:.0f} s of processor time"
     )
-    if found.size.share != 1:
-        text.append(f", with a share of {found.size.share:g} of the samples and steps", style="yellow")
+    if reproduction.size.share != 1:
+        text.append(f", with a share of {reproduction.size.share:g} of the samples and steps", style="yellow")
     return text.append(".")
 
 

@@ -59,11 +59,11 @@ def jobs(setting: Setting, size: Size) -> list[Job]:
     return [setting.job(("order", scheme), scheme, samples, size, 0.5) for scheme in setting.schemes]
 
 
-def order_statement(name: str, found: StrongErrors, source: str) -> Statement:
+def order_statement(name: str, errors: StrongErrors, source: str) -> Statement:
     """The order that the paper gives the scheme, against the slope that is measured."""
     stated = (record.STATED | record.OURS)[name]
-    measured = slope(found, ALPHA)
-    failed = f"; {sum(found.failures)} samples with a step that failed" if any(found.failures) else ""
+    measured = slope(errors, ALPHA)
+    failed = f"; {sum(errors.failures)} samples with a step that failed" if any(errors.failures) else ""
     return Statement(
         f"{record.sentence(name)} has mean-square order {'1/2' if stated == 0.5 else '1'}", source,
         judge.interval_near(measured.low, measured.high, stated, 0.25),
@@ -73,10 +73,10 @@ def order_statement(name: str, found: StrongErrors, source: str) -> Statement:
 
 
 def same_statement(
-    one: str, other: str, found: dict[str, StrongErrors], source: str, reason: str
+    one: str, other: str, errors: dict[str, StrongErrors], source: str, reason: str
 ) -> Statement:
     """Two schemes are one and the same on this problem where their ends differ by rounding only."""
-    a, b = found[one], found[other]
+    a, b = errors[one], errors[other]
     difference = float(np.max(np.abs(a.errors - b.errors)))
     # Rounding enters at every step and is carried to the end by the flow's Lipschitz constant, e^2 or less here.
     bound = 64 * EPS * a.scale * max(a.steps)
@@ -91,28 +91,28 @@ def same_statement(
 
 def panel(setting: Setting, results: Results, extra: Sequence[Statement] = ()) -> Panel:
     """The convergence plot with a statement about every scheme in it, and about pairs that are one integrator."""
-    found: dict[str, StrongErrors] = {n: results[setting.figure, "order", n] for n in setting.schemes}
-    places = {n: setting.place if n == "energy-preserving" else record.stated_in(n, "§4") for n in found}
+    errors: dict[str, StrongErrors] = {n: results[setting.figure, "order", n] for n in setting.schemes}
+    places = {n: setting.place if n == "energy-preserving" else record.stated_in(n, "§4") for n in errors}
     h = setting.T / np.array(setting.steps)
     return Panel(
         key=f"{setting.figure}-order", title=setting.title, source=setting.source,
-        series=tuple(points(name, h, e.rms(), name) for name, e in found.items()),
+        series=tuple(points(name, h, e.rms(), name) for name, e in errors.items()),
         parameters={
-            "problem": setting.problem, "T": setting.T, "samples": next(iter(found.values())).squared.shape[1],
+            "problem": setting.problem, "T": setting.T, "samples": next(iter(errors.values())).squared.shape[1],
             "h": h.tolist(),
         },
         chosen=setting.chosen,
         slopes=(0.5, 1.0),
         statements=(
-            *(order_statement(name, e, places[name]) for name, e in found.items()),
-            *(same_statement(one, other, found, where, why) for one, other, where, why in setting.same),
+            *(order_statement(name, e, places[name]) for name, e in errors.items()),
+            *(same_statement(one, other, errors, where, why) for one, other, where, why in setting.same),
             *extra,
         ),
         description="Mean-square errors fall with the step size along lines of slope one, those of Euler-Maruyama "
         "along slope one half.",
         numbers={
             name: {"rms": e.rms().tolist(), "failures": list(e.failures), "slope": slope(e, ALPHA).value}
-            for name, e in found.items()
+            for name, e in errors.items()
         },
     )  # fmt: skip
 
@@ -133,21 +133,21 @@ def fine_panel(setting: Setting, results: Results) -> Panel:
     Errors against a scheme with a fine step are differences of two errors. Where the scheme under test is that scheme,
     or h comes near its step, they are too small and the slope is too steep; at its own step it has no error at all.
     """
-    found: dict[str, StrongErrors] = {n: results[setting.figure, "fine", n] for n in setting.schemes}
+    errors: dict[str, StrongErrors] = {n: results[setting.figure, "fine", n] for n in setting.schemes}
     reference = setting.schemes[0]
     h = setting.T / np.array(setting.steps)
     at = [f"at h = 2^{np.log2(step):.0f}" for step in h]
     own_step = at[-1].removeprefix("at h = ")
-    truth = found[reference].errors[-1]
+    truth = errors[reference].errors[-1]
     curves, numbers = [], {}
-    for name, e in found.items():
+    for name, e in errors.items():
         against = np.sqrt(np.mean(np.sum((e.errors - truth) ** 2, axis=1), axis=1))
         numbers[name] = {"exact reference": e.rms().tolist(), "fine-step reference": against.tolist()}
         # The reference's own scheme has error zero at its own step, which a logarithmic axis cannot show.
-        kept = against > 0
+        nonzero = against > 0
         curves.append(points(f"{name}, exact reference", h, e.rms(), name))
-        curves.append(points(f"{name}, fine-step reference", h[kept], against[kept]))
-    true, own = map(np.array, numbers[reference].values())
+        curves.append(points(f"{name}, fine-step reference", h[nonzero], against[nonzero]))
+    true, own_end = map(np.array, numbers[reference].values())
     # One truncated increment is an error of that sample that no step size explains.
     counts = zip(results[setting.figure, "fine", "truncated"], at, strict=True)
     truncated = ", ".join(f"{n} {where}" for n, where in counts if n)
@@ -155,9 +155,9 @@ def fine_panel(setting: Setting, results: Results) -> Panel:
     exact = Statement(
         f"(ours) The {reference} scheme with step {own_step} serves as the exact solution down to its own step",
         setting.place,
-        judge.decide(bool(np.all(own > 0.95 * true)), bool(own[-1] < 0.05 * true[-1])),
+        judge.decide(bool(np.all(own_end > 0.95 * true)), bool(own_end[-1] < 0.05 * true[-1])),
         f"of the true error of the {reference} scheme it sees "
-        + ", ".join(f"{part:.0%} {where}" for part, where in zip(own / true, at, strict=True)),
+        + ", ".join(f"{part:.0%} {where}" for part, where in zip(own_end / true, at, strict=True)),
         "at least 95 % of the true error, at every step size",
         "the exact solution is the flow at the time t + Σ c_j W_j(t), without a step size. At the steps of "
         f"the paper's plot, well above {own_step}, the bias is small and its slopes stand",

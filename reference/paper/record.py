@@ -162,8 +162,8 @@ def points(name: str, x: ArrayLike, y: ArrayLike, scheme: str = "") -> Series:
 
 def counts(statements: Iterable[Statement]) -> dict[str, int]:
     """The number of statements that hold, fail and stay open."""
-    found = [s.verdict for s in statements]
-    return {kind: found.count(kind) for kind in ("holds", "fails", "open")}
+    verdicts = [s.verdict for s in statements]
+    return {kind: verdicts.count(kind) for kind in ("holds", "fails", "open")}
 
 
 def in_words(counts: Mapping[str, int]) -> str:

@@ -66,10 +66,10 @@ def sublinear_errors(samples: int, seed: int) -> StrongErrors:
 
 def sublinear_step() -> list[float]:
     """Slopes of |E[y1 − φ]| and (E|y1 − φ|²)^½ after one step, by quadrature."""
-    found = local_errors(SCHEME, sublinear(), Run())
+    errors = local_errors(SCHEME, sublinear(), Run())
     # Three steps well above rounding: the errors are 1e-6 and less there.
-    kept = [n for n, e in enumerate(found.mean) if e > 1e4 * EPS][-3:]
-    return [judge.slope(found.h[kept], e[kept]) for e in (found.mean, found.rms)]
+    usable = [n for n, e in enumerate(errors.mean) if e > 1e4 * EPS][-3:]
+    return [judge.slope(errors.h[usable], e[usable]) for e in (errors.mean, errors.rms)]
 
 
 def casimir_loss(h: float, steps: int, paths: int, seed: int, engine: str) -> dict[str, Any]:
@@ -81,30 +81,30 @@ def casimir_loss(h: float, steps: int, paths: int, seed: int, engine: str) -> di
     problem = problems.lotka_volterra()
     assert problem.nambu is not None
     times = [t for t in TIMES if t <= steps * h]
-    found = ensemble(SCHEME, problem, h=h, steps=steps, paths=paths, seed=seed, times=times, engine=engine)
+    sample = ensemble(SCHEME, problem, h=h, steps=steps, paths=paths, seed=seed, times=times, engine=engine)
     before = float(problem.nambu.casimir(np.array(problem.initial)))
-    failed = np.where(found.failed_step < 0, steps, found.failed_step) * h
+    failed = np.where(sample.failed_step < 0, steps, sample.failed_step) * h
     means = []
-    for t, states in zip(times, found.states, strict=True):
+    for t, states in zip(times, sample.states, strict=True):
         lost = problem.nambu.casimir(states[:, failed >= t]) - before
         means.append(float(np.mean(lost)) if lost.size else np.nan)
     return {
         "T": steps * h,
         "t": times,
         "mean": means,
-        "failed": sorted(float(t) for t, s in zip(failed, found.failed_step, strict=True) if s >= 0),
-        "solvable": _solvable(found, problem, h, steps, seed),
+        "failed": sorted(float(t) for t, s in zip(failed, sample.failed_step, strict=True) if s >= 0),
+        "solvable": _solvable(sample, problem, h, steps, seed),
     }
 
 
-def _solvable(found: Ensemble, problem: Problem, h: float, steps: int, seed: int) -> int:
+def _solvable(sample: Ensemble, problem: Problem, h: float, steps: int, seed: int) -> int:
     """The number of steps that the solver refused and that have a solution on the curve from Δ = 0."""
     count, follow = 0, continued(SCHEME).solve
     assert follow is not None
-    for path in np.flatnonzero(found.failed_step >= 0):
+    for path in np.flatnonzero(sample.failed_step >= 0):
         whole = wiener.increments(seed, T=steps * h, steps=steps, noises=1, paths=range(path, path + 1))
-        dW = truncate(whole[found.failed_step[path]], h, SCHEME.truncation)
-        count += int(follow(problem, found.y[:, [path]], h, dW).status[0] == Status.CONVERGED)
+        dW = truncate(whole[sample.failed_step[path]], h, SCHEME.truncation)
+        count += int(follow(problem, sample.y[:, [path]], h, dW).status[0] == Status.CONVERGED)
     return count
 
 
@@ -117,7 +117,7 @@ def furthest(problem: str, seed: int, engine: str) -> dict[str, float]:
     start = np.array(system.initial)
     times = np.arange(1, SET_STEPS + 1) * SET_H
     raw = wiener.increments(seed, T=times[-1], steps=SET_STEPS, noises=system.noises, paths=range(SET_PATHS))
-    found = ensemble(SCHEME, system, h=SET_H, steps=SET_STEPS, dW=raw, times=times, engine=engine)
+    sample = ensemble(SCHEME, system, h=SET_H, steps=SET_STEPS, dW=raw, times=times, engine=engine)
     theta = times[:, None] + np.einsum("j,njm->nm", system.c, np.cumsum(raw, axis=0))
     exact = exact_flow(system, theta.ravel()).y
 
@@ -126,7 +126,7 @@ def furthest(problem: str, seed: int, engine: str) -> dict[str, float]:
             return float(np.max(np.abs(y[0])) / np.sqrt(start[0] ** 2 + 4))
         return float(np.sqrt(np.max(system.hamiltonian(y)) / system.hamiltonian(start)))
 
-    scheme = np.moveaxis(found.states, 1, 0).reshape(start.size, -1)
+    scheme = np.moveaxis(sample.states, 1, 0).reshape(start.size, -1)
     return {"(2.1)": share(scheme), "exact": share(exact)}
 
 
@@ -170,8 +170,8 @@ def panels(results: Results) -> list[Panel]:
     ]
 
 
-def _sublinear(found: StrongErrors, local: list[float]) -> Panel:
-    measured = slope(found, ALPHA)
+def _sublinear(errors: StrongErrors, local: list[float]) -> Panel:
+    measured = slope(errors, ALPHA)
     order = judge.interval_near(measured.low, measured.high, 1, 0.25)
     statement = Statement(
         "The results extend to cases where H is not bounded, f is sublinear and its derivatives are bounded",
@@ -183,46 +183,46 @@ def _sublinear(found: StrongErrors, local: list[float]) -> Panel:
     )  # fmt: skip
     return Panel(
         key="theory-unbounded-hamiltonian", title="A Hamiltonian that is not bounded", source="Remark 3.4",
-        series=(points(SCHEME.name, 1.0 / np.array(found.steps), found.rms(), SCHEME.name),),
+        series=(points(SCHEME.name, 1.0 / np.array(errors.steps), errors.rms(), SCHEME.name),),
         parameters={"H": "(1 + p²)^¾ + (1 + q²)^¾", "c": 1.0, "y0": [0.5, 1.0], "T": 1.0, "k": UNCLIPPED},
         chosen=(
             f"k = {UNCLIPPED}: a clipped increment is an error of its own, which a thousand samples do not average out",
         ),
         slopes=(0.5, 1.0), statements=(statement,), description="Mean-square errors fall along slope one.",
-        numbers={"rms": found.rms().tolist(), "slope": measured.value, "failures": list(found.failures)},
+        numbers={"rms": errors.rms().tolist(), "slope": measured.value, "failures": list(errors.failures)},
     )  # fmt: skip
 
 
-def _in_the_set(name: str, found: dict[str, float]) -> Statement:
+def _in_the_set(name: str, reached: dict[str, float]) -> Statement:
     # H is kept up to 8 eps √N of itself, and the share is a square root of it.
     limit = 1 + 8 * EPS * SET_STEPS**0.5
     return Statement(
-        SETS[name], "Remark 3.5", judge.at_most(max(found.values()), limit, limit + 1e-3),
-        f"(2.1) goes {found['(2.1)']:.6f} of the way to the boundary, exact solutions {found['exact']:.6f} "
+        SETS[name], "Remark 3.5", judge.at_most(max(reached.values()), limit, limit + 1e-3),
+        f"(2.1) goes {reached['(2.1)']:.6f} of the way to the boundary, exact solutions {reached['exact']:.6f} "
         f"({SET_PATHS} paths, t ≤ {SET_STEPS * SET_H:g})",
         "at most 1, and the rounding of H",
     )  # fmt: skip
 
 
 def _lost(results: Results) -> Panel:
-    found = {h: results["theory", "lost", str(h)] for h in LOST_H}
-    failed = {h: len(f["failed"]) for h, f in found.items()}
-    h0, T = 2.0**-8, found[2.0**-8]["T"]  # the paper's step
-    at = {t: m for t, m in zip(found[h0]["t"], found[h0]["mean"], strict=True) if t in (1.0, 8.0, 64.0)}
+    losses = {h: results["theory", "lost", str(h)] for h in LOST_H}
+    failed = {h: len(f["failed"]) for h, f in losses.items()}
+    h0, T = 2.0**-8, losses[2.0**-8]["T"]  # the paper's step
+    at = {t: m for t, m in zip(losses[h0]["t"], losses[h0]["mean"], strict=True) if t in (1.0, 8.0, 64.0)}
 
     def fate(h: float) -> str:
         text = f"h = 2^{np.log2(h):.0f}: a step of {failed[h]} of {LOST_PATHS} paths is refused by t = {T:g}"
         if not failed[h]:
             return text
         return (
-            f"{text}, the first at t = {min(found[h]['failed']):.0f}, where continuation solves "
-            f"{found[h]['solvable']} of these steps"
+            f"{text}, the first at t = {min(losses[h]['failed']):.0f}, where continuation solves "
+            f"{losses[h]['solvable']} of these steps"
         )
 
     statement = Statement(
         "(ours) Paths of (2.1) for Lotka-Volterra stay where their steps have solutions, at the paper's h = 2^-8",
         "Remark 3.5",
-        judge.decide(T >= LOST and not failed[h0], failed[h0] - found[h0]["solvable"] > LOST_PATHS // 2),
+        judge.decide(T >= LOST and not failed[h0], failed[h0] - losses[h0]["solvable"] > LOST_PATHS // 2),
         "; ".join(fate(h) for h in LOST_H) + "; mean of C(y) − C(y0) at h = 2^-8: "
         + ", ".join(f"{v:.2g} at t = {t:g}" for t, v in at.items()),
         f"no step is refused by t = {LOST:g}; refuted where more than half of the paths come to a step of which "
@@ -235,12 +235,12 @@ def _lost(results: Results) -> Panel:
         x=Axis("time t", log=True), y=Axis("mean of C(y0) − C(y)", log=True),
         series=tuple(
             points(f"h = 2^{np.log2(h):.0f}", f["t"], -np.array(f["mean"]), SCHEME.name if h == h0 else "")
-            for h, f in found.items()
+            for h, f in losses.items()
         ),
         parameters={"c": 0.5, "y0": [1.0, 1.9, 0.5], "paths": LOST_PATHS, "T": T},
         chosen=(f"means over the paths that are alive, of {LOST_PATHS}",), statements=(statement,),
         description="The mean loss grows in proportion to time, and falls with the step size.",
-        numbers={f"{h:g}": f for h, f in found.items()},
+        numbers={f"{h:g}": f for h, f in losses.items()},
     )  # fmt: skip
 
 

@@ -126,13 +126,13 @@ def reproduce(
 
 
 def _panels(section: Any, results: Results, wanted: tuple[str, ...]) -> list[Panel]:
-    found = []
+    made = []
     for figure, make in section.PANELS.items():
         if figure in wanted:
             panels = make(results)
             seconds = sum(t for key, t in results[("seconds",)].items() if key[0] == figure)
-            found += [replace(p, seconds=round(seconds / len(panels), 2)) for p in panels]
-    return found
+            made += [replace(p, seconds=round(seconds / len(panels), 2)) for p in panels]
+    return made
 
 
 def _run(jobs: list[Job], workers: Any, progress: ShareProgress) -> Results:
@@ -141,10 +141,10 @@ def _run(jobs: list[Job], workers: Any, progress: ShareProgress) -> Results:
     done, total = 0.0, sum(j.seconds for j in jobs)
     results: Results = {("seconds",): {}}
 
-    def take(number: int, found: tuple[Any, float]) -> None:
+    def take(number: int, result: tuple[Any, float]) -> None:
         nonlocal done
         job = jobs[number]
-        results[job.key], results[("seconds",)][job.key] = found
+        results[job.key], results[("seconds",)][job.key] = result
         done += job.seconds
         progress(done, total)
 

@@ -69,8 +69,8 @@ def bench(
     base = {r["target"]: r for r in store.load(against)} if against else {}
     records: list[dict[str, Any]] = []
     checks: list[Any] = []
-    with showing(quiet) as line, cli.candidates(targets, programs, line.update) as found:
-        for target, scheme in found:
+    with showing(quiet) as line, cli.candidates(targets, programs, line.update) as targets_found:
+        for target, scheme in targets_found:
             line.update(f"{target}: work and errors")
             if against and target not in base:
                 raise UsageError(
@@ -126,8 +126,8 @@ def _alone(
     ours = store.record(target, scheme, wanted)
     if before is None:
         return ours, []
-    kept = [c for c in before["cases"] if c["case"] in wanted]
-    return ours, check(ours, {**before, "cases": kept})
+    cases = [c for c in before["cases"] if c["case"] in wanted]
+    return ours, check(ours, {**before, "cases": cases})
 
 
 def _show(records: list[dict[str, Any]], checks: list[Any], *, saved: bool) -> None:
@@ -149,7 +149,7 @@ def _show(records: list[dict[str, Any]], checks: list[Any], *, saved: bool) -> N
             line = Text(f"{c.target}, {c.case}: {c.what} ")
             out.print(line.append(c.verdict, style=STYLES[c.verdict]).append(f"  {c.text}"), soft_wrap=True)
     counts = Counter(c.verdict for c in checks)
-    said = ", ".join(f"{counts[v]} {v}" for v in STYLES if counts[v])
-    out.print(f"{counted(len(checks), 'check')}: {said}.")
+    verdicts = ", ".join(f"{counts[v]} {v}" for v in STYLES if counts[v])
+    out.print(f"{counted(len(checks), 'check')}: {verdicts}.")
     if counts["better"]:
         out.print("Better than the other side: a file that guards the new state is written with --save.")

@@ -61,8 +61,8 @@ class _Commands(click.Group):
         limit = formatter.width - 6 - width
         for heading, names in GROUPS.items():
             with formatter.section(heading):
-                found = ((name, self.get_command(ctx, name)) for name in names)
-                formatter.write_dl([(n.ljust(width), c.get_short_help_str(limit)) for n, c in found if c])
+                entries = ((name, self.get_command(ctx, name)) for name in names)
+                formatter.write_dl([(n.ljust(width), c.get_short_help_str(limit)) for n, c in entries if c])
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]

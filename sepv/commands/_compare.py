@@ -104,36 +104,36 @@ def compare(
             if not methods:
                 raise failed[names[0]]
             given = {key: options[key] for key in ("paths", "repeats", "seed", "workers")}
-            found = run(
+            comparison = run(
                 methods, system, steps=steps, T=T, targets=options["errors"], progress=line.update, **given
             )
-    found = replace(found, failed={name: str(e) for name, e in failed.items()} | found.failed)
-    cli.save_json(options["json_file"], "comparison", found.to_json())
+    comparison = replace(comparison, failed={name: str(e) for name, e in failed.items()} | comparison.failed)
+    cli.save_json(options["json_file"], "comparison", comparison.to_json())
     if options["csv_file"]:
-        write_atomically(options["csv_file"], table.to_csv(found))
+        write_atomically(options["csv_file"], table.to_csv(comparison))
     if picture:
-        write_atomically(picture, drawing.draw(found, Path(picture).suffix))
-    _show(found, alone=alone, quiet=options["quiet"])
-    for name, text in found.failed.items():
+        write_atomically(picture, drawing.draw(comparison, Path(picture).suffix))
+    _show(comparison, alone=alone, quiet=options["quiet"])
+    for name, text in comparison.failed.items():
         cli.say(f"sepv: {name} failed and is left out: {text}")
-    if found.failed:
+    if comparison.failed:
         raise SystemExit(3)
 
 
-def _show(found: Comparison, *, alone: bool, quiet: bool) -> None:
+def _show(comparison: Comparison, *, alone: bool, quiet: bool) -> None:
     """Print all points, the times to errors, and notes."""
     from sepv.console import console
     from sepv.studies._compare import table
 
     out = console()
     if not quiet:
-        out.print(table.heading(found), style="bold")
-        for part in table.point_tables(found):
+        out.print(table.heading(comparison), style="bold")
+        for part in table.point_tables(comparison):
             print_table(part, out)
         out.print()
-    for part in table.target_tables(found):
+    for part in table.target_tables(comparison):
         print_table(part, out)
-    for note in table.notes(found):
+    for note in table.notes(comparison):
         out.print(note, style="dim", soft_wrap=True)
     if not alone:
         out.print("This system cannot keep a process on one core: libraries may have used more.", style="dim")

@@ -52,18 +52,18 @@ def growth(
     require_picture(out)
     system = load_problem(problem)
     rows: list[study.Growth] = []
-    asked = targets or (() if programs else tuple(schemes.PAPER))
-    with showing() as shown, cli.candidates(asked, programs, shown.update) as wanted:
+    names = targets or (() if programs else tuple(schemes.PAPER))
+    with showing() as shown, cli.candidates(names, programs, shown.update) as wanted:
         for number, (_, scheme) in enumerate(wanted):
             shown.update(scheme.name, number / len(wanted))
             rows.append(study.growth(scheme, system, h=h, T=T, paths=paths, seed=seed))
-        own = {scheme.name: scheme.look for _, scheme in wanted if scheme.look}
+        own_looks = {scheme.name: scheme.look for _, scheme in wanted if scheme.look}
     cli.save_json(json_file, "growth", {"problem": system.name, "h": h, "paths": paths, "seed": seed,
                                         "rows": [row.to_json() for row in rows]})  # fmt: skip
     if out is not None:
         from sepv.files import write_atomically
 
-        picture = study.draw(rows, f"{system.name}, h = {h:g}, {paths} paths", Path(out).suffix, own)
+        picture = study.draw(rows, f"{system.name}, h = {h:g}, {paths} paths", Path(out).suffix, own_looks)
         write_atomically(out, picture)
     screen = console()
     print_table(_table([row for row in rows if not row.failed]), screen)

@@ -64,9 +64,9 @@ def hard(
     from sepv.console import showing
     from sepv.studies._hard_cases import run
 
-    asked = [target] if target else [] if programs else ["energy-preserving"]
-    with showing(quiet) as shown, cli.candidates(asked, programs, shown.update) as found:
-        target, scheme = found[0]
+    targets = [target] if target else [] if programs else ["energy-preserving"]
+    with showing(quiet) as shown, cli.candidates(targets, programs, shown.update) as chosen:
+        target, scheme = chosen[0]
         seen = run(scheme, cases, steps=steps, laws=laws, seed=seed, progress=shown.update)
     cases_seen = [s.to_json() for s in seen]
     cli.save_json(json_file, "hard", {"scheme": scheme.name, "seed": seed, "cases": cases_seen})

@@ -58,14 +58,14 @@ def reproduce(figures: cli.Names, out: str | None, json_file: str | None, **opti
     folder = _folder(out, draws=not options["no_figures"])
     size = Size(share=QUICK if options["quick"] else 1.0, seed=options["seed"], engine=options["engine"])
     with watching(options["quiet"]) as progress:
-        found = run(figures, size=size, workers=options["workers"], progress=progress)
-    cli.save_json(json_file, "reproduction", found.to_json(), indent=None)
+        reproduction = run(figures, size=size, workers=options["workers"], progress=progress)
+    cli.save_json(json_file, "reproduction", reproduction.to_json(), indent=None)
     if folder is not None:
-        _write(found, folder, draws=not options["no_figures"])
+        _write(reproduction, folder, draws=not options["no_figures"])
     screen = console()
     if not options["quiet"]:
-        show(found, screen)
-    print_sentence(screen, summary(found))
+        show(reproduction, screen)
+    print_sentence(screen, summary(reproduction))
 
 
 def _errata() -> None:
@@ -104,9 +104,9 @@ def _folder(out: str | None, *, draws: bool) -> Path | None:
     return folder
 
 
-def _write(found: Any, folder: Path, *, draws: bool) -> None:
-    cli.save_json(str(folder / "reproduction.json"), "reproduction", found.to_json(), indent=None)
-    for panel in found.panels:
+def _write(reproduction: Any, folder: Path, *, draws: bool) -> None:
+    cli.save_json(str(folder / "reproduction.json"), "reproduction", reproduction.to_json(), indent=None)
+    for panel in reproduction.panels:
         write_atomically(str(folder / f"{panel.key}.json"), json_text(panel.to_json(), indent=None))
         write_atomically(str(folder / f"{panel.key}.csv"), panel.to_csv())
         if draws:

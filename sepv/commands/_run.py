@@ -54,24 +54,24 @@ def run(
     from sepv.simulate import long_path
 
     count = _whole("steps", steps)
-    kept = _whole("every", every) if every is not None else max(1, count // 1000)
+    stride = _whole("every", every) if every is not None else max(1, count // 1000)
     system = load_problem(problem)
-    asked = [scheme] if scheme else []
-    with showing(quiet) as shown, cli.candidates(asked, programs, shown.update, [system]) as found:
-        if len(found) > 1:
+    names = [scheme] if scheme else []
+    with showing(quiet) as shown, cli.candidates(names, programs, shown.update, [system]) as chosen:
+        if len(chosen) > 1:
             raise UsageError(
-                expected="one scheme", received=f"{len(found)}", remedy="sepv run, once for each of them"
+                expected="one scheme", received=f"{len(chosen)}", remedy="sepv run, once for each of them"
             )
-        scheme, own = found[0]
-        said: list[str] = []
-        if own.solve is None and not own.step.__module__.startswith("sepv."):
-            own = replace(own, step=_remembering(own.step, said))
+        scheme, own_system = chosen[0]
+        remarks: list[str] = []
+        if own_system.solve is None and not own_system.step.__module__.startswith("sepv."):
+            own_system = replace(own_system, step=_remembering(own_system.step, remarks))
         path = long_path(
-            own, system, h=h, steps=count, seed=seed, every=kept,
+            own_system, system, h=h, steps=count, seed=seed, every=stride,
             compensated=compensated, increments=increments, engine=engine,
             progress=lambda done, _: shown.update(f"{done:,} of {count:,} steps", done / count),
         )  # fmt: skip
-    counted = own.solve is not None
+    counted = own_system.solve is not None
     casimirs = bool(system.casimirs or system.linear_casimirs)
     _show(scheme, problem, path, quiet, counted=counted, casimirs=casimirs)
     if json_file:
@@ -90,7 +90,7 @@ def run(
         raise UsageError(
             expected=f"a path of {count:,} steps",
             received=f"{path.steps:,} steps; the next one, from y = {path.y.tolist()} with h = {h!r}, failed: "
-            + (said[-1] if said else path.status.text if counted else _UNCOUNTED[path.status.name]),
+            + (remarks[-1] if remarks else path.status.text if counted else _UNCOUNTED[path.status.name]),
             remedy="a smaller --h",
         )
 
@@ -103,14 +103,14 @@ _UNCOUNTED = {
 }
 
 
-def _remembering(step: Callable[..., Any], said: list[str]) -> Callable[..., Any]:
+def _remembering(step: Callable[..., Any], remarks: list[str]) -> Callable[..., Any]:
     """The step; the last of its own exceptions is kept in words, which the status of a path does not tell."""
 
     def asked(problem: Any, y: Any, h: float, dW: Any) -> Any:
         try:
             return step(problem, y, h, dW)
         except Exception as error:
-            said[:] = [f"the scheme raised {type(error).__name__}: {error}".partition("\n")[0]]
+            remarks[:] = [f"the scheme raised {type(error).__name__}: {error}".partition("\n")[0]]
             raise
 
     return asked

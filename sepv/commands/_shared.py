@@ -44,10 +44,10 @@ class Finite(click.FloatRange):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Convert as click does, and refuse numbers that are not finite."""
-        found = super().convert(value, param, ctx)
-        if not math.isfinite(found):
+        number = super().convert(value, param, ctx)
+        if not math.isfinite(number):
             self.fail(f"{value!r} is not a finite number", param, ctx)
-        return found
+        return number
 
 
 NATURAL, COUNT, POSITIVE = click.IntRange(min=0), click.IntRange(min=1), Finite(min=0, min_open=True)
@@ -141,22 +141,24 @@ def candidates(
     from sepv.schemes import load_scheme
 
     with ExitStack() as stack:
-        found = []
+        schemes_found = []
         for target in targets:
             say(f"waiting for the first step of {target}")
-            found.append((target, load_scheme(target, problems=problems)))
+            schemes_found.append((target, load_scheme(target, problems=problems)))
         for command in programs:
             from sepv.external import load_program
 
             say(f"waiting for the first answer of {command}")
-            found.append((f"--exec {shlex.quote(command)}", stack.enter_context(load_program(command))))
-        if not found:
+            schemes_found.append(
+                (f"--exec {shlex.quote(command)}", stack.enter_context(load_program(command)))
+            )
+        if not schemes_found:
             raise UsageError(
                 expected="a scheme, or a program with --exec",
                 received="neither",
                 remedy="a built-in name, module:attribute, or --exec './program'",
             )
-        yield found
+        yield schemes_found
 
 
 class Workers(click.ParamType):

@@ -92,7 +92,7 @@ def solvability(
     followed = [load_scheme(name) for name in follow] or [mapped]
     out, exits = console(), list[Exits]()
     with showing() as line:
-        found = solvability_map(
+        regions = solvability_map(
             chosen, scheme=mapped, furthest=furthest, y0=y0, progress=line.update, **orbit
         )
         for one in followed if until else ():
@@ -100,46 +100,47 @@ def solvability(
                 chosen, one, FOLLOWED, until=until, paths=paths, k=one.truncation if truncation is None else k,
                 y0=y0, seed=seed, seconds=seconds / len(followed), progress=line.update,
             )  # fmt: skip
-    data = found.to_json(STEPS, k) | {"paths": [e.to_json() for e in exits]}
+    data = regions.to_json(STEPS, k) | {"paths": [e.to_json() for e in exits]}
     cli.save_json(json_file, "solvability", data, indent=None)
     if picture:
         from sepv.studies._solvability.picture import draw
 
-        write_atomically(picture, draw(found, STEPS, k, Path(picture).suffix.lower(), exits))
-    _show(found, furthest, k, out)
+        write_atomically(picture, draw(regions, STEPS, k, Path(picture).suffix.lower(), exits))
+    _show(regions, furthest, k, out)
     _show_exits(exits, out)
 
 
-def _show(found: Map, furthest: float, k: int | None, out: Any) -> None:
+def _show(regions: Map, furthest: float, k: int | None, out: Any) -> None:
     from sepv.studies._solvability.branch import End
 
-    low, high = found.safe
+    low, high = regions.safe
     limits = f"|Δ| ≤ {furthest:g}, all that was asked"
     if min(-low, high) < furthest:
         limits = f"{low:.6g} < Δ < {high:.6g}"
-    further = found.refined.theta.size
+    further = regions.refined.theta.size
     out.print(
-        f"{found.problem.name}, {found.scheme.name}: {found.theta.size} states of the exact orbit, |Δ| ≤ {furthest:g}."
+        f"{regions.problem.name}, {regions.scheme.name}: {regions.theta.size} states of the exact orbit, "
+        f"|Δ| ≤ {furthest:g}."
     )
     out.print(
         f"From each of them{f', and of {further} more around the shortest branches,' if further else ''} there is a "
         f"solution connected to y0 for {limits}. States between were not looked at."
     )
-    for branch, sign in ((found.backward, "Δ < 0"), (found.forward, "Δ > 0")):
+    for branch, sign in ((regions.backward, "Δ < 0"), (regions.forward, "Δ > 0")):
         ends = [f"{e.text}: {int((branch.end == e).sum())}" for e in End if (branch.end == e).any()]
         out.print(
             f"  {sign}: branches from {branch.reach.min():.6g} to {branch.reach.max():.6g} long; {', '.join(ends)}"
         )
-    kinds = "; ".join(f"{kind.text}: {c}" for kind, c in found.counts().items() if c)
-    out.print(f"The map, {found.findings.size} points: {kinds}.")
+    kinds = "; ".join(f"{kind.text}: {c}" for kind, c in regions.counts().items() if c)
+    out.print(f"The map, {regions.findings.size} points: {kinds}.")
     law = f"truncated with k = {k}" if k else "untruncated"
-    out.print(f"\nP(Δ of a step is off the branch), c = {found.problem.c.tolist()}, {law}:")
-    print_table(_table(found, k), out)
+    out.print(f"\nP(Δ of a step is off the branch), c = {regions.problem.c.tolist()}, {law}:")
+    print_table(_table(regions, k), out)
     rough = []  # a mean that depends on the choice of states
     for h in STEPS:
-        p = found.chances(h, k)
+        p = regions.chances(h, k)
         mean, half = float(p.mean()), float(p[::2].mean())
-        if abs(mean - half) > ROUGH * mean or (mean == 0 and found.worst(h, k) > 0):
+        if abs(mean - half) > ROUGH * mean or (mean == 0 and regions.worst(h, k) > 0):
             rough.append(h)
     if rough:
         out.print(
@@ -149,12 +150,12 @@ def _show(found: Map, furthest: float, k: int | None, out: Any) -> None:
         )
 
 
-def _table(found: Map, k: int | None) -> Table:
+def _table(regions: Map, k: int | None) -> Table:
     rows = []
     for h in STEPS:
-        p = float(found.chances(h, k).mean())
+        p = float(regions.chances(h, k).mean())
         path = 1 - (1 - p) ** round(1 / h)
-        rows.append((f"2^{round(math.log2(h))}", *(f"{v:.2g}" for v in (p, found.worst(h, k), path))))
+        rows.append((f"2^{round(math.log2(h))}", *(f"{v:.2g}" for v in (p, regions.worst(h, k), path))))
     heads = ("h", "mean over the states", "worst state", "some step to T = 1, on the orbit")
     return Table(columns((), heads, goes=["worst state"]), rows)
 

@@ -46,19 +46,21 @@ def step(
     data = description(chosen)
     y0 = numbers(state, "--y", chosen.dimension, chosen.initial)
     size, dW = numbers(h, "--h", 1)[0], numbers(noise, "--dW", chosen.noises, [0.0] * chosen.noises)
-    found = reference_step(equation, data, y0, size, dW, digits)
+    exact_step = reference_step(equation, data, y0, size, dW, digits)
     out = console()
     out.print(f"{equation.name} · {equation.source} · {chosen.name}")
     out.print(f"y = {row(y0)}, h = {size!r}, dW = {row(dW)}\n")
-    _show(out, scheme, chosen, y0, size, dW, found, digits)
+    _show(out, scheme, chosen, y0, size, dW, exact_step, digits)
     if certify:
         from sepv.reference.certify import certify as proved
 
         out.print()
-        out.print(proved(data, y0, size, dW, found).describe(), soft_wrap=True)
+        out.print(proved(data, y0, size, dW, exact_step).describe(), soft_wrap=True)
 
 
-def _show(out: Any, scheme: str, problem: Any, y0: Any, h: float, dW: Any, found: Any, digits: int) -> None:
+def _show(
+    out: Any, scheme: str, problem: Any, y0: Any, h: float, dW: Any, exact_step: Any, digits: int
+) -> None:
     import numpy as np
 
     from sepv.commands._reference import decimal
@@ -73,20 +75,20 @@ def _show(out: Any, scheme: str, problem: Any, y0: Any, h: float, dW: Any, found
         missing = str(error).splitlines()[0]
     unit = state_ulp(np.array(y0), *([] if y1 is None else [y1]))
     out.print(f"{digits} digits, and float64 with its error in ulp of the largest component:")
-    for k, v in enumerate(found.y1):
+    for k, v in enumerate(exact_step.y1):
         out.print(f"y{k + 1} = {decimal(v, digits)}", soft_wrap=True)
         if y1 is not None:
             out.print(
                 f"     {float(y1[k])!r} in float64, off by {abs(float(v - float(y1[k]))) / unit:.3f} ulp"
             )
     exact = exact_problem(problem.data, digits + 15)
-    before, after = exact.state(y0), found.y1
+    before, after = exact.state(y0), exact_step.y1
     defect = exact.hamiltonian(after) - exact.hamiltonian(before)
     text = f"\nH(y1) − H(y0) = {float(defect):.2e}"
     if y1 is not None:
         off = exact.hamiltonian(exact.state(y1)) - exact.hamiltonian(before)
         text += f", of the float64 result {float(off):.2e}"
     out.print(text)
-    out.print(f"condition number of the solve {max(map(sum, found.condition)):.3g}")
+    out.print(f"condition number of the solve {max(map(sum, exact_step.condition)):.3g}")
     if missing:
         out.print(f"no float64 result: {missing}")

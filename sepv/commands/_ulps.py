@@ -45,10 +45,10 @@ def ulps(
     from sepv.studies import _ulps as unit
 
     others = [f"{peer.library}-{name}" for peer in installed() for name in peer.schemes] if peers else []
-    asked = [*(targets or (() if programs else tuple(schemes.PAPER))), *others]
+    targets_asked = [*(targets or (() if programs else tuple(schemes.PAPER))), *others]
     chosen = [load_problem(name) for name in (names or tuple(problems.PAPER))]
     rows: list[Any] = []
-    with showing() as line, cli.candidates(asked, programs, line.update) as wanted:
+    with showing() as line, cli.candidates(targets_asked, programs, line.update) as wanted:
         for _, scheme in wanted:
             for problem in chosen:
                 line.update(f"{scheme.name}, {problem.name}", len(rows) / (len(wanted) * len(chosen)))

@@ -121,13 +121,13 @@ def _arguments(laws: cli.Names, options: dict[str, Any]) -> dict[str, Any]:
     """The arguments of `sepv.verification.verify`."""
     from sepv.verification._laws import laws_of
 
-    asked = [law.name for law in _asked(laws, options)]
+    names = [law.name for law in _asked(laws, options)]
     claims = [claim.replace("_", "-") for claim in options["claims"]]
-    left_out = [law.name for law in laws_of() if law.name in claims and law.name not in asked]
+    left_out = [law.name for law in laws_of() if law.name in claims and law.name not in names]
     if left_out:
         raise UsageError(
             expected="a claim to be among the laws that are measured",
-            received=f"--claim {','.join(left_out)}, and {', '.join(asked)} to measure",
+            received=f"--claim {','.join(left_out)}, and {', '.join(names)} to measure",
             remedy=f"add --law {','.join(left_out)}, or leave it out of --claim",
         )
     as_given = {key: options[key] for key in ("timeout", "expected", "jobs", "workers", "require")}
@@ -147,8 +147,8 @@ def _effort(**options: Any) -> Any:
     from sepv.verification import Effort
 
     effort = Effort().deeper() if options["deep"] else Effort()
-    asked = {key: options[key] for key in ("examples", "paths", "shrink_checks") if options[key] is not None}
-    return replace(effort, seed=options["seed"], corpus=not options["no_corpus"], **asked)
+    given = {key: options[key] for key in ("examples", "paths", "shrink_checks") if options[key] is not None}
+    return replace(effort, seed=options["seed"], corpus=not options["no_corpus"], **given)
 
 
 def _verify(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any], shown: str = "") -> int:
@@ -221,10 +221,10 @@ def _against(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any])
     return 1 if wrong else 0
 
 
-def _one_target(targets: tuple[Any, ...], asked: str) -> None:
+def _one_target(targets: tuple[Any, ...], option: str) -> None:
     if len(targets) > 1:
         raise UsageError(
-            expected=f"one TARGET with {asked}",
+            expected=f"one TARGET with {option}",
             received=f"{len(targets)} targets",
             remedy="run once for each",
         )
@@ -303,7 +303,7 @@ def _no_longer_guarded(path: str, report: Any) -> list[str]:
     return sorted(claims - {f.law for f in report.findings if f.verdict is Verdict.HOLDS})
 
 
-def _replay(targets: tuple[Any, ...], laws: cli.Names, token: str, asked: cli.Names, debug: bool) -> None:
+def _replay(targets: tuple[Any, ...], laws: cli.Names, token: str, names: cli.Names, debug: bool) -> None:
     from sepv.console import console
     from sepv.verification import Verdict
     from sepv.verification import _report as report
@@ -316,6 +316,6 @@ def _replay(targets: tuple[Any, ...], laws: cli.Names, token: str, asked: cli.Na
             received=f"TARGET: {len(targets)}, --law: {len(laws)}",
             remedy="copy the whole command from the report",
         )
-    finding = replay(targets[0], laws[0], case.witness_of(token), asked or None)
+    finding = replay(targets[0], laws[0], case.witness_of(token), names or None)
     report.show_finding(finding, console(), debug=debug)
     raise SystemExit({Verdict.HOLDS: 0, Verdict.ERROR: 3}.get(finding.verdict, 1))

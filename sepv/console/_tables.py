@@ -52,8 +52,8 @@ def columns(
 ) -> tuple[Column, ...]:
     """Columns of words and then of numbers by their headings; `goes` lists those to drop, in order."""
     order = {heading: place for place, heading in enumerate(goes, 1)}
-    found = [*(Column(h, **more) for h in left), *(Column(h, right=True) for h in right)]
-    return tuple(replace(c, goes=order.get(c.heading, 0)) for c in found)
+    listed = [*(Column(h, **more) for h in left), *(Column(h, right=True) for h in right)]
+    return tuple(replace(c, goes=order.get(c.heading, 0)) for c in listed)
 
 
 def print_table(table: Table, out: Console) -> None:
@@ -146,15 +146,15 @@ def _needed(table: Table, *, whole: bool = False, words: int = 0) -> dict[str, i
 
     A column of words is as wide as its cells, up to `words`, and not narrower than its longest word.
     """
-    found: dict[str, int] = {}
+    widths: dict[str, int] = {}
     for n, c in enumerate(table.columns):
         texts = [_plain(row[n]) for row in table.rows]
         pieces = [p for text in texts for p in (text.split() if c.words else text.splitlines())]
         heading = (c.heading.splitlines() if whole else c.heading.split()) if table.headed else ()
-        own = longest([*pieces, *heading])
+        longest_piece = longest([*pieces, *heading])
         comfortable = min(longest(texts), words) if c.words else 0
-        found[c.heading] = max(found.get(c.heading, 0), own, c.least, comfortable)
-    return found
+        widths[c.heading] = max(widths.get(c.heading, 0), longest_piece, c.least, comfortable)
+    return widths
 
 
 def kept(needed: Mapping[str, int], width: int, dropped: Sequence[str], between: int = 1) -> list[str]:

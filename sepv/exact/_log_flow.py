@@ -58,16 +58,16 @@ def runge_kutta(field: Callable[[Array], Array], y: Array, steps: int, tableau: 
 def log_flow(problem: Problem, y: Array, parts: Array, areas: Array) -> tuple[Array, float]:
     """y(1) from y (d, M), and its error: steps of order 8 are doubled until two results agree to rounding."""
     right_side = partial(field, problem, parts=parts, areas=areas)
-    steps, found = FEWEST, runge_kutta(right_side, y, FEWEST, DORMAND_PRINCE_8)
+    steps, logarithm = FEWEST, runge_kutta(right_side, y, FEWEST, DORMAND_PRINCE_8)
     while True:
         steps *= 2
         finer = runge_kutta(right_side, y, steps, DORMAND_PRINCE_8)
-        apart, scale = float(np.max(np.abs(finer - found))), float(np.max(np.abs(finer)))
-        found = finer
+        apart, scale = float(np.max(np.abs(finer - logarithm))), float(np.max(np.abs(finer)))
+        logarithm = finer
         # The finer result's error is a 256th of the difference, until roundings exceed that.
         error = apart / 128 + 16 * EPS * scale
         if apart <= 128 * EPS * scale or steps >= MOST:
-            return found, error
+            return logarithm, error
 
 
 def path(problem: Problem, y0: Array, h: float, dW: Array, areas: Array) -> Array:

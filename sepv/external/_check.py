@@ -76,8 +76,8 @@ def describe(checks: Iterable[Check]) -> str:
 def _try_hello(program: Program, laws: set[str] | None) -> str:
     from sepv.problems import PAPER
 
-    said = program.hello()
-    for key, names, known in (("claims", said.claims, laws), ("problems", said.problems, set(PAPER))):
+    greeting = program.hello()
+    for key, names, known in (("claims", greeting.claims, laws), ("problems", greeting.problems, set(PAPER))):
         strange = sorted(set(names) - known) if known is not None else []
         if strange:
             raise BadAnswer(
@@ -85,20 +85,20 @@ def _try_hello(program: Program, laws: set[str] | None) -> str:
                 received=", ".join(strange),
                 remedy="correct the name, or leave it out",
             )
-    takes = [*said.problems, *["polynomial data"] * said.polynomial]
+    takes = [*greeting.problems, *["polynomial data"] * greeting.polynomial]
     return (
-        f"{said.scheme} takes {', '.join(takes)}, {said.max_steps} steps a message, "
-        f"and claims {', '.join(said.claims) or 'no law'}"
+        f"{greeting.scheme} takes {', '.join(takes)}, {greeting.max_steps} steps a message, "
+        f"and claims {', '.join(greeting.claims) or 'no law'}"
     )
 
 
-def _sample_trials(said: Hello) -> Iterator[Callable[[Program], str]]:
+def _sample_trials(greeting: Hello) -> Iterator[Callable[[Program], str]]:
     """Send a step, repeat it, and send several in one message, for problems that the program says it takes."""
     from sepv import problems
     from sepv.record import polynomial
 
-    samples = [problems.by_name(name) for name in said.problems]
-    if said.polynomial:
+    samples = [problems.by_name(name) for name in greeting.problems]
+    if greeting.polynomial:
         H = polynomial(3, [((2, 0, 0), 0.5), ((0, 2, 0), 0.5), ((1, 0, 3), 0.25)])
         B = (
             (0, 1, polynomial(3, [((0, 0, 1), -1.0)])),
@@ -109,7 +109,7 @@ def _sample_trials(said: Hello) -> Iterator[Callable[[Program], str]]:
         start = np.array(problem.initial if problem.initial is not None else (1.0, 0.5, -0.25))
         noise = np.linspace(0.25, -0.125, problem.noises)
         yield partial(_try_step, problem, start, 0.0625, noise)
-        if said.max_steps > 1:
+        if greeting.max_steps > 1:
             yield partial(_try_batch, problem, start, 0.0625, noise)
 
 

@@ -156,14 +156,14 @@ def _double(text: Any) -> float:
     return number
 
 
-def travelling(problem: Problem, said: Hello) -> str:
+def travelling(problem: Problem, greeting: Hello) -> str:
     """The problem as JSON; raises Skipped if the program does not take it."""
     data = problem.data
     if data is None:
         raise Skipped(f"the problem {problem.name} is made of Python functions, which cannot travel")
-    if isinstance(data, NamedProblem) and data.name not in said.problems:
+    if isinstance(data, NamedProblem) and data.name not in greeting.problems:
         raise Skipped(f"the program does not name the problem {data.name} in hello")
-    if isinstance(data, PolynomialSystem) and not said.polynomial:
+    if isinstance(data, PolynomialSystem) and not greeting.polynomial:
         raise Skipped("the program does not take polynomial problems")
     return _problem_text(data)
 

@@ -135,21 +135,23 @@ class Program:
 
     def scheme(self) -> Scheme:
         """The program as a scheme."""
-        said = self.hello()
+        greeting = self.hello()
         return Scheme(
-            name=said.scheme,
+            name=greeting.scheme,
             step=self.step,
-            claims=said.claims,
-            source=said.source or f"the program {clean(self.command)}",
-            mean_square_order=said.mean_square_order,
-            weak_order=said.weak_order,
-            order=said.order,
-            solver_tolerance=said.solver_tolerance,
-            truncation=said.truncation,
-            increments=said.increments,
+            claims=greeting.claims,
+            source=greeting.source or f"the program {clean(self.command)}",
+            mean_square_order=greeting.mean_square_order,
+            weak_order=greeting.weak_order,
+            order=greeting.order,
+            solver_tolerance=greeting.solver_tolerance,
+            truncation=greeting.truncation,
+            increments=greeting.increments,
             batched=True,
             # Otherwise a search would spend its cases on polynomials that the program has refused.
-            problems=() if said.polynomial else tuple(name for name in said.problems if name in PAPER),
+            problems=()
+            if greeting.polynomial
+            else tuple(name for name in greeting.problems if name in PAPER),
         )
 
     def step(self, problem: Problem, y: Array, h: float, dW: Array) -> Array:
@@ -167,14 +169,14 @@ class Program:
             For everything that breaks the protocol.
         """
         state, noise = as_lanes(problem, y, h, dW)
-        said = self.hello()
-        head = f'"type":"step","problem":{travelling(problem, said)},"steps":['
+        greeting = self.hello()
+        head = f'"type":"step","problem":{travelling(problem, greeting)},"steps":['
         texts = [
             f'{{"y":{row(a)},"h":"{float(h).hex()}","dW":{row(b)}}}'
             for a, b in zip(state.T.tolist(), noise.T.tolist(), strict=True)
         ]
         rows: list[list[float]] = []
-        size = min(said.max_steps, MOST_STEPS)
+        size = min(greeting.max_steps, MOST_STEPS)
         for first in range(0, len(texts), size):
             part = texts[first : first + size]
             kind, answer = self.ask(head + ",".join(part) + "]")
@@ -184,8 +186,8 @@ class Program:
             if kind == "skip":
                 raise Skipped(clean(answer))
             rows += states(answer, len(part), problem.dimension)
-        found = np.array(rows, dtype=np.float64).reshape(len(rows), problem.dimension)
-        return np.ascontiguousarray(found.T).reshape(np.shape(y))
+        y1 = np.array(rows, dtype=np.float64).reshape(len(rows), problem.dimension)
+        return np.ascontiguousarray(y1.T).reshape(np.shape(y))
 
 
 @contextmanager

@@ -71,9 +71,9 @@ class Answers:
 class Slopes:
     """The functions of a formula with sparse derivatives by z: see `sepv.solve._linearised`."""
 
-    def __init__(self, asked: Answers) -> None:
-        self.problem, self._asked = asked.problem, asked
-        self._structures = iter(asked.structures)
+    def __init__(self, answers: Answers) -> None:
+        self.problem, self._asked = answers.problem, answers
+        self._structures = iter(answers.structures)
 
     def apply(self, y: Tangent, v: Tangent) -> Tangent:
         """B(y)v."""
@@ -92,12 +92,13 @@ class Slopes:
 
     def mean_gradient(self, y: Array, z: Tangent) -> Tangent:  # noqa: ARG002 - y0 and z
         """∫₀¹∇H(y + τz)dτ, with H″ by a few nodes: their error costs iterations and no accuracy."""
-        asked, degree = self._asked, self.problem.degree
+        answers, degree = self._asked, self.problem.degree
         points, weights = gauss_legendre(3 if degree is None else mean_nodes(degree))
         first, *others = (
-            w * t * self.problem.hessian(asked.y0 + t * asked.z) for t, w in zip(points, weights, strict=True)
+            w * t * self.problem.hessian(answers.y0 + t * answers.z)
+            for t, w in zip(points, weights, strict=True)
         )
-        return Tangent(asked.mean, sum(others, first))
+        return Tangent(answers.mean, sum(others, first))
 
 
 @dataclass(frozen=True)
@@ -116,9 +117,9 @@ def solve(problem: LargeProblem, y0: Array, formula: Formula, delta: float) -> L
 
     def evaluate(z: Array, _: NDArray[np.intp]) -> Evaluation:
         # These are the functions of `Fields` in formulas of B(y)v, ∇H and its mean.
-        asked: Any = Answers(problem, y0, z[:, 0])
-        slopes: Any = Slopes(asked)
-        R = formula(asked, y0, z[:, 0], [delta])
+        answers: Any = Answers(problem, y0, z[:, 0])
+        slopes: Any = Slopes(answers)
+        R = formula(answers, y0, z[:, 0], [delta])
         slope = lambda: formula(slopes, y0, Tangent(z[:, 0], 1.0), [delta]).slope  # noqa: E731
         return Evaluation(Increment(R[:, None], once, once, once == 1), lambda: (slope(), 0))
 
@@ -130,9 +131,11 @@ def solve(problem: LargeProblem, y0: Array, formula: Formula, delta: float) -> L
         np.abs(y0)[:, None], evaluate, None if problem.domain is None else inside,
         exact=problem.degree is not None, algebra=SPARSE,
     )  # fmt: skip
-    found = newton(equations, np.zeros((y0.size, 1)), np.arange(1), differences=False)
-    status = Status(int(found.status[0]))
-    return LargeSolution(y0 + found.value[:, 0], float(found.residual[0]), int(found.iterations[0]), status)
+    solution = newton(equations, np.zeros((y0.size, 1)), np.arange(1), differences=False)
+    status = Status(int(solution.status[0]))
+    return LargeSolution(
+        y0 + solution.value[:, 0], float(solution.residual[0]), int(solution.iterations[0]), status
+    )
 
 
 def newton_correction(K: Sparse, F: Array) -> Array:

@@ -49,8 +49,8 @@ class Picture:
 class Pictures:
     """All pictures of one page."""
 
-    def __init__(self, schemes: Iterable[str] = (), own: Mapping[str, Look] | None = None) -> None:
-        self.looks = drawing.looks(["", *schemes], own)
+    def __init__(self, schemes: Iterable[str] = (), given: Mapping[str, Look] | None = None) -> None:
+        self.looks = drawing.looks(["", *schemes], given)
         self._shared: dict[str, str] = {}  # identifiers by element
         self._colours: dict[str, str] = {}  # colours on light and on dark
         self._samples: dict[tuple[Look, str], Any] = {}
@@ -82,9 +82,9 @@ class Pictures:
                 axes.yaxis.set_label_coords((14 - LEFT) / frame[2], 0.5)
             drawn.patch.set_visible(False)
             axes.patch.set_visible(False)
-            own = drawing.looks_of(series, self.looks)
-            inside = self._inside(drawn, own)
-        samples = [(name(s.name), self._sample(look, s.style)) for s, look in zip(series, own, strict=True)]
+            used = drawing.looks_of(series, self.looks)
+            inside = self._inside(drawn, used)
+        samples = [(name(s.name), self._sample(look, s.style)) for s, look in zip(series, used, strict=True)]
         return Picture(inside, samples)
 
     def _sample(self, look: Look, style: str) -> Any:
@@ -103,9 +103,9 @@ class Pictures:
                 self._samples[look, style] = self._inside(drawn, [look])
         return self._samples[look, style]
 
-    def _inside(self, drawn: Any, own: Iterable[Look]) -> Any:
+    def _inside(self, drawn: Any, used: Iterable[Look]) -> Any:
         """The figure's elements, adapted to the page."""
-        for look in own:
+        for look in used:
             self._colours.setdefault(look.colour, look.dark)
         root = ElementTree.fromstring(drawing.content(drawn, ".svg"))
         paint = {c.lower(): f"var(--{k})" for k, c, _ in self.colours}
@@ -131,22 +131,24 @@ class Pictures:
 def _inert(element: ElementTree.Element, paint: Mapping[str, str]) -> str:
     """Names without namespaces, properties as attributes, colours as variables, short numbers; its identifier."""
     element.tag = element.tag.rpartition("}")[2]
-    found = {key.rpartition("}")[2]: value for key, value in element.attrib.items()}
-    for part in found.pop("style", "").split(";"):
+    attributes = {key.rpartition("}")[2]: value for key, value in element.attrib.items()}
+    for part in attributes.pop("style", "").split(";"):
         key, _, value = (v.strip() for v in part.partition(":"))
         if key and not _DROPPED.match(key):
-            found[key] = paint.get(value.lower(), value)
+            attributes[key] = paint.get(value.lower(), value)
     for key in ("d", "x", "y", "transform", "stroke-width"):
-        if key in found:
-            found[key] = re.sub(r"-?\d+\.\d+", lambda n: f"{float(n[0]):.1f}".removesuffix(".0"), found[key])
-    if "d" in found:
-        found["d"] = re.sub(r"\s*([MLCQz])\s*", r"\1", found["d"]).strip()
-    if found.get("fill") == "none":  # the style sheet sets it for every path
-        del found["fill"]
-    if found.get("transform", "").startswith("rotate(-0"):
-        del found["transform"]
-    identifier = found.pop("id", "")
-    element.attrib = found
+        if key in attributes:
+            attributes[key] = re.sub(
+                r"-?\d+\.\d+", lambda n: f"{float(n[0]):.1f}".removesuffix(".0"), attributes[key]
+            )
+    if "d" in attributes:
+        attributes["d"] = re.sub(r"\s*([MLCQz])\s*", r"\1", attributes["d"]).strip()
+    if attributes.get("fill") == "none":  # the style sheet sets it for every path
+        del attributes["fill"]
+    if attributes.get("transform", "").startswith("rotate(-0"):
+        del attributes["transform"]
+    identifier = attributes.pop("id", "")
+    element.attrib = attributes
     element.text = element.text if element.tag == "text" else None
     element.tail = None
     return identifier
@@ -157,13 +159,13 @@ def _flat(element: ElementTree.Element) -> None:
 
     Definitions are left out: the page has them.
     """
-    kept: list[ElementTree.Element] = []
+    pieces: list[ElementTree.Element] = []
     for child in element:
         _flat(child)
         if child.tag == "use":
             child.attrib = {key: child.attrib[key] for key in ("href", "x", "y")}
         if child.tag == "g" and not child.attrib:
-            kept += list(child)
+            pieces += list(child)
         elif child.tag != "defs":
-            kept.append(child)
-    element[:] = kept
+            pieces.append(child)
+    element[:] = pieces

@@ -33,7 +33,7 @@ def load(paths: Iterable[str | Path]) -> Sources:
     UsageError
         For a file that cannot be read, is no JSON, or none of these.
     """
-    found = Sources()
+    sources = Sources()
     for path in paths:
         data = read_json(
             path, expected="a JSON file written by sepv", remedy="correct the name, or write it anew"
@@ -52,5 +52,5 @@ def load(paths: Iterable[str | Path]) -> Sources:
             expected=f"the JSON of sepv {kind}, as its schema describes it",
             remedy="write the file anew with this version of sepv",
         )
-        getattr(found, kind).append(data)
-    return found
+        getattr(sources, kind).append(data)
+    return sources

@@ -41,16 +41,16 @@ def schemes(reports: list[View]) -> tuple[list[str], list[View]]:
 
 def _scheme(report: View, laws: list[str], budget: int, *, drawn: bool) -> View:
     """A scheme's row in the matrix, its scale of verdicts, its counterexamples and the number of omitted ones."""
-    found = {law["law"]: law for law in report["laws"]}
+    by_law = {law["law"]: law for law in report["laws"]}
     counts = ", ".join(Verdict(k).of(n) for k, n in report["counts"].items() if n)
     shown, left = _counterexamples(report["laws"], _target(report["scheme"]), budget, drawn=drawn)
     at = {law: n for n, entry in enumerate(shown, 1) for law in entry["laws"]}
-    own, place, ticks = name(report["scheme"]["name"]), *_scale(report["laws"])
+    own_name, place, ticks = name(report["scheme"]["name"]), *_scale(report["laws"])
     return {
-        "name": own,
+        "name": own_name,
         "source": plain(report["scheme"]["source"], 200),
         "cells": [
-            cell(found[law]["verdict"], found[law]["claimed"]) if law in found else cell("absent")
+            cell(by_law[law]["verdict"], by_law[law]["claimed"]) if law in by_law else cell("absent")
             for law in laws
         ],
         "rows": [_row(law, place) | {"at": at.get(law["law"])} for law in report["laws"]],
@@ -60,7 +60,7 @@ def _scheme(report: View, laws: list[str], budget: int, *, drawn: bool) -> View:
         "unsettled": _unsettled(report["laws"]),
         "summary": f"{counted(len(report['laws']), 'law')}: {counts}{_found(report)}",
         "made": _made(report),
-        "command": again(report, f"the report of {own}"),
+        "command": again(report, f"the report of {own_name}"),
     }
 
 
@@ -147,12 +147,12 @@ def _counterexamples(laws: list[View], target: str, budget: int, *, drawn: bool)
     """
     open_ = [law for law in laws if law["verdict"] in ("violated", "error") and law["message"]]
     shown: list[View] = []
-    said: dict[str, View] = {}
+    shown_once: dict[str, View] = {}
     left = 0
     for law in sorted(open_, key=lambda v: not v["claimed"]):
         error = same_error(law["message"]) if law["verdict"] == "error" else ""
-        if error in said:
-            said[error]["laws"].append(law["law"])
+        if error in shown_once:
+            shown_once[error]["laws"].append(law["law"])
             continue
         # A command is for copying: it is shown whole or not at all.
         copied = target and law["replay"] and len(law["replay"]) < 4000 and has_words(law["witness"])
@@ -169,7 +169,7 @@ def _counterexamples(laws: list[View], target: str, budget: int, *, drawn: bool)
             left += 1
             continue
         shown.append(entry)
-        said |= {error: entry} if error else {}
+        shown_once |= {error: entry} if error else {}
     return shown, left
 
 
@@ -205,15 +205,15 @@ def _panel(curve: list[Any], beside: list[Any], names: list[str], least: float) 
 
     None without two points; beyond 1e300 a frame around them would overflow.
     """
-    own, other = (
+    own_curve, other = (
         [p for p in zip(*c, strict=False) if all(v is not None and abs(v) < 1e300 for v in p)]
         if len(c) == 2
         else []
         for c in (curve, beside)
     )
-    if len(own) < 2:
+    if len(own_curve) < 2:
         return None
-    (left, right), (low, high) = ((min(v), max(v)) for v in zip(*own, *other, strict=True))
+    (left, right), (low, high) = ((min(v), max(v)) for v in zip(*own_curve, *other, strict=True))
     if high - low < least:
         low, high = (low + high - least) / 2, (low + high + least) / 2
 
@@ -225,7 +225,7 @@ def _panel(curve: list[Any], beside: list[Any], names: list[str], least: float) 
         begin, end, top, bottom = FRAME
         return [f"{at(a, left, right, begin, end):.1f} {at(b, low, high, bottom, top):.1f}" for a, b in pairs]
 
-    dots = points(own)
+    dots = points(own_curve)
     ends = [(v, right - left) for v in (left, right)] + [(v, high - low) for v in (low, high)]
     return {
         "line": "M" + "L".join(dots), "dots": "".join(f"M{p}h0" for p in dots), "first": "M" + "L".join(dots[:2]),
@@ -238,7 +238,7 @@ def _panel(curve: list[Any], beside: list[Any], names: list[str], least: float) 
 
 def _unsettled(laws: list[View]) -> list[str]:
     """Explain each inconclusive law: the measurement, and possible reasons for its wide interval."""
-    found = []
+    unsettled = []
     for law in laws:
         if law["verdict"] == "inconclusive":
             lines = [line for line in law["message"].splitlines() if not line.startswith("intervals miss")]
@@ -246,8 +246,8 @@ def _unsettled(laws: list[View]) -> list[str]:
             if any(_runs_away(*m.groups()) for m in _RMS.finditer(text)):
                 text += ". A few paths run away with the fewest steps and make up that error; "
                 text += "the finer steps show the order"
-            found.append(f"{name(law['law'])}: {plain(text, 700)}.")
-    return found
+            unsettled.append(f"{name(law['law'])}: {plain(text, 700)}.")
+    return unsettled
 
 
 # The first three errors in the message of a statistical law.
@@ -289,15 +289,15 @@ def headline(reports: list[View]) -> str:
         )
     # A scheme without claims keeps none.
     claiming = [r for r in reports if any(r is c for c, _ in claimed)]
-    kept = sum(not any(r is b for b, _ in broken) for r in claiming)
+    holding = sum(not any(r is b for b, _ in broken) for r in claiming)
     silent = len(reports) - len(claiming)
     held = len(claimed) - len(broken)
     hold, keep = (
         "hold" + "s" * (1 in (held, len(claimed))),
-        "keeps all that it claims" if kept == 1 else "keep all that they claim",
+        "keeps all that it claims" if holding == 1 else "keep all that they claim",
     )
     text = f"{held} of {counted(len(claimed), 'claimed law')} {hold}"
-    text += f"; {kept} of {counted(len(claiming), 'scheme')} {keep}." if len(reports) > 1 else "."
+    text += f"; {holding} of {counted(len(claiming), 'scheme')} {keep}." if len(reports) > 1 else "."
     if silent:
         text += f" Nothing is claimed of {'the other one' if silent == 1 else f'the other {silent}'}."
     if broken:
@@ -312,6 +312,6 @@ def law_texts(laws: list[str]) -> list[dict[str, str]]:
     """The statement and source of each law of the suite; unknown laws have no text."""
     texts = {law: {"name": name(law), "anchor": "", "statement": "", "source": ""} for law in laws}
     for law in load_laws([law for law in laws if law in LAWS]):
-        said = {"statement": plain(law.statement, 400), "source": plain(law.source, 80)}
-        texts[law.name] |= {"anchor": f"law-{law.name}", **said}
+        stated = {"statement": plain(law.statement, 400), "source": plain(law.source, 80)}
+        texts[law.name] |= {"anchor": f"law-{law.name}", **stated}
     return list(texts.values())

@@ -66,14 +66,14 @@ def priced(points: list[View]) -> list[View]:
     """
     if not points or not points[0].get("steps"):
         return points
-    kept = sorted(points, key=lambda p: int(p["steps"]))
-    while len(kept) > 2:
-        a, b = kept[0], kept[1]
+    ordered = sorted(points, key=lambda p: int(p["steps"]))
+    while len(ordered) > 2:
+        a, b = ordered[0], ordered[1]
         growth = math.log2(b["seconds"]["median"] / b["paths"] / (a["seconds"]["median"] / a["paths"]))
         if growth >= math.log2(1.5) * math.log2(b["steps"] / a["steps"]):
             break
-        kept = kept[1:]
-    return kept
+        ordered = ordered[1:]
+    return ordered
 
 
 def drawn(sources: Sources) -> tuple[list[str], dict[str, Look]]:
@@ -94,8 +94,8 @@ def comparison(data: View, pictures: Pictures) -> View:
         return float(p["seconds"]["median"] / p["paths"] * 1e6)
 
     def curve(m: str, value: Any) -> Series:
-        own = priced(by_method[m])
-        return Series(m, [micro(p) for p in own], [value(p) for p in own], m, "both")
+        of_method = priced(by_method[m])
+        return Series(m, [micro(p) for p in of_method], [value(p) for p in of_method], m, "both")
 
     time = Axis("processor time of one path in µs", log=True)
 
@@ -144,8 +144,8 @@ def _times(times: list[View], methods: list[str]) -> list[tuple[str, list[str]]]
     words = {"between": "", "beyond": " (extrapolated)", "coarsest": " (at the coarsest step)"}
     rows = []
     for m in methods:
-        own = {t["error"]: t for t in times if t["method"] == m}
-        known = {e: t for e, t in own.items() if t["microseconds"] is not None}
+        by_error = {t["error"]: t for t in times if t["method"] == m}
+        known = {e: t for e, t in by_error.items() if t["microseconds"] is not None}
         times_of = {e: number(t["microseconds"]) + words.get(t["how"], "") for e, t in known.items()}
         cells = [times_of.get(e, "never") for e in wanted]
         rows.append((name(m), cells))

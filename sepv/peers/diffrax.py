@@ -293,8 +293,8 @@ def _method(name: str, solver: Any, program: Any, evaluations: float | None, how
 
         def call() -> Array:
             with enable_x64(True):
-                found = np.asarray(program(solver, formulas, keep, *given))
-            return np.concatenate([start[None], found]) if keep else found[None]
+                states = np.asarray(program(solver, formulas, keep, *given))
+            return np.concatenate([start[None], states]) if keep else states[None]
 
         return call
 

@@ -63,10 +63,10 @@ class Peer:
 
 def names() -> list[str]:
     """The libraries that have a peer, installed or not."""
-    own = sorted(
+    own_names = sorted(
         p.stem for p in Path(__file__).parent.glob("*.py") if p.stem not in _NO_PEERS and p.stem[0] != "_"
     )
-    return list(dict.fromkeys((*own, *(point.name for point in metadata.entry_points(group=GROUP)))))
+    return list(dict.fromkeys((*own_names, *(point.name for point in metadata.entry_points(group=GROUP)))))
 
 
 def installed() -> list[Peer]:
@@ -84,16 +84,16 @@ def load(library: str) -> Peer:
     """
     points = {point.name: point.value for point in metadata.entry_points(group=GROUP)}
     module, _, attribute = points.get(library, f"sepv.peers.{library}:PEER").partition(":")
-    found = getattr(
+    peer = getattr(
         optional(module, f"the library {library}", f"pip install {library}", TargetError), attribute, None
     )
-    if not isinstance(found, Peer):
+    if not isinstance(peer, Peer):
         raise TargetError(
             expected=f"a sepv.peers.peer.Peer at {module}:{attribute}",
-            received=f"{type(found).__name__}",
+            received=f"{type(peer).__name__}",
             remedy=f"correct the entry point {library} of the group {GROUP}",
         )
-    return found
+    return peer
 
 
 def library_of(target: str) -> str:
@@ -122,5 +122,5 @@ def _one(target: str, library: str, known: Mapping[str, _Kind]) -> _Kind:
             received=did_you_mean(target, by_name),
             remedy="see `sepv peers`",
         )
-    found: _Kind = by_name[target]
-    return found
+    kind: _Kind = by_name[target]
+    return kind

@@ -101,8 +101,8 @@ class Formulas:
 
     def _recorded(self, which: int, xp: Any, numbers: Any, y: Any) -> Any:
         """The components of one of the records, with a value for each state also where they are constant."""
-        found, zero = _compiled(xp, self.texts[which])(y, numbers[which]), xp.zeros_like(y[0])
-        return xp.stack([v if getattr(v, "shape", None) == zero.shape else zero + v for v in found])
+        values, zero = _compiled(xp, self.texts[which])(y, numbers[which]), xp.zeros_like(y[0])
+        return xp.stack([v if getattr(v, "shape", None) == zero.shape else zero + v for v in values])
 
     def values(self, xp: Any, numbers: Any, y: Any, first: int, last: int) -> Any:
         """Rows of the table of polynomials at y."""
@@ -142,14 +142,16 @@ def pose(problem: str | Problem, *, padded: bool = True) -> tuple[Formulas, tupl
     >>> float(formulas.hamiltonian(np, numbers, np.array([0.0, 0.0, 2.0])))  # y₃²/2I₃ with I₃ = 1
     2.0
     """
-    found = load_problem(problem)
-    known = isinstance(found.data, PolynomialSystem) or getattr(found.data, "name", "") in PAPER | EXTENSIONS
-    if found.data is None or not known or is_several(found):
+    system = load_problem(problem)
+    known = (
+        isinstance(system.data, PolynomialSystem) or getattr(system.data, "name", "") in PAPER | EXTENSIONS
+    )
+    if system.data is None or not known or is_several(system):
         raise Skipped(
-            f"{found.name} is not (1.1) given as data, and no other library can run NumPy functions: write it with "
+            f"{system.name} is not (1.1) given as data, and no other library can run NumPy functions: write it with "
             "sepv.problems.polynomial_problem, or its functions in your library (docs/extending.md)"
         )
-    return _pose(found.data, padded)
+    return _pose(system.data, padded)
 
 
 def field_in(xp: Any, problem: str | Problem) -> Callable[[Any], Any]:

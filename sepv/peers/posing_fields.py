@@ -37,8 +37,8 @@ class PosedFields:
 
     def _rows(self, xp: Any, numbers: Any, y: Any, first: int, last: int) -> Any:
         d = self.dimension
-        found = Formulas("polynomial", self.powers).values(xp, numbers, y, first * d, last * d)
-        return found.reshape((last - first, d, *y.shape[1:]))
+        values = Formulas("polynomial", self.powers).values(xp, numbers, y, first * d, last * d)
+        return values.reshape((last - first, d, *y.shape[1:]))
 
 
 def pose_fields(problem: Problem, *, ito: bool = False) -> tuple[PosedFields, tuple[Array, ...]]:

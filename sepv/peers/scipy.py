@@ -18,10 +18,10 @@ def _advance(method: str, system: Mechanics, q: Array, p: Array, h: float) -> tu
         q, p = np.split(y, 2)
         return np.concatenate([system.velocity(p), system.force(q)])
 
-    found = solve_ivp(field, (0.0, h), np.concatenate([q, p]), method=method)
-    if not found.success:
-        raise ArithmeticError(found.message)
-    q1, p1 = np.split(found.y[:, -1], 2)
+    solution = solve_ivp(field, (0.0, h), np.concatenate([q, p]), method=method)
+    if not solution.success:
+        raise ArithmeticError(solution.message)
+    q1, p1 = np.split(solution.y[:, -1], 2)
     return q1, p1
 
 

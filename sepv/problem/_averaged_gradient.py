@@ -75,14 +75,14 @@ def _on_segment(y0: Array, y1: Array, points: Array) -> Array:
 def _quadratures(problem: Problem, y0: Array, y1: Array, *rules: int) -> list[tuple[Array, Array]]:
     """Each rule's value (d, ...) and terms (d, nodes, ...); one call evaluates ∇H at the nodes of all rules."""
     tabulated = [gauss_legendre(nodes) for nodes in rules]
-    asked = tabulated[0][0] if len(rules) == 1 else np.concatenate([points for points, _ in tabulated])
-    gradients = problem.gradient(_on_segment(y0, y1, asked))
-    found, first = [], 0
+    all_points = tabulated[0][0] if len(rules) == 1 else np.concatenate([points for points, _ in tabulated])
+    gradients = problem.gradient(_on_segment(y0, y1, all_points))
+    sums, first = [], 0
     for nodes, (_, weights) in zip(rules, tabulated, strict=True):
         terms = gradients[:, first : first + nodes] * weights.reshape(1, -1, *(1,) * (y0.ndim - 1))
         first += nodes
-        found.append((summed(terms), terms))
-    return found
+        sums.append((summed(terms), terms))
+    return sums
 
 
 def _size(terms: Array) -> Array:

@@ -54,14 +54,14 @@ def sample_states(problem: Problem, length: float = 1.0) -> Iterator[Array]:
     candidates = [centre] + [
         centre + 0.25 * (length + np.abs(centre)) * rng.uniform(-1, 1, d) for _ in range(64)
     ]
-    found = [y for y in candidates if inside(problem, y)]
-    if not found:
+    states = [y for y in candidates if inside(problem, y)]
+    if not states:
         raise ProblemError(
             expected="a domain that contains the initial state or states near it",
             received=f"domain(y) is False at y = {centre.tolist()} and at 64 states about it",
             remedy="give initial=, a state inside the domain, or correct domain",
         )
-    yield from found[:SAMPLES]
+    yield from states[:SAMPLES]
 
 
 def inside(problem: Problem, y: Array) -> bool:
@@ -192,7 +192,7 @@ def closest_derivative(function: Callable[[Any], Any], y: Array, k: int, claimed
     The complex step is exact to rounding but wrong for code that is not analytic (abs, comparisons, conversions to
     float); differences work for any code but lose digits.
     """
-    found = []
+    distances = []
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore")
         for method in (_complex_step, _extended_difference):
@@ -201,8 +201,8 @@ def closest_derivative(function: Callable[[Any], Any], y: Array, k: int, claimed
             except (TypeError, ValueError, ArithmeticError):
                 continue
             if np.isfinite(value):
-                found.append(value)
-    return min(found, key=lambda v: abs(v - claimed), default=float("nan"))
+                distances.append(value)
+    return min(distances, key=lambda v: abs(v - claimed), default=float("nan"))
 
 
 def _complex_step(function: Callable[[Any], Any], y: Array, k: int) -> float:
@@ -225,13 +225,13 @@ def _extended_difference(function: Callable[[Any], Any], y: Array, k: int) -> fl
 
 
 def _call(problem: Problem, key: str, y: Array) -> Any:
-    asked = y.copy()
+    copied = y.copy()
     try:
-        value = getattr(problem, key)(asked)
-        if not np.array_equal(asked, y):
+        value = getattr(problem, key)(copied)
+        if not np.array_equal(copied, y):
             raise ProblemError(
                 expected=f"{key}(y) to leave y as it is",
-                received=f"y = {asked.tolist()} after a call with {y.tolist()}",
+                received=f"y = {copied.tolist()} after a call with {y.tolist()}",
                 remedy="compute with copies: y = y * 2, not y *= 2",
             )
         return value

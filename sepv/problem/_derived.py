@@ -113,7 +113,7 @@ class PartFlow:
 def _recorded(tape: Tape, key: str, function: Function, y: Any, shape: tuple[int, ...]) -> Any:
     """The record of a function's result, of this shape; errors of the function are reported as its author's."""
     try:
-        found = tape.symbols(function(y))
+        symbols = tape.symbols(function(y))
     except Exception as error:
         why = str(error) if isinstance(error, CannotRecord) else f"{type(error).__name__}: {error}"
         raise ProblemError(
@@ -122,10 +122,10 @@ def _recorded(tape: Tape, key: str, function: Function, y: Any, shape: tuple[int
             remedy=f"write {key} with NumPy alone (np.array or np.stack for a matrix, np.where for a branch), or give "
             "gradient=, and hessian= and structure_derivative= where you have them",
         ) from error
-    if np.shape(found) != shape:
+    if np.shape(symbols) != shape:
         raise ProblemError(
             expected=f"{key}(y) of shape {shape} for y of shape ({len(y)},)",
-            received=f"shape {np.shape(found)}",
+            received=f"shape {np.shape(symbols)}",
             remedy="component first: index y[0], y[1], … and build arrays with np.stack or np.array",
         )
-    return found
+    return symbols

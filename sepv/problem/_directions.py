@@ -48,12 +48,12 @@ class Directions(NamedTuple):
 
 def directions(gradients: Sequence[Any]) -> Directions:
     """Make the directions from gradients (d, ...) each."""
-    found = Directions([], [], [])
+    basis = Directions([], [], [])
     for N in gradients:
-        q = found.without(N)
+        q = basis.without(N)
         left = dot(q, q)
         new = left > DEPENDENT**2 * dot(N, N)
-        found.products.append([dot(b, N) for b in found.q])
-        found.q.append(q)
-        found.inverse.append(np.where(new, 1.0 / np.where(new, left, 1.0), 0.0))
-    return found
+        basis.products.append([dot(b, N) for b in basis.q])
+        basis.q.append(q)
+        basis.inverse.append(np.where(new, 1.0 / np.where(new, left, 1.0), 0.0))
+    return basis

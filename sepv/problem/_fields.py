@@ -131,8 +131,8 @@ def differences(problem: Problem, function: OfLanes, y: Array) -> Array:
     flat, domain = y.reshape(len(y), -1), problem.domain
     inside = None if domain is None else lambda at, _: domain(at)
     base = function(flat, np.arange(flat.shape[1]))
-    found = forward_differences(function, inside, flat, base, np.abs(flat).max(axis=0))
-    return found.reshape(*found.shape[:2], *y.shape[1:])
+    jacobian = forward_differences(function, inside, flat, base, np.abs(flat).max(axis=0))
+    return jacobian.reshape(*jacobian.shape[:2], *y.shape[1:])
 
 
 def forward_differences(R: OfLanes, inside: OfLanes | None, z: Array, base: Array, reach: Array) -> Array:
@@ -142,20 +142,20 @@ def forward_differences(R: OfLanes, inside: OfLanes | None, z: Array, base: Arra
     """
     n, M = z.shape
     width = _ROOT * np.maximum(reach, TINY)
-    found = np.empty((len(base), n, M))
+    jacobian = np.empty((len(base), n, M))
     together = max(1, LANES // max(M, 1))
     for first in range(0, n, together):
         columns = np.arange(first, min(first + together, n))
         count = len(columns)
-        own, lanes = (columns, np.arange(count)), np.tile(np.arange(M), count)
+        own_lanes, lanes = (columns, np.arange(count)), np.tile(np.arange(M), count)
         shifted = np.repeat(z[:, None], count, axis=1)
-        shifted[own] += width
+        shifted[own_lanes] += width
         if inside is not None:
             within = np.reshape(inside(shifted.reshape(n, count * M), lanes), (count, M))
-            shifted[own] = np.where(within, shifted[own], z[columns] - width)
+            shifted[own_lanes] = np.where(within, shifted[own_lanes], z[columns] - width)
         values = R(shifted.reshape(n, count * M), lanes).reshape(len(base), count, M)
-        found[:, columns] = (values - base[:, None]) / (shifted[own] - z[columns])
-    return found
+        jacobian[:, columns] = (values - base[:, None]) / (shifted[own_lanes] - z[columns])
+    return jacobian
 
 
 # Widths of differences, as powers of |y|: the scale of f near y may be |y| or 1, which only f can tell.
@@ -192,11 +192,11 @@ def derivative_along(problem: Problem, y: Array, v: Array) -> Array:
                 behind = vector_field(problem, at - distance * step * direction)
                 odd.append(ahead - behind)
                 largest = np.fmax(largest, np.max(np.abs(ahead) + np.abs(behind), axis=0))
-            found = (45.0 * odd[0] - 9.0 * odd[1] + odd[2]) / (60 * step)
+            derivative = (45.0 * odd[0] - 9.0 * odd[1] + odd[2]) / (60 * step)
             fourth = (8.0 * odd[0] - odd[1]) / (12 * step)
-            off = np.max(np.abs(found - fourth), axis=0) + rounding * largest / step
+            off = np.max(np.abs(derivative - fourth), axis=0) + rounding * largest / step
             better = off < error
-            best, error = np.where(better, found, best), np.where(better, off, error)
+            best, error = np.where(better, derivative, best), np.where(better, off, error)
     return np.asarray(best * size, dtype=np.float64)
 
 

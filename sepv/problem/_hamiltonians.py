@@ -105,9 +105,9 @@ class HamiltoniansProblem(Problem):
                 )
             return
         if not self.noise_gradients:
-            found = [derive(self.dimension, self.structure, H) for H in self.noise_hamiltonians]
-            object.__setattr__(self, "noise_gradients", tuple(f.gradient for f in found))
-            object.__setattr__(self, "noise_hessians", tuple(f.hessian for f in found))
+            derived = [derive(self.dimension, self.structure, H) for H in self.noise_hamiltonians]
+            object.__setattr__(self, "noise_gradients", tuple(f.gradient for f in derived))
+            object.__setattr__(self, "noise_hessians", tuple(f.hessian for f in derived))
         for key in ("noise_hamiltonians", "noise_gradients", "noise_hessians", "noise_flows"):
             if getattr(self, key) or key in ("noise_hamiltonians", "noise_gradients"):
                 require_one_for_each_noise(self, key, "H_j")

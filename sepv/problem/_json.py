@@ -69,8 +69,8 @@ def problem_to_json(data: Description) -> dict[str, Any]:
     "given" names the problem in words. Where it is empty, "object" is the problem's own name.
     """
     if isinstance(data, GivenProblem):
-        found = {"given": data.target, "noise": _row(data.problem.c)}
-        return found | ({} if data.target else {"object": data.problem.name})
+        record = {"given": data.target, "noise": _row(data.problem.c)}
+        return record | ({} if data.target else {"object": data.problem.name})
     if isinstance(data, PolynomialSystem):
         return _polynomial_json(data)
     return {"name": data.name, "parameters": {k: _row(values) for k, values in data.parameters}}

@@ -148,10 +148,10 @@ def mechanics(problem: Problem) -> Mechanics:
 
 def _inverted(W: Array) -> Array:
     """W⁻¹, refined in long floats: a mass matrix that is a number of few bits comes out as it is."""
-    wide, found = W.astype(np.longdouble), np.linalg.inv(W).astype(np.longdouble)
+    wide, inverse = W.astype(np.longdouble), np.linalg.inv(W).astype(np.longdouble)
     for _ in range(2):
-        found = found + found @ (np.eye(len(W)) - wide @ found)
-    return np.asarray(found.astype(np.float64))
+        inverse = inverse + inverse @ (np.eye(len(W)) - wide @ inverse)
+    return np.asarray(inverse.astype(np.float64))
 
 
 def _not_mechanical(problem: Problem, expected: str, received: str) -> UsageError:

@@ -245,13 +245,13 @@ class Problem:
         if self.initial is not None:
             object.__setattr__(self, "initial", constant("initial", self.initial, (d,)))
         if self.gradient is to_be_derived:
-            found = derive(d, self.structure, self.hamiltonian)
-            object.__setattr__(self, "gradient", found.gradient)
+            derived = derive(d, self.structure, self.hamiltonian)
+            object.__setattr__(self, "gradient", derived.gradient)
             for key in ("hessian", "structure_derivative", "mean_gradient"):
                 if getattr(self, key) is None:
-                    object.__setattr__(self, key, getattr(found, key))
+                    object.__setattr__(self, key, getattr(derived, key))
             if self.degree is None:
-                object.__setattr__(self, "degree", found.degree)
+                object.__setattr__(self, "degree", derived.degree)
         if check:
             from sepv.problem._checks import check_problem
 

@@ -89,10 +89,10 @@ class StructuresProblem(Problem):
     @property
     def noise_gradients(self) -> tuple[Function, ...]:
         """∇H_1, …, ∇H_m if every G_j comes from a Hamiltonian (`commuting_hamiltonians`), else an AttributeError."""
-        found = [G.noise_gradient for G in self.noise_structures if isinstance(G, CommutingStructure)]
-        if len(found) < self.noises:
+        gradients = [G.noise_gradient for G in self.noise_structures if isinstance(G, CommutingStructure)]
+        if len(gradients) < self.noises:
             raise AttributeError(f"{self.name} has several structures, and not several Hamiltonians")
-        return tuple(found)
+        return tuple(gradients)
 
     def random_step(self, h: float, dW: Array) -> Array:  # noqa: ARG002  (the signature of `Problem`)
         """Raise UsageError: Δ = h + Σ c_j ΔW_j exists for a single structure only."""
@@ -123,15 +123,15 @@ def undefined(problem: Problem, y0: Array, y1: Array, mean: Array, parts: Array)
 
     `mean` (d, M) is the averaged gradient of H_0 of the step, `parts` (1 + m, M) are h and the c_j ΔW_j.
     """
-    found = np.zeros(y0.shape[1], dtype=bool)
+    outside = np.zeros(y0.shape[1], dtype=bool)
     size = np.maximum(np.abs(y0), np.abs(y1)).max(axis=0)
     for part, G in zip(parts[1:], noise_structures(problem), strict=True):
         if isinstance(G, CommutingStructure):
             missed, field, rounding = G.missed(y0 + 0.5 * (y1 - y0), mean)
             # A contribution below a rounding of y does not move y.
             allowed = np.abs(part) * (MISSED * field + rounding) + EPS * size
-            found |= (part != 0) & ~(np.abs(part) * missed <= allowed)
-    return found
+            outside |= (part != 0) & ~(np.abs(part) * missed <= allowed)
+    return outside
 
 
 def combined_slope(problem: Problem, y: Array, parts: Array) -> Array | None:
@@ -210,8 +210,8 @@ class CommutingStructure:
 
     def tangent(self, y: Array, w: Array) -> Array:
         """w from ∇H_0, by Gram-Schmidt against ∇C of each Casimir."""
-        found: Array = directions(casimir_gradients(self.casimirs, self.linear_casimirs, 2 * y)).without(w)
-        return found
+        tangent: Array = directions(casimir_gradients(self.casimirs, self.linear_casimirs, 2 * y)).without(w)
+        return tangent
 
     def majorant(self, y: Array) -> Array:
         """The scale of rounding errors of S, (d, d): 2 M_v M_w/|w|² with sums of absolute values of terms."""

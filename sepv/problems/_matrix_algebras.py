@@ -104,10 +104,10 @@ def constants(name: str) -> Array:
     _, E, D, count = named(name)
     half = -0.5 * np.einsum("ajk,ckl,blj->abc", D, E, D, optimize=True).real
     one, d = np.rint(half - half.swapaxes(0, 1)), len(E)
-    found = np.zeros((count * d, count * d, count * d))
+    tensor = np.zeros((count * d, count * d, count * d))
     for n in range(0, count * d, d):
-        found[n : n + d, n : n + d, n : n + d] = one
-    return found
+        tensor[n : n + d, n : n + d, n : n + d] = one
+    return tensor
 
 
 def named(name: str) -> MatrixAlgebra:
@@ -121,9 +121,9 @@ def named(name: str) -> MatrixAlgebra:
 
 def candidates(d: int) -> list[str]:
     """The names of the algebras of dimension d."""
-    found = [] if d % 3 else [spins(d // 3).name]
-    found += [f"so({n})" for n in range(4, d) if n * (n - 1) // 2 == d]
-    return found + [f"su({n})" for n in range(3, d) if n * n - 1 == d]
+    names = [] if d % 3 else [spins(d // 3).name]
+    names += [f"so({n})" for n in range(4, d) if n * (n - 1) // 2 == d]
+    return names + [f"su({n})" for n in range(3, d) if n * n - 1 == d]
 
 
 def algebra_of(problem: Problem, y: Array) -> MatrixAlgebra:

@@ -81,8 +81,8 @@ def lennard_jones(atoms: float = 3, noise: ArrayLike = 1.0) -> Problem:
     pairs = list(combinations(range(n), 2))
 
     def squared(y: Array, i: int, j: int) -> Array:
-        found: Array = (y[2 * i] - y[2 * j]) ** 2 + (y[2 * i + 1] - y[2 * j + 1]) ** 2
-        return found
+        distance: Array = (y[2 * i] - y[2 * j]) ** 2 + (y[2 * i + 1] - y[2 * j + 1]) ** 2
+        return distance
 
     def hamiltonian(y: Array) -> Array:
         p, sixth = y[2 * n :], [squared(y, i, j) ** -3 for i, j in pairs]

@@ -164,9 +164,9 @@ def bracket(data: PolynomialSystem, F: Polynomial, G: Polynomial) -> tuple[Polyn
     return poly.add(poly.polynomial(data.dimension, {}), *terms), terms
 
 
-def vanishes(found: tuple[Polynomial, list[Polynomial]]) -> bool:
+def vanishes(bracket: tuple[Polynomial, list[Polynomial]]) -> bool:
     """True if every coefficient is rounding beside those of the products."""
-    total, terms = found
+    total, terms = bracket
     size = max((abs(c) for p in terms for _, c in p.terms), default=0.0)
     return all(abs(c) <= 64 * EPS * size for _, c in total.terms)
 

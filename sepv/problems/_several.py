@@ -79,10 +79,10 @@ def closed_form(
         if turns is not None:
             angle = angle + matvec((turns(I) * np.asarray(noise)[:, None]).T[..., None], W)
         p, q = y0[0::2, None], y0[1::2, None]
-        found = np.empty((2 * n, W.shape[1]))
-        found[0::2] = p * np.cos(angle) - q * np.sin(angle)
-        found[1::2] = p * np.sin(angle) + q * np.cos(angle)
-        return found
+        y = np.empty((2 * n, W.shape[1]))
+        y[0::2] = p * np.cos(angle) - q * np.sin(angle)
+        y[1::2] = p * np.sin(angle) + q * np.cos(angle)
+        return y
 
     return exact
 

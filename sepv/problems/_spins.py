@@ -48,8 +48,8 @@ def random_inertia(
     weights = np.diag([1 / I for I in noise_inertia] + [0.0] * (3 - count))
     others = [poly.squares(row) for row in weights[:count]]
     data = spin_system(1, poly.squares([1 / I for I in inertia]), noise, others)
-    own, padded = rigid_body(inertia).flows, rigid_body((*noise_inertia, *(1.0,) * (3 - count))).flows
-    return started(data, "random-inertia", (0.8, 0.6, 0.0), flows=own, noise_flows=padded[:count])
+    flows, padded = rigid_body(inertia).flows, rigid_body((*noise_inertia, *(1.0,) * (3 - count))).flows
+    return started(data, "random-inertia", (0.8, 0.6, 0.0), flows=flows, noise_flows=padded[:count])
 
 
 def pushed_rigid_body(

@@ -126,10 +126,10 @@ class Evaluator:
         except ZeroDivisionError:  # a Python number divided: functions of a single state run on these
             return np.asarray(self(*(a[..., None] for a in given))[..., 0])
         batch = given[0].shape[1:]
-        found = np.zeros((prod(self.shape), *batch), dtype=np.result_type(*given, np.float64))
+        filled = np.zeros((prod(self.shape), *batch), dtype=np.result_type(*given, np.float64))
         for i, value in zip(self.places, values, strict=True):
-            found[i] = value
-        return found.reshape(self.shape + batch)
+            filled[i] = value
+        return filled.reshape(self.shape + batch)
 
 
 def evaluator(inputs: Sequence[Any], outputs: Any) -> Evaluator:

@@ -73,8 +73,8 @@ def jacobian(outputs: Any, inputs: Any) -> Any:
         elif symbol.line.name not in _CONSTANT and any(i in slopes for i in symbol.line.arguments):
             slopes[index] = _chain(zip(symbol.line.arguments, _partials(symbol), strict=True), slopes)
     zero = tape.constant(0.0)
-    found = [[slopes.get(row.index, {}).get(k, zero) for k in range(len(inputs))] for row in rows]
-    return array((v for row in found for v in row), (len(rows), len(inputs)))
+    entries = [[slopes.get(row.index, {}).get(k, zero) for k in range(len(inputs))] for row in rows]
+    return array((v for row in entries for v in row), (len(rows), len(inputs)))
 
 
 def _chain(partials: Iterable[tuple[int, Any]], slopes: dict[int, dict[int, Symbol]]) -> dict[int, Symbol]:
@@ -107,6 +107,6 @@ def gradient(output: Any, inputs: Any) -> Any:
 
 def hessian(slope: Any, inputs: Any) -> Any:
     """The derivative (d, d) of a gradient; its entries (i, j) and (j, i) are the same line."""
-    found = jacobian(slope, inputs)
-    d = len(found)
-    return array((found[min(i, k), max(i, k)] for i in range(d) for k in range(d)), (d, d))
+    second = jacobian(slope, inputs)
+    d = len(second)
+    return array((second[min(i, k), max(i, k)] for i in range(d) for k in range(d)), (d, d))

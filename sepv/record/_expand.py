@@ -63,7 +63,7 @@ def expand(outputs: Sequence[Symbol], inputs: Sequence[Symbol], most: int) -> li
         sums = replay(outputs, start, _refused, lambda c: _Sum({zero: c} if c else {}), _refused)
     except (NotMonomials, KeyError, TypeError):  # a sum cannot be compared
         return None
-    found = [s.terms for s in sums]
-    if sum(map(len, found)) > most or any(k < 0 for terms in found for e in terms for k in e):
+    expanded = [s.terms for s in sums]
+    if sum(map(len, expanded)) > most or any(k < 0 for terms in expanded for e in terms for k in e):
         return None
-    return found
+    return expanded

@@ -35,11 +35,11 @@ class NoClosedForm(Exception):
 def degrees(output: Symbol, inputs: Any) -> dict[int, int | None]:
     """The degree in the inputs of each symbol that the output is made of; None where it is not a polynomial."""
     wanted = {x.index for x in inputs}
-    found: dict[int, int | None] = {}
+    by_row: dict[int, int | None] = {}
     for symbol in reachable([output]):
-        below = [found[i] for i in symbol.line.arguments]
-        found[symbol.index] = 1 if symbol.index in wanted else _degree(symbol.line.name, below)
-    return found
+        below = [by_row[i] for i in symbol.line.arguments]
+        by_row[symbol.index] = 1 if symbol.index in wanted else _degree(symbol.line.name, below)
+    return by_row
 
 
 def _degree(name: str, below: list[int | None]) -> int | None:
@@ -89,12 +89,12 @@ def mean(output: Any, inputs: Any, z: Any) -> Mean:
     # The rule's derivative is a mean of H″ and so symmetric; the chain rule does not know that.
     slope = gradient(polynomial, inputs)
     bend = hessian(slope, inputs)
-    turn = jacobian(total, z)
+    slopes = jacobian(total, z)
     for tau, weight in zip(*gauss_legendre(nodes), strict=True):
         at = inputs + tau * z
         value, further = weight * substitute(slope, inputs, at), weight * tau * substitute(bend, inputs, at)
-        total, turn = tape.symbols(total + value), tape.symbols(turn + further)
-    for symbol, row in zip(total, turn, strict=True):
+        total, slopes = tape.symbols(total + value), tape.symbols(slopes + further)
+    for symbol, row in zip(total, slopes, strict=True):
         tape.declare(symbol, inputs, dict(zip(z, row, strict=True)))
     return Mean(total, nodes)
 

@@ -97,12 +97,12 @@ def _plain(value: Any) -> Any:
         return value.view(np.ndarray)
     if isinstance(value, np.ndarray):
         return value.astype(object)
-    found = np.empty((), dtype=object)
+    cell = np.empty((), dtype=object)
     if isinstance(value, (list, tuple)):
         return np.array(value, dtype=object)
     # A NumPy scalar would call this function again.
-    found[()] = value.item() if isinstance(value, np.generic) else value
-    return found
+    cell[()] = value.item() if isinstance(value, np.generic) else value
+    return cell
 
 
 def _wrapped(value: Any) -> Any:

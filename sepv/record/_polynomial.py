@@ -82,10 +82,10 @@ def polynomial(dimension: int, terms: Mapping[Any, float] | Iterable[tuple[Expon
 
 
 def _canonical(dimension: int, merged: dict[Exponents, float]) -> Polynomial:
-    kept = [(e, c) for e, c in merged.items() if c != 0.0]
-    if len(kept) > 1:
-        kept.sort(key=lambda t: (sum(t[0]), t[0][::-1]))
-    return Polynomial(dimension, tuple(kept))
+    nonzero = [(e, c) for e, c in merged.items() if c != 0.0]
+    if len(nonzero) > 1:
+        nonzero.sort(key=lambda t: (sum(t[0]), t[0][::-1]))
+    return Polynomial(dimension, tuple(nonzero))
 
 
 def constant(dimension: int, value: float) -> Polynomial:
@@ -113,14 +113,14 @@ def squares(weights: Sequence[float]) -> Polynomial:
 
 def add(*summands: Polynomial) -> Polynomial:
     """The sum of polynomials in the same variables."""
-    some = [p for p in summands if p.terms]
-    if len(some) <= 1:
-        return some[0] if some else summands[0]
+    nonzero = [p for p in summands if p.terms]
+    if len(nonzero) <= 1:
+        return nonzero[0] if nonzero else summands[0]
     merged: dict[Exponents, float] = {}
-    for p in some:
+    for p in nonzero:
         for e, c in p.terms:
             merged[e] = merged.get(e, 0.0) + c
-    return _canonical(some[0].dimension, merged)
+    return _canonical(nonzero[0].dimension, merged)
 
 
 def multiply(p: Polynomial, q: Polynomial) -> Polynomial:
@@ -300,8 +300,8 @@ class PolynomialMap:
 
 def majorant(function: Any, y: NDArray[Any]) -> NDArray[Any]:
     """The scale of rounding errors of a function at y: its own `majorant`, else |value|."""
-    own = getattr(function, "majorant", None)
-    return np.asarray(np.abs(function(y)) if own is None else own(y))
+    stated = getattr(function, "majorant", None)
+    return np.asarray(np.abs(function(y)) if stated is None else stated(y))
 
 
 def to_json(p: Polynomial) -> list[list[Any]]:

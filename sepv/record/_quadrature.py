@@ -20,8 +20,8 @@ def gauss_legendre(nodes: int) -> tuple[Array, Array]:
     """
     with localcontext() as context:
         context.prec = 40
-        found = [_polished(nodes, float(x)) for x in np.polynomial.legendre.leggauss(nodes)[0]]
-    return np.array([float(x) for x, _ in found]), np.array([float(w) for _, w in found])
+        rule = [_polished(nodes, float(x)) for x in np.polynomial.legendre.leggauss(nodes)[0]]
+    return np.array([float(x) for x, _ in rule]), np.array([float(w) for _, w in rule])
 
 
 def _polished(nodes: int, guess: float) -> tuple[Decimal, Decimal]:

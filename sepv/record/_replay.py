@@ -41,13 +41,13 @@ def replay(
     Raises KeyError where an input has no value.
     """
     outputs = list(outputs)
-    found: dict[int, Any] = {}
+    values_by_row: dict[int, Any] = {}
     for symbol in reachable(outputs, values):
         line = symbol.line
         if symbol.index in values:
-            found[symbol.index] = values[symbol.index]
+            values_by_row[symbol.index] = values[symbol.index]
             continue
-        arguments = [found[i] for i in line.arguments]
+        arguments = [values_by_row[i] for i in line.arguments]
         if line.name == "input":
             raise KeyError(symbol.index)
         if line.name == "constant":
@@ -58,8 +58,8 @@ def replay(
             value = ARITHMETIC[line.name](*arguments)
         else:
             value = function(line.name, arguments[0])
-        found[symbol.index] = value
-    return [found[s.index] for s in outputs]
+        values_by_row[symbol.index] = value
+    return [values_by_row[s.index] for s in outputs]
 
 
 def substitute(outputs: Any, inputs: Any, by: Any) -> Any:
@@ -68,5 +68,5 @@ def substitute(outputs: Any, inputs: Any, by: Any) -> Any:
     tape = np.asarray(inputs, dtype=object)[0].tape
     rows = [tape.symbol(v) for v in outputs.ravel()]
     values = {x.index: tape.symbol(v) for x, v in zip(inputs, by, strict=True)}
-    found = replay(rows, values, lambda name, x: x.apply(name), tape.constant)
-    return array(found, outputs.shape)
+    replayed = replay(rows, values, lambda name, x: x.apply(name), tape.constant)
+    return array(replayed, outputs.shape)

@@ -82,10 +82,10 @@ class Tape:
 
     def symbol(self, value: Any) -> Symbol:
         """Convert a number to a constant; a symbol is returned unchanged."""
-        found = _as_symbol(self, value)
-        if found is None:
+        symbol = _as_symbol(self, value)
+        if symbol is None:
             raise CannotRecord(f"{type(value).__name__} is neither a symbol nor a number: {value!r:.60}")
-        return found
+        return symbol
 
 
 def array(symbols: Iterable[Any], shape: tuple[int, ...] | None = None) -> Any:

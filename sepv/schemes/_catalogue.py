@@ -20,9 +20,9 @@ BY_FILE: dict[str, Scheme] = {}
 
 
 def _listed(*files: str) -> dict[str, Scheme]:
-    found = {file: import_module(f"sepv.schemes._{file}").scheme for file in files}
-    BY_FILE.update(found)
-    return {scheme.name: scheme for scheme in found.values()}
+    by_file = {file: import_module(f"sepv.schemes._{file}").scheme for file in files}
+    BY_FILE.update(by_file)
+    return {scheme.name: scheme for scheme in by_file.values()}
 
 
 PAPER = _listed(

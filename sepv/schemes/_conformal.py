@@ -38,9 +38,9 @@ def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
     if not isinstance(problem, DampedProblem):
         raise Skipped(f"{problem.name} has no damping (sepv.problem.DampedProblem)")
     factor = np.exp(-0.5 * h * problem.damping)
-    found = undamped.solve(problem, factor * y, h, dW)
-    value = factor * found.value
-    return replace(found, value=value, change=value - y)
+    solution = undamped.solve(problem, factor * y, h, dW)
+    value = factor * solution.value
+    return replace(solution, value=value, change=value - y)
 
 
 scheme = one_step(

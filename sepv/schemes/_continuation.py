@@ -71,24 +71,24 @@ def _follow(inner: Callable[..., Solution], problem: Problem, y: Array, h: float
     for _ in range(MOST):
         trial = min(share + growth, 1.0)
         guess = z + (trial - share) * slope
-        found = inner(problem, y, trial * h, trial * dW, start=guess)
-        work += [int(getattr(found, key)[0]) for key in COUNTS]
-        assert found.change is not None  # schemes that take a start state it
-        moved = np.abs(found.change - z).max()
+        solution = inner(problem, y, trial * h, trial * dW, start=guess)
+        work += [int(getattr(solution, key)[0]) for key in COUNTS]
+        assert solution.change is not None  # schemes that take a start state it
+        moved = np.abs(solution.change - z).max()
         # A solution further from the prediction than the curve bends is another one; the first share has no prediction.
-        near = share == 0.0 or np.abs(found.change - guess).max() <= 0.5 * moved
-        if found.status[0] == Status.CONVERGED and near:
-            slope = (found.change - z) / (trial - share)
-            z, share, solved, growth = found.change, trial, solved + 1, 2 * growth
+        near = share == 0.0 or np.abs(solution.change - guess).max() <= 0.5 * moved
+        if solution.status[0] == Status.CONVERGED and near:
+            slope = (solution.change - z) / (trial - share)
+            z, share, solved, growth = solution.change, trial, solved + 1, 2 * growth
             if share == 1.0:
                 break
         else:
             growth = (trial - share) / 2
             if growth < LEAST:
-                if found.status[0] == Status.CONVERGED:  # a solution on another curve
-                    found = replace(found, status=np.array([int(Status.NO_CONVERGENCE)]))
+                if solution.status[0] == Status.CONVERGED:  # a solution on another curve
+                    solution = replace(solution, status=np.array([int(Status.NO_CONVERGENCE)]))
                 break
     else:
-        found = replace(found, status=np.array([int(Status.NO_CONVERGENCE)]))
+        solution = replace(solution, status=np.array([int(Status.NO_CONVERGENCE)]))
     counts = {key: np.array([n]) for key, n in zip(COUNTS, work, strict=True)}
-    return replace(found, **counts, continuations=np.array([solved]))
+    return replace(solution, **counts, continuations=np.array([solved]))

@@ -47,12 +47,12 @@ def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
     """One step of a batch with residual (in logarithms), counts and status of each lane."""
     require_products(problem)
     free = replace(problem, domain=None, check=False)  # logarithms may have any sign
-    found = solve_implicit(free, np.log(y), each_noise(problem, h, dW), increment, no_jacobian)
-    assert found.change is not None
+    solution = solve_implicit(free, np.log(y), each_noise(problem, h, dW), increment, no_jacobian)
+    assert solution.change is not None
     # A factor of y0: a step of length zero leaves y0 unchanged.
-    value = y * np.exp(found.change)
-    status = np.where(np.all(np.isfinite(value), axis=0), found.status, Status.OVERFLOW)
-    return replace(found, value=value, change=value - y, status=status)
+    value = y * np.exp(solution.change)
+    status = np.where(np.all(np.isfinite(value), axis=0), solution.status, Status.OVERFLOW)
+    return replace(solution, value=value, change=value - y, status=status)
 
 
 scheme = one_step(

@@ -35,9 +35,9 @@ def answer(
     step = step or scheme.step
     if not scheme.asks:
         return step(problem, y, h, dW)
-    own, count = dW[: problem.noises], further_rows(scheme.asks, problem.noises)
+    wiener, count = dW[: problem.noises], further_rows(scheme.asks, problem.noises)
     if len(dW) == problem.noises and any_path:
-        rows = rows_of_any_path(scheme.asks, h, own)
+        rows = rows_of_any_path(scheme.asks, h, wiener)
     elif len(dW) == problem.noises + count:
         rows = dW[problem.noises :]
     else:
@@ -47,7 +47,7 @@ def answer(
             remedy="sepv.simulate.drawn(…).rows(steps, asks) draws both; sepv.integrate does where dW is not given",
         )
     further = as_matrix(rows, problem.noises) if scheme.asks == "areas" else np.array(rows)
-    return step(problem, y, h, np.array(own), further)
+    return step(problem, y, h, np.array(wiener), further)
 
 
 def carry(
@@ -90,10 +90,10 @@ def rows_of_any_path(asks: str, h: float, dW: Array) -> Array:
 
 def as_matrix(rows: Array, noises: int) -> Array:
     """Skew A (m, m, ...) from its entries with i < j, (k, ...)."""
-    found = np.zeros((noises, noises, *rows.shape[1:]))
+    matrix = np.zeros((noises, noises, *rows.shape[1:]))
     for row, (i, j) in zip(rows, combinations(range(noises), 2), strict=True):
-        found[i, j], found[j, i] = row, -row
-    return found
+        matrix[i, j], matrix[j, i] = row, -row
+    return matrix
 
 
 def as_rows(areas: Array) -> Array:

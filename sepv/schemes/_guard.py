@@ -69,9 +69,9 @@ class SchemeCrash(SepvError):
             if kind in _TRACED
             else "--debug with the replay command shows the traceback"
         )
-        said = str(error).partition("\n")[0] if kind in _TRACED else error
+        text = str(error).partition("\n")[0] if kind in _TRACED else error
         super().__init__(
-            f"The scheme raised {kind}: {said}{_where(error)}\n"
+            f"The scheme raised {kind}: {text}{_where(error)}\n"
             f"Expected y_next of shape {shape} from step(problem, y, h, dW){given}.\n"
             f"Remedy: {remedy}."
         )
@@ -100,10 +100,10 @@ def ask_next(
     """
     given, noise = scheme.numbers(y), scheme.numbers(dW)
     with translated(problem, y, h, dW):
-        found, state = carry(scheme, shown(problem), given, state, h, noise, any_path=True)
-    found = check_answer(found, y, scheme.dtype)
+        y1, state = carry(scheme, shown(problem), given, state, h, noise, any_path=True)
+    y1 = check_answer(y1, y, scheme.dtype)
     require_unchanged(y=(scheme.numbers(y), given), dW=(scheme.numbers(dW), noise))
-    return found.astype(np.float64, copy=False), state
+    return y1.astype(np.float64, copy=False), state
 
 
 def require_unchanged(**arguments: tuple[Array, Array]) -> None:
@@ -189,11 +189,11 @@ def guarded(scheme: Scheme) -> Scheme:
         given, kept = scheme.numbers(y), scheme.numbers(noise)
         noise = kept.copy()
         with translated(problem, y, h, noise):
-            found, state = carry(scheme, shown(problem), given, state, h, noise, any_path=True)
+            y1, state = carry(scheme, shown(problem), given, state, h, noise, any_path=True)
         require_unchanged(y=(scheme.numbers(y), given), dW=(kept, noise))
-        finite = np.nan_to_num(found) if isinstance(found, np.ndarray) else found
+        finite = np.nan_to_num(y1) if isinstance(y1, np.ndarray) else y1
         check_answer(finite, y, scheme.dtype)
-        return np.asarray(found, dtype=np.float64), state
+        return np.asarray(y1, dtype=np.float64), state
 
     rule = StatefulStep(lambda _, y: (y, None), carried, lambda path: path[0])
     step: Step = (
@@ -215,7 +215,7 @@ def ask_once(scheme: Scheme, problem: Problem, y: Array, h: float) -> None:
             guarded(scheme).step(problem, y, h, np.zeros(problem.noises))
 
 
-def takes_batches(scheme: Scheme, asked: Iterable[Problem] = ()) -> bool:
+def takes_batches(scheme: Scheme, given: Iterable[Problem] = ()) -> bool:
     """True if a bare function takes batches: it returns the bits of single states, on two problems.
 
     On a user's problem, the states follow from its initial state by small steps: others may lie outside the problem's
@@ -223,17 +223,17 @@ def takes_batches(scheme: Scheme, asked: Iterable[Problem] = ()) -> bool:
     """
     from sepv import problems
 
-    own = tuple(asked)
-    for problem in own or (problems.rigid_body(), problems.pendulum()):
+    candidates = tuple(given)
+    for problem in candidates or (problems.rigid_body(), problems.pendulum()):
         if problem.initial is None:
             return False
         rng = np.random.default_rng(3)
         y = np.repeat(np.asarray(problem.initial, dtype=np.float64)[:, None], 5, axis=1)
-        unit = 2.0**-6 if own else 1.0
-        if not own:
+        unit = 2.0**-6 if candidates else 1.0
+        if not candidates:
             y = y * (1 + 0.1 * rng.standard_normal(y.shape))
         # Lanes that start from one state differ from the second step on.
-        for h in (unit / 16, unit / 32, unit / 64)[: 3 if own else 1]:
+        for h in (unit / 16, unit / 32, unit / 64)[: 3 if candidates else 1]:
             dW = 0.1 * unit * rng.standard_normal((problem.noises, 5))
             try:
                 together = ask(scheme, problem, y, h, dW)

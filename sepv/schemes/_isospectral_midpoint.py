@@ -59,10 +59,10 @@ def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
         return once(0.5 * f + 0.25 * bent)
 
     step = each_noise(problem, h, dW)
-    found = solve_implicit(problem, y, step, increment, no_jacobian)
-    f, _ = parts(algebra, problem, found.value, step)
+    solution = solve_implicit(problem, y, step, increment, no_jacobian)
+    f, _ = parts(algebra, problem, solution.value, step)
     # y1 − y0 = f, without the cancellation of the parts that y0 and y1 share.
-    return replace(found, value=y + f, change=f)
+    return replace(solution, value=y + f, change=f)
 
 
 scheme = one_step(

@@ -154,19 +154,19 @@ def load_problem(target: Any) -> Problem:
         if ":" not in target:
             return problems.by_name(target)
         name, target = target, load_object(target)
-    found = target
-    if isinstance(found, (PolynomialSystem, NamedProblem)):
-        return problems.build(found)
-    if not isinstance(found, (Problem, Scheme)) and callable(found) and _takes_nothing(found):
-        found = found()
-    if not isinstance(found, Problem):
+    loaded = target
+    if isinstance(loaded, (PolynomialSystem, NamedProblem)):
+        return problems.build(loaded)
+    if not isinstance(loaded, (Problem, Scheme)) and callable(loaded) and _takes_nothing(loaded):
+        loaded = loaded()
+    if not isinstance(loaded, Problem):
         raise UsageError(
             expected="a sepv.Problem, a problem's name, a .json file of polynomial data, module:attribute, or a "
             "function without arguments that returns a Problem",
-            received=f"{name}, which is {type(found).__name__}: {found!r:.80}",
+            received=f"{name}, which is {type(loaded).__name__}: {loaded!r:.80}",
             remedy="a scheme goes first and a problem second; see `sepv list` for names",
         )
-    return found
+    return loaded
 
 
 def words_for(scheme: Any, problems: Any = None) -> str:
@@ -181,10 +181,10 @@ def words_for(scheme: Any, problems: Any = None) -> str:
         inspect.isfunction(scheme) and scheme.__module__ != "__main__" and scheme.__qualname__.isidentifier()
     ):
         words = f"{scheme.__module__}:{scheme.__qualname__}"
-    asked = [] if problems is None else problems if isinstance(problems, (list, tuple)) else [problems]
-    if not words or (problems is not None and not asked) or not all(isinstance(p, str) for p in asked):
+    listed = [] if problems is None else problems if isinstance(problems, (list, tuple)) else [problems]
+    if not words or (problems is not None and not listed) or not all(isinstance(p, str) for p in listed):
         return ""
-    return " ".join([shlex.quote(words), *(f"-p {shlex.quote(p)}" for p in asked)])
+    return " ".join([shlex.quote(words), *(f"-p {shlex.quote(p)}" for p in listed)])
 
 
 def _takes_nothing(function: Any) -> bool:
@@ -225,11 +225,11 @@ def require_trusted(targets: Iterable[Any], named: Iterable[str], scheme: Any) -
     """
     words = scheme if isinstance(scheme, str) and ":" in scheme else ""
     module = words.partition(":")[0] or getattr(getattr(scheme, "step", scheme), "__module__", None) or ""
-    own, known = module.partition(".")[0], list(named)
+    package, known = module.partition(".")[0], list(named)
     for target in targets:
         if not isinstance(target, str) or ":" not in target or target in known:
             continue
-        if own in ("", "sepv") or target.partition(":")[0].partition(".")[0] != own:
+        if package in ("", "sepv") or target.partition(":")[0].partition(".")[0] != package:
             raise UsageError(
                 expected="a file or token about problems that you name yourself: to import a module is to run it",
                 received=f"the problem {target!r:.80} in it",
@@ -258,13 +258,17 @@ def load_object(target: str) -> Any:
         try:
             value = getattr(value, part)
         except AttributeError as error:
-            own = {n: v for n, v in vars(module).items() if not n.startswith("_")}
-            records = [n for n, v in own.items() if isinstance(v, (Scheme, Problem))]
+            public = {n: v for n, v in vars(module).items() if not n.startswith("_")}
+            records = [n for n, v in public.items() if isinstance(v, (Scheme, Problem))]
             made = [
-                n for n, v in own.items() if getattr(v, "__module__", None) == module.__name__ and callable(v)
+                n
+                for n, v in public.items()
+                if getattr(v, "__module__", None) == module.__name__ and callable(v)
             ]
             names = records + [n for n in made if n not in records]
-            callables = [n for n, v in own.items() if callable(v)]  # imported ones too, which are not listed
+            callables = [
+                n for n, v in public.items() if callable(v)
+            ]  # imported ones too, which are not listed
             raise TargetError(
                 expected=f"an attribute {attribute!r} in module {module_name}",
                 received=f"{did_you_mean(attribute, [*names, *callables])} and a module with "

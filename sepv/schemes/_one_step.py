@@ -150,10 +150,10 @@ def resolved(scheme: Scheme, word: str, of_lanes: Solve, how: str) -> Scheme:
 
 def one_step(name: str, step: Any, claims: Any, source: str, order: float = 1.0, **facts: Any) -> Scheme:
     """The scheme of one of these steps, with this mean-square and weak order and truncation unless `facts` differ."""
-    found: dict[str, Any] = {
+    result: dict[str, Any] = {
         "mean_square_order": order,
         "weak_order": order,
         "truncation": truncation_for(order),
     }
-    found["solve"] = getattr(step, "solve", None)
-    return Scheme(name, step, claims, source, batched=True, **found | facts)
+    result["solve"] = getattr(step, "solve", None)
+    return Scheme(name, step, claims, source, batched=True, **result | facts)

@@ -53,13 +53,15 @@ def solve_projection(problem: Problem, order: int, y0: Array, delta: Array) -> S
         far = y0 + full
         along = directions([problem.gradient(far), *casimir_gradients(*casimirs, 2.0 * far)])
         equations = Equations(np.abs(y0), evaluate, algebra=SIMPLIFIED)
-        found = newton(equations, full, np.arange(M), differences=False)
-        y1, status = y0 + found.value, found.status
+        solution = newton(equations, full, np.arange(M), differences=False)
+        y1, status = y0 + solution.value, solution.status
         if problem.domain is not None:
             outside = ~np.asarray(problem.domain(y1), dtype=bool)
             status[outside & (status == Status.CONVERGED)] = Status.LEFT_DOMAIN
-    gradients, structures = found.gradient_evaluations + len(tableau.A) + 1, np.full(M, len(tableau.A))
-    return Solution(y1, found.residual, found.iterations, gradients, structures, status, change=found.value)
+    gradients, structures = solution.gradient_evaluations + len(tableau.A) + 1, np.full(M, len(tableau.A))
+    return Solution(
+        y1, solution.residual, solution.iterations, gradients, structures, status, change=solution.value
+    )
 
 
 @lru_cache(maxsize=4)

@@ -113,15 +113,15 @@ def run(
     progress : callable (text, share)
         Called before each case with its name and the share of all that is done, 0 to 1.
     """
-    found = []
+    rows = []
     for number, case in enumerate(cases):
         progress(case.name, number / len(cases))
         rng = np.random.default_rng([seed, *case.name.encode()])
         seen = Seen(case, laws=_laws(scheme, case, case.sample(rng, laws), laws) if laws else {})
         while seen.steps < steps:
             _measure(seen, scheme, case.sample(rng, min(BATCH, steps - seen.steps)))
-        found.append(seen)
-    return found
+        rows.append(seen)
+    return rows
 
 
 def _measure(seen: Seen, scheme: Scheme, sample: Sample) -> None:
@@ -267,12 +267,12 @@ def _laws(scheme: Scheme, case: HardCase, sample: Sample, count: int) -> dict[st
     wanted = [law for law in load_laws(case.laws) if law.claimed_by(scheme)] if case.laws else []
     witnesses = [w for lane in range(count) if (w := _as_case(case, sample, lane)) is not None]
     silent = (Verdict.ERROR, Verdict.NOT_APPLICABLE) if case.refusals else ()
-    found = {}
+    by_law = {}
     for law in wanted:
         verdicts = [law.replay(law, scheme, cases.to_json(w)).verdict for w in witnesses]
         measured = [v for v in verdicts if v not in silent]
-        found[law.name] = (sum(v is Verdict.HOLDS for v in measured), len(measured))
-    return found
+        by_law[law.name] = (sum(v is Verdict.HOLDS for v in measured), len(measured))
+    return by_law
 
 
 def _median(values: Sequence[float] | Array) -> float | None:

@@ -77,12 +77,12 @@ class Axis:
     log: bool = False
 
 
-def looks(names: Iterable[str], own: Mapping[str, Look] | None = None) -> dict[str, Look]:
+def looks(names: Iterable[str], own_looks: Mapping[str, Look] | None = None) -> dict[str, Look]:
     """A look for each name: its own, the one on the record of the scheme of that name, or a free one.
 
     Free ones go in the order of the names, so that the same names always look the same, and have no marker of others.
     """
-    given = dict(own or {})
+    given = dict(own_looks or {})
     stated = {n: given.get(n) or _of_record(n) if n else REFERENCE for n in dict.fromkeys(names)}
     taken = {look.marker for look in stated.values() if look}
     every = [_free(number) for number in range(len(_COLOURS) * len(_MARKERS))]
@@ -97,12 +97,12 @@ def looks_of(series: Sequence[Series], look_of: Mapping[str, Look]) -> list[Look
     """
     if not any(s.scheme for s in series):
         return [_free(n) for n in range(len(series))] if len(series) > 1 else [REFERENCE] * len(series)
-    found = []
+    used = []
     for number, s in enumerate(series):
         again = sum(s.scheme == other.scheme for other in series[:number]) if s.scheme else 0
         look = look_of[s.scheme]
-        found.append(replace(look, dash=_AGAIN[(again - 1) % len(_AGAIN)]) if again else look)
-    return found
+        used.append(replace(look, dash=_AGAIN[(again - 1) % len(_AGAIN)]) if again else look)
+    return used
 
 
 def _of_record(name: str) -> Look | None:
@@ -193,15 +193,15 @@ def draw_curves(
     for number, (s, look, (across, up)) in enumerate(
         zip(series, looks_of(series, look_of), points, strict=True)
     ):
-        kept = np.arange(len(across))
+        drawn = np.arange(len(across))
         if window and s.style == "points":
-            kept = kept[(np.abs(up) <= window) & ((np.abs(across) <= window) | (not equal))]
+            drawn = drawn[(np.abs(up) <= window) & ((np.abs(across) <= window) | (not equal))]
         elif most and s.style == "line":
-            kept = _spikes(up, most)
-        every = _marked(s.style, len(kept), number, most)
+            drawn = _spikes(up, most)
+        every = _marked(s.style, len(drawn), number, most)
         axes.plot(
-            across[kept],
-            up[kept],
+            across[drawn],
+            up[drawn],
             **line(look, s.style, size),
             markevery=every,
             label=s.name,
@@ -229,8 +229,8 @@ def frame(axes: Any, x: Axis, y: Axis, *, x_base: int = 10) -> None:
 def _finite(s: Series, x_log: bool, y_log: bool) -> tuple[np.ndarray, np.ndarray]:
     """The points that can be drawn. Beyond 1e300 a frame around them would overflow."""
     x, y = np.array(s.x, dtype=float), np.array(s.y, dtype=float)
-    kept = (np.abs(x) < 1e300) & (np.abs(y) < 1e300) & ((x > 0) | (not x_log)) & ((y > 0) | (not y_log))
-    return x[kept], y[kept]
+    finite = (np.abs(x) < 1e300) & (np.abs(y) < 1e300) & ((x > 0) | (not x_log)) & ((y > 0) | (not y_log))
+    return x[finite], y[finite]
 
 
 def _marked(style: str, count: int, number: int, most: int | None) -> Any:
@@ -246,10 +246,10 @@ def _spikes(y: np.ndarray, strips: int) -> np.ndarray:
     every = np.arange(len(y))
     if len(y) <= 2 * strips:
         return every
-    kept = {0, len(y) - 1}
+    indices = {0, len(y) - 1}
     for strip in np.array_split(every, strips):
-        kept |= {int(strip[np.argmin(y[strip])]), int(strip[np.argmax(y[strip])])}
-    return np.array(sorted(kept))
+        indices |= {int(strip[np.argmin(y[strip])]), int(strip[np.argmax(y[strip])])}
+    return np.array(sorted(indices))
 
 
 def _slopes(axes: Any, points: list[tuple[np.ndarray, np.ndarray]], slopes: Sequence[float]) -> None:

@@ -47,9 +47,9 @@ class Again:
 
 def read_report(path: str | Path) -> dict[str, Any]:
     """Read a report of ``sepv verify --json`` that is consistent and of this suite; a UsageError otherwise."""
-    said = {"expected": "a report of `sepv verify --json`", "remedy": "write it with this version of sepv"}
-    report: dict[str, Any] = read_json(path, LARGEST, **said)
-    require_schema(report, "report", path, **said)
+    words = {"expected": "a report of `sepv verify --json`", "remedy": "write it with this version of sepv"}
+    report: dict[str, Any] = read_json(path, LARGEST, **words)
+    require_schema(report, "report", path, **words)
     names, suite = [f["law"] for f in report["laws"]], report["suite"]
     counts = {v.value: sum(f["verdict"] == v.value for f in report["laws"]) for v in Verdict}
     wrong = ""
@@ -60,7 +60,7 @@ def read_report(path: str | Path) -> dict[str, Any]:
     elif counts != dict.fromkeys(counts, 0) | report["counts"]:
         wrong = "counts that are not those of its laws"
     if wrong:
-        raise UsageError(received=f"{path}: {wrong}", **said)
+        raise UsageError(received=f"{path}: {wrong}", **words)
     load_laws(names)
     return report
 
@@ -86,27 +86,33 @@ def against(
     """
     facts = {key: (report["scheme"].get(key), getattr(scheme, key)) for key in _FACTS}
     facts["dtype"] = (report["scheme"].get("dtype", "float64"), scheme.dtype)
-    other = [f"{key} {own}, reported {stated}" for key, (stated, own) in facts.items() if own != stated]
+    other = [
+        f"{key} {measured}, reported {stated}"
+        for key, (stated, measured) in facts.items()
+        if measured != stated
+    ]
     yield Again("what the scheme states", "the same" * (not other), ", ".join(other))
     stated = {key: report["suite"][key] for key in EFFORT if key in report["suite"]}
     cut = {k: v if k in ("seed", "corpus") else min(v, getattr(allowed, k)) for k, v in stated.items()}
     effort, theirs, here = replace(allowed, **cut), report.get("made", {}), made("report")
     bits = len(stated) == len(EFFORT) and cut == stated and all(theirs.get(k) == here[k] for k in _BITS)
-    told = {f["law"]: f for f in report["laws"] if f["verdict"] != Verdict.NOT_MEASURED.value}
+    reported = {f["law"]: f for f in report["laws"] if f["verdict"] != Verdict.NOT_MEASURED.value}
     run, end = Run(effort), time.monotonic() + timeout
-    for name, f in told.items():
+    for name, f in reported.items():
         if f["verdict"] == Verdict.VIOLATED.value and f["witness"] is not None:
             yield _counterexample(name, f["witness"], scheme, run, end - time.monotonic())
-    searched = [name for name, f in told.items() if f["expected"] is None]
+    searched = [name for name, f in reported.items() if f["expected"] is None]
     drawn = random.SystemRandom().sample(searched, math.ceil(SHARE * len(searched)))
     for law in load_laws(set(laws or drawn) & set(searched)):
-        found, wanted = measure(law, scheme, run, timeout), told[law.name]
+        finding, wanted = measure(law, scheme, run, timeout), reported[law.name]
         differs = (
-            "" if found.verdict.value == wanted["verdict"] else f"reported {Verdict(wanted['verdict']).text}"
+            ""
+            if finding.verdict.value == wanted["verdict"]
+            else f"reported {Verdict(wanted['verdict']).text}"
         )
-        if bits and not differs and finite(found.defect) != wanted["defect"]:
-            differs = f"a defect of {found.defect}, reported {wanted['defect']}"
-        yield Again(law.name, found.verdict.text, differs)
+        if bits and not differs and finite(finding.defect) != wanted["defect"]:
+            differs = f"a defect of {finding.defect}, reported {wanted['defect']}"
+        yield Again(law.name, finding.verdict.text, differs)
 
 
 def _counterexample(law: str, witness: Any, scheme: Scheme, run: Run, seconds: float) -> Again:
@@ -116,18 +122,20 @@ def _counterexample(law: str, witness: Any, scheme: Scheme, run: Run, seconds: f
         return Again(what, "not replayed", wrong or "no time is left (--timeout)")
     try:
         failure = ExpectedFailure(law, "reported", witness)
-        found = measure(load_laws([law])[0], scheme, run, seconds, failure)
+        finding = measure(load_laws([law])[0], scheme, run, seconds, failure)
     except UsageError as error:
         return Again(what, "not replayed", error.received)
-    return Again(what, found.verdict.text, "" if found.verdict is Verdict.VIOLATED else "reported violated")
+    return Again(
+        what, finding.verdict.text, "" if finding.verdict is Verdict.VIOLATED else "reported violated"
+    )
 
 
 def _too_much(witness: dict[str, Any], scheme: Scheme, effort: Effort) -> str:
     """The reason to refuse a witness: code that nobody named, no witness, or more work than the reader allows."""
     if "problem" not in witness:
         most = {"paths": effort.paths, "examples": effort.examples, "seed": 2**128}
-        asked = {key: witness[key] for key in most if key in witness}
-        over = [k for k, n in asked.items() if type(n) is not int or not 0 <= n <= most[k]]
+        sizes = {key: witness[key] for key in most if key in witness}
+        over = [k for k, n in sizes.items() if type(n) is not int or not 0 <= n <= most[k]]
         return ", ".join(f"{k} is no number from 0 to {most[k]} (--deep allows more)" for k in over)
     if wrong := fault(witness, schema("witness")):
         return wrong

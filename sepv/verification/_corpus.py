@@ -37,11 +37,11 @@ def witnesses(law: str, systems: Systems | None = None) -> tuple[Witness, ...]:
     if not file.is_file():
         return ()
     data = json.loads(file.read_text(encoding="utf-8"))
-    found = (
+    records = (
         Witness(w["id"], Systems(w["systems"]), w["found"], tuple(w["caught"]), of_valid(w["case"]))
         for w in data["witnesses"]
     )
-    return tuple(w for w in found if systems in (None, w.systems))
+    return tuple(w for w in records if systems in (None, w.systems))
 
 
 def cases(law: str, systems: Systems) -> tuple[Case, ...]:

@@ -82,7 +82,7 @@ def course(scheme: Scheme, finding: Finding, seconds: float = SECONDS) -> dict[s
     path = np.stack(states, axis=1)
     if not np.ptp(path, axis=1).any():
         return {}
-    kept, drift, size = _kept(finding.law, problem, path)
+    conserved, drift, size = _kept(finding.law, problem, path)
     shown = np.sort(np.argsort(-np.ptp(path, axis=1), kind="stable")[:2])
     exact = np.empty((len(y), 0))
     if not is_several(problem):
@@ -93,7 +93,7 @@ def course(scheme: Scheme, finding: Finding, seconds: float = SECONDS) -> dict[s
             exact = exact_flow(problem, theta, y).y
     return {
         "components": [int(i) + 1 for i in shown], "states": _rounded(path[shown]), "exact": _rounded(exact[shown]),
-        "kept": kept, "drift": _rounded(drift), "size": _rounded(size), "ended": ended,
+        "kept": conserved, "drift": _rounded(drift), "size": _rounded(size), "ended": ended,
     }  # fmt: skip
 
 

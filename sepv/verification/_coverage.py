@@ -25,19 +25,19 @@ def pairs(space: Space) -> tuple[int, int]:
 
 def cases_by_stratum(space: Space) -> dict[tuple[str, str], int]:
     """The number of cases of one design in each stratum, by the names of axis and stratum."""
-    found = Counter(
+    counts = Counter(
         (axis, stratum.name) for row in space.design().rows for axis, stratum in space.levels(row).items()
     )
-    return found + Counter((KIND, kind) for kind in space.further(0))
+    return counts + Counter((KIND, kind) for kind in space.further(0))
 
 
 def impossible(space: Space) -> dict[str, list[str]]:
     """The impossible pairs of strata, by reason."""
-    found: dict[str, list[str]] = {}
+    by_axis: dict[str, list[str]] = {}
     for pair in sorted(space.design().impossible):
         names = [f"{space.axes[f].name} {space.axes[f].strata[k].name}" for f, k in pair]
-        found.setdefault(space.impossible(pair), []).append(" and ".join(names))
-    return found
+        by_axis.setdefault(space.impossible(pair), []).append(" and ".join(names))
+    return by_axis
 
 
 def show(laws: Iterable[Law], systems: Systems, out: Console) -> None:
@@ -66,10 +66,10 @@ def show(laws: Iterable[Law], systems: Systems, out: Console) -> None:
     def strata(laws: list[str]) -> Table:
         rows: list[list[str]] = []
         for number, key in enumerate(keys):
-            found = [counts[name].get(key, 0) for name in laws]
+            cells = [counts[name].get(key, 0) for name in laws]
             axis = "" if number and keys[number - 1][0] == key[0] else key[0]
             every = sum(counts[name].get(key, 0) for name in order)
-            rows.append([axis, key[1], str(every), *(str(n) if n else "·" for n in found)])
+            rows.append([axis, key[1], str(every), *(str(n) if n else "·" for n in cells)])
         heads = columns(["axis", "stratum"], ["all", *(name[:5] for name in laws)])
         return Table(heads, rows, "Cases in each stratum", ruled=True)
 

@@ -64,24 +64,22 @@ class Expectations:
 
     def gaps(self, laws: Iterable[str], scheme: str, problems: Iterable[str] = ()) -> list[str]:
         """Sentences about gaps: another scheme or other problems; laws unknown to the file; laws not measured now."""
-        asked, guarded, found = list(laws), {*self.failures, *(self.claims or ())}, []
+        measured, guarded, gaps = list(laws), {*self.failures, *(self.claims or ())}, []
         if self.scheme is not None and self.scheme != scheme:
-            found.append(
+            gaps.append(
                 f"The file of --expected was written for {_line(self.scheme)}, and this is {_line(scheme)}: "
                 f"where it is the same scheme, write scheme = {_quoted(scheme)} there, else --pin a file of its own."
             )
         if self.problems and {*problems} != {*self.problems}:
             now = ", ".join(map(_line, problems)) or "every system"
-            found.append(
-                f"The pin is about {', '.join(map(_line, self.problems))}, and this run about {now}."
-            )
+            gaps.append(f"The pin is about {', '.join(map(_line, self.problems))}, and this run about {now}.")
         known = None if self.measured is None else self.measured | guarded
-        new = [law for law in asked if known is not None and law not in known]
+        new = [law for law in measured if known is not None and law not in known]
         kinds = (
             ("Not in the pin, which was written without them", new),
-            ("In the pin and not measured now", sorted(guarded - set(asked)) if self.is_pin else ()),
+            ("In the pin and not measured now", sorted(guarded - set(measured)) if self.is_pin else ()),
         )
-        return found + [f"{words}: {', '.join(which)}." for words, which in kinds if which]
+        return gaps + [f"{words}: {', '.join(which)}." for words, which in kinds if which]
 
 
 def load(path: str | Path, laws: Iterable[str]) -> Expectations:
@@ -105,16 +103,16 @@ def load(path: str | Path, laws: Iterable[str]) -> Expectations:
             received=f"keys {sorted(data)}",
             remedy=_EXAMPLE,
         )
-    known, found = tuple(laws), dict[str, ExpectedFailure]()
+    known, failures = tuple(laws), dict[str, ExpectedFailure]()
     for number, entry in enumerate(entries, start=1):
         failure = _entry(entry, f"{path}, entry {number}", known)
-        if failure.law in found:
+        if failure.law in failures:
             raise UsageError(
                 expected="each law once", received=f"{failure.law!r} twice in {path}", remedy="keep one entry"
             )
-        found[failure.law] = failure
+        failures[failure.law] = failure
     claims, measured = (_names(key, data.get(key), str(path), known) for key in ("claims", "measured"))
-    both = sorted((claims or frozenset()) & set(found))
+    both = sorted((claims or frozenset()) & set(failures))
     if both:
         raise UsageError(
             expected=f"each law of {path} either claimed or expected to fail",
@@ -135,7 +133,7 @@ def load(path: str | Path, laws: Iterable[str]) -> Expectations:
             received=f"{problems!r:.80}",
             remedy="correct it, or write the file anew with --pin",
         )
-    return Expectations(claims, found, measured, scheme, tuple(problems))
+    return Expectations(claims, failures, measured, scheme, tuple(problems))
 
 
 def _names(key: str, value: Any, path: str, known: tuple[str, ...]) -> frozenset[str] | None:
@@ -201,20 +199,20 @@ def pin(scheme: str, findings: Iterable[Finding], problems: Iterable[str] = ()) 
 
     A law without a decision is listed as measured only: it is guarded once it is decided and pinned again.
     """
-    found = [f for f in findings if f.verdict is not Verdict.NOT_MEASURED]
-    held = [f.law for f in found if f.verdict is Verdict.HOLDS]
+    measured = [f for f in findings if f.verdict is not Verdict.NOT_MEASURED]
+    held = [f.law for f in measured if f.verdict is Verdict.HOLDS]
     lines = [
         f"# What sepv found of {_line(scheme)}: these laws must hold from now on, and the violations below stay as",
         "# they are. Both ways: a law that breaks turns the run red, and so does one that no longer fails.",
         f"scheme = {_quoted(scheme)}",
         f"claims = [{', '.join(_quoted(law) for law in held)}]",
         "# All that were asked for: a law that is not here is named when it is measured.",
-        f"measured = [{', '.join(_quoted(f.law) for f in found)}]",
+        f"measured = [{', '.join(_quoted(f.law) for f in measured)}]",
     ]
     if problems := list(problems):
         lines += ["# What the scheme is for: a run without -p takes these."]
         lines += [f"problems = [{', '.join(map(_quoted, problems))}]"]
-    return "\n".join([*lines, *_entries(f for f in found if f.verdict is Verdict.VIOLATED)]) + "\n"
+    return "\n".join([*lines, *_entries(f for f in measured if f.verdict is Verdict.VIOLATED)]) + "\n"
 
 
 def _entries(findings: Iterable[Finding]) -> list[str]:

@@ -70,7 +70,7 @@ def answer(replay: Callable[..., Finding]) -> None:
     os.dup2(2, 1)
     question = json.load(sys.stdin)
     sys.path[:] = question["path"]
-    asked = ((law, witness) for law, witness in question["asked"])
-    found = [replay(question["target"], law, witness, question["problems"]) for law, witness in asked]
-    json.dump([f.verdict.value for f in found], out)
+    witnesses = ((law, witness) for law, witness in question["asked"])
+    findings = [replay(question["target"], law, witness, question["problems"]) for law, witness in witnesses]
+    json.dump([f.verdict.value for f in findings], out)
     out.close()

@@ -23,8 +23,8 @@ def junit_xml(report: Report) -> str:
     for f in report.findings:
         facts = {"classname": name, "name": f.law, "time": f"{f.seconds:.3f}"}
         test = ElementTree.SubElement(suite, "testcase", facts)
-        own = {Verdict.ERROR: "error", Verdict.HOLDS: ""}.get(f.verdict, "skipped")
-        kind = "failure" if f in report.failing else own
+        tag = {Verdict.ERROR: "error", Verdict.HOLDS: ""}.get(f.verdict, "skipped")
+        kind = "failure" if f in report.failing else tag
         if kind:
             tally[kind] += 1
             why = _clean(f"{f.verdict.text} ({f.source})")
@@ -46,13 +46,13 @@ def badge_json(report: Report) -> str:
     """
     undecided = (Verdict.INCONCLUSIVE, Verdict.ERROR, Verdict.NOT_MEASURED)
     wrong = [f for f in report.findings if f in report.failing or (f.claimed and f.verdict in undecided)]
-    told = [f"{f.law} {f.verdict.text}" for f in wrong]
-    told += [f"no {name}" for name in report.missing]
-    told += [", ".join(found(report.profiles)) or "no profile"]
-    told += [f"waived: {', '.join(report.waived)}"] if report.waived else []
+    violations = [f"{f.law} {f.verdict.text}" for f in wrong]
+    violations += [f"no {name}" for name in report.missing]
+    violations += [", ".join(found(report.profiles)) or "no profile"]
+    violations += [f"waived: {', '.join(report.waived)}"] if report.waived else []
     red = report.missing or any(f.verdict not in undecided for f in wrong)
     color = "brightgreen" if report.exit_code == 0 else "red" if red else "orange"
-    badge = {"schemaVersion": 1, "label": f"sepv {SUITE}", "message": "; ".join(told), "color": color}
+    badge = {"schemaVersion": 1, "label": f"sepv {SUITE}", "message": "; ".join(violations), "color": color}
     return json_text(badge, indent=None)
 
 

@@ -258,10 +258,10 @@ NO_NOISE = "the scheme is for systems without noise, c = ()"
 def about_noise(run: Measure) -> Measure:
     """Make `run` of a law about noise inapplicable to schemes without it."""
 
-    def asked(law: Law, scheme: Scheme, own: Run) -> Finding:
+    def asked(law: Law, scheme: Scheme, this_run: Run) -> Finding:
         if scheme.deterministic:
             return law.finding(Verdict.NOT_APPLICABLE, message=NO_NOISE)
-        return run(law, scheme, own)
+        return run(law, scheme, this_run)
 
     return asked
 
@@ -269,10 +269,10 @@ def about_noise(run: Measure) -> Measure:
 def pathwise(run: Measure) -> Measure:
     """Make `run` of a law about paths inapplicable to increments of a few points, which no Wiener process has."""
 
-    def asked(law: Law, scheme: Scheme, own: Run) -> Finding:
+    def asked(law: Law, scheme: Scheme, this_run: Run) -> Finding:
         points = point_law(scheme.increments)
         if points is None:
-            return run(law, scheme, own)
+            return run(law, scheme, this_run)
         text = f"{points.name} increments are no path of a Wiener process: see the laws about weak orders"
         return law.finding(Verdict.NOT_APPLICABLE, message=text)
 

@@ -32,7 +32,7 @@ from sepv.verification._tolerance import operations, step_residual, structure_ma
 ROUGH = 1e-6
 
 
-class Tangent(NamedTuple):
+class StepSlope(NamedTuple):
     """Φ′ at y0 (d, d), its error entry by entry, the step's own error, and y1."""
 
     slope: Array
@@ -41,7 +41,7 @@ class Tangent(NamedTuple):
     y1: Array
 
 
-def tangent(scheme: Scheme, case: Case) -> Tangent:
+def tangent(scheme: Scheme, case: Case) -> StepSlope:
     """The derivative of a step with the increments held fixed.
 
     Raises
@@ -68,7 +68,7 @@ def tangent(scheme: Scheme, case: Case) -> Tangent:
         doubt = np.full_like(slope, poisson.TRUNCATION * float((widths[0] / rho) ** 6))
     elif not np.max(doubt) <= ROUGH * max(1.0, float(np.max(np.abs(slope)))):
         raise Skipped("the step is not smooth enough for its derivative to be taken by differences")
-    return Tangent(slope, doubt + poisson.ROUNDING * error / widths, error, y1)
+    return StepSlope(slope, doubt + poisson.ROUNDING * error / widths, error, y1)
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:

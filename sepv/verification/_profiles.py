@@ -147,14 +147,18 @@ def profiled(findings: Iterable[Finding]) -> tuple[Profiled, ...]:
     """Each profile whose laws were all measured."""
     by_law = {f.law: f for f in findings if f.verdict is not Verdict.NOT_MEASURED}
     whole = [(p, [by_law[law] for law in p.laws]) for p in PROFILES if all(law in by_law for law in p.laws)]
-    return tuple(_profiled(profile, own) for profile, own in whole)
+    return tuple(_profiled(profile, about) for profile, about in whole)
 
 
-def _profiled(profile: Profile, own: list[Finding]) -> Profiled:
+def _profiled(profile: Profile, findings: list[Finding]) -> Profiled:
     if not profile.ordered:
-        lacking = [f"{f.law} {f.verdict.text}" for f in own if f.verdict is not Verdict.HOLDS]
+        lacking = [f"{f.law} {f.verdict.text}" for f in findings if f.verdict is not Verdict.HOLDS]
         return Profiled(profile, None, ", ".join(lacking))
-    shown = {f.law: _order_shown(f) for f in own if f is own[0] or f.verdict is not Verdict.NOT_APPLICABLE}
+    shown = {
+        f.law: _order_shown(f)
+        for f in findings
+        if f is findings[0] or f.verdict is not Verdict.NOT_APPLICABLE
+    }
     least = min(shown.values())
     lacking = [law for law, order in shown.items() if order <= 0]
     return Profiled(profile, least or None, f"{', '.join(lacking)}: no order is sure" if lacking else "")
@@ -183,10 +187,10 @@ def missing(profiles: Iterable[Profiled], required: Iterable[Requirement]) -> li
     """The required profiles that were not found, each with the reason."""
     have = {p.profile.name: p for p in profiles}
     lacking = []
-    for asked in required:
-        got = have.get(asked.profile.name)
+    for law in required:
+        got = have.get(law.profile.name)
         if got is None or got.why:
-            lacking.append(f"{asked.name} ({got.why if got else 'not measured'})")
-        elif (got.order or 0.0) < asked.order:
-            lacking.append(f"{asked.name} ({got.words} was measured)")
+            lacking.append(f"{law.name} ({got.why if got else 'not measured'})")
+        elif (got.order or 0.0) < law.order:
+            lacking.append(f"{law.name} ({got.words} was measured)")
     return lacking

@@ -53,9 +53,9 @@ class Course:
 
     def rates(self) -> tuple[float, float]:
         """(pace, seconds a step); a law that was not applicable took no time and is ignored."""
-        told = [(law, f) for law, f in self.found if f.checks or f.verdict is not Verdict.NOT_APPLICABLE]
-        few, many = ([(w, f) for w, f in told if (w.steps >= MANY) is wanted] for wanted in (False, True))
-        timed = [f.step_seconds for _, f in told if f.step_seconds is not None]
+        measured = [(law, f) for law, f in self.found if f.checks or f.verdict is not Verdict.NOT_APPLICABLE]
+        few, many = ([(w, f) for w, f in measured if (w.steps >= MANY) is wanted] for wanted in (False, True))
+        timed = [f.step_seconds for _, f in measured if f.step_seconds is not None]
         step = timed[0] if timed else 0.0
         # A prior of half a second at the pace of the machine where costs were measured, because one law alone is no
         # median.
@@ -63,9 +63,9 @@ class Course:
         pace = _weighted_median(paces)
         if many:
             spent = sum(max(0.0, f.seconds - pace * law.cost) for law, f in many)
-            own = spent / sum(self.steps(w) for w, _ in many)
+            per_step = spent / sum(self.steps(w) for w, _ in many)
             # For a scheme that takes batches these are mostly calls.
-            step = min(step, own) if timed else own
+            step = min(step, per_step) if timed else per_step
         return pace, step
 
     def whole(self) -> dict[str, float]:
@@ -109,8 +109,8 @@ class Course:
         since = time.monotonic() - journal.since if journal and journal.cases and len(running) == 1 else 0.0
         if journal and since > SLOW:
             first = not self.found and journal.cases == 1
-            asked = f"waiting for the first step of {name}," if first else f"case {journal.cases} for"
-            words.append(f"{asked} {since:.0f} s")
+            waiting = f"waiting for the first step of {name}," if first else f"case {journal.cases} for"
+            words.append(f"{waiting} {since:.0f} s")
         return ", ".join(words)
 
 

@@ -35,12 +35,12 @@ ALWAYS = ("contract",)
 def show(report: Report, out: Console, *, debug: bool = False) -> None:
     """The table of a report, then each counterexample with the command that replays it."""
     print_table(law_table(report), out)
-    said: set[str] = set()
+    errors_shown: set[str] = set()
     for finding in report.findings:
         error = same_error(finding.message) if finding.verdict is Verdict.ERROR else ""
-        if error in said:
+        if error in errors_shown:
             continue
-        said |= {error} if error else set()
+        errors_shown |= {error} if error else set()
         if finding.verdict is Verdict.NOT_MEASURED:
             continue  # the table and the last line already show it
         if finding.message or finding.verdict is not Verdict.HOLDS or finding.expected is not None:
@@ -87,8 +87,8 @@ def law_table(report: Report) -> Table:
 
 def _law_row(report: Report, f: Finding) -> tuple[str | Text, ...]:
     text = "n/a" if f.verdict is Verdict.NOT_APPLICABLE else f.verdict_text
-    own = "yes" if f.law in report.scheme.claims else "always"
-    claimed = "fails" if f.expected is not None else own if f.claimed else ""
+    claim = "yes" if f.law in report.scheme.claims else "always"
+    claimed = "fails" if f.expected is not None else claim if f.claimed else ""
     bound = "" if f.bound is None else f"{'≥' if f.at_least else '≤'} {_number(f.bound)}"
     return f.law, claimed, Text(text, style=_STYLES[f.verdict]), _number(f.defect), bound, f.unit, f.source
 
@@ -147,12 +147,12 @@ def _profiles(report: Report) -> Text:
 
 def _complaints(report: Report) -> list[str]:
     """The reasons for a red run, a sentence for each kind."""
-    found, failing = report.findings, report.failing
+    findings, failing = report.findings, report.failing
     wrong = (Verdict.VIOLATED, Verdict.INCONCLUSIVE, Verdict.ERROR)
     named = [f for f in failing if f.expected is None]
     kinds = {
         "Claimed and not found to hold": (
-            f for f in found if f.claimed and f.expected is None and f.verdict in wrong
+            f for f in findings if f.claimed and f.expected is None and f.verdict in wrong
         ),
         "Claimed and not measured": (f for f in named if f.verdict is Verdict.NOT_APPLICABLE),
         "Expected failures that pass": (f for f in failing if f.expected is not None),
@@ -166,14 +166,20 @@ def _unguarded(report: Report) -> str:
     """The advice for a scheme without claims: a green run does not guard it, and these claims would."""
     if report.pins:
         return "Nothing is claimed yet: the file of --pin guards what was found, once --expected names it."
-    own = [f.law for f in report.findings if f.verdict is Verdict.HOLDS and f.law not in ALWAYS]
+    unguarded = [f.law for f in report.findings if f.verdict is Verdict.HOLDS and f.law not in ALWAYS]
     text = "Nothing is claimed, so nothing is guarded but the contract of a step."
     if not report.target:
-        claims = f' To guard what held today: sepv.verify(scheme, claims="{",".join(own)}").' if own else ""
+        claims = (
+            f' To guard what held today: sepv.verify(scheme, claims="{",".join(unguarded)}").'
+            if unguarded
+            else ""
+        )
         return f"{text}{claims}"
     named, guard = f"sepv verify {report.target}", "To guard what is violated"
-    if own:
-        guard = f"To guard what held today: {named} --claim {','.join(own)}; and what is violated with it"
+    if unguarded:
+        guard = (
+            f"To guard what held today: {named} --claim {','.join(unguarded)}; and what is violated with it"
+        )
     return f"{text} {guard}: {named} --pin FILE."
 
 

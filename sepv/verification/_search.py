@@ -122,7 +122,7 @@ class _Budget:
 
 
 @dataclass(frozen=True)
-class _Asked:
+class _Question:
     """The places where a law looks, and its measurement."""
 
     where: Question
@@ -161,18 +161,20 @@ def searched(
         As for `sepv.verification.Law`.
     """
 
-    def run(law: Law, scheme: Scheme, own: Run) -> Finding:
+    def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
         listed = sources(scheme)
         own_cases = cases.without_noise() if scheme.deterministic else cases
         if why := not_applicable(scheme) or (own_cases if isinstance(own_cases, str) else ""):
             return law.finding(Verdict.NOT_APPLICABLE, message=why)
         assert isinstance(own_cases, Cases)
         own_cases = own_cases if scheme.dtype == "float64" else own_cases.in_single_precision()
-        asked = own_cases.of_problems(listed) if listed else own_cases.of_class(scheme.systems)
-        if isinstance(asked, str):
-            return law.finding(Verdict.NOT_APPLICABLE, message=asked)
+        space = own_cases.of_problems(listed) if listed else own_cases.of_class(scheme.systems)
+        if isinstance(space, str):
+            return law.finding(Verdict.NOT_APPLICABLE, message=space)
         known = () if listed else tuple(own_cases.all_adapted(corpus.cases(name, scheme.systems)))
-        return in_units(scheme, _search(law, scheme, own.effort, _Asked(asked, check, faults_violate, known)))
+        return in_units(
+            scheme, _search(law, scheme, this_run.effort, _Question(space, check, faults_violate, known))
+        )
 
     def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
         log, case = _Log(), cases_of.from_json(witness, objects_of(scheme))
@@ -189,12 +191,12 @@ def searched(
     return Law(name, statement, source, unit, run, replay, always_claimed, cost, steps, cases)
 
 
-def _search(law: Law, scheme: Scheme, effort: Effort, asked: _Asked) -> Finding:
+def _search(law: Law, scheme: Scheme, effort: Effort, question: _Question) -> Finding:
     log, start = _Log(), time.perf_counter()
-    known = asked.known if effort.corpus else ()
-    fixed = asked.where.fixed
-    visited = chain.from_iterable(_designed(asked.where, effort.seed, n) for n in range(effort.designs))
-    _visit(log, scheme, chain(known, visited, fixed), asked)
+    known = question.known if effort.corpus else ()
+    fixed = question.where.fixed
+    visited = chain.from_iterable(_designed(question.where, effort.seed, n) for n in range(effort.designs))
+    _visit(log, scheme, chain(known, visited, fixed), question)
     if log.lacking and log.checks:
         log.share = log.checks / (log.checks + log.lacking)
     if not (log.failed and effort.shrink_checks == 0):
@@ -202,20 +204,20 @@ def _search(law: Law, scheme: Scheme, effort: Effort, asked: _Asked) -> Finding:
         # Witnesses were simplified when they were found, and fixed cases are simple: a search would find nothing
         # simpler.
         if violation is None or violation[0] not in (*known, *fixed):
-            _explore(log, scheme, effort, asked)
+            _explore(log, scheme, effort, question)
         if (log.violation or log.fault) in (violation, fault) and log.failed:
-            _simplify(log, scheme, effort, asked)
-    return replace(_conclude(law, scheme, log, asked.check), seconds=time.perf_counter() - start)
+            _simplify(log, scheme, effort, question)
+    return replace(_conclude(law, scheme, log, question.check), seconds=time.perf_counter() - start)
 
 
 def _designed(where: Question, seed: int, repeat: int) -> list[Case]:
     """The cases of a design in random order, so that no kind of case is always the first."""
-    found = where.design(seed + 1000003 * repeat)
-    Random(seed).shuffle(found)
-    return found
+    drawn = where.design(seed + 1000003 * repeat)
+    Random(seed).shuffle(drawn)
+    return drawn
 
 
-def _explore(log: _Log, scheme: Scheme, effort: Effort, asked: _Asked) -> None:
+def _explore(log: _Log, scheme: Scheme, effort: Effort, question: _Question) -> None:
     """Search random cases, driven towards large defects relative to the bound; shrink the first violation."""
     measured_before = log.checks
     simplifying: _Budget | None = None
@@ -229,7 +231,7 @@ def _explore(log: _Log, scheme: Scheme, effort: Effort, asked: _Asked) -> None:
         if log.refused > MOST_SKIPPED * (1 + log.checks - measured_before):
             return
         try:
-            measured = _measure(log, scheme, case, asked.check, asked.faults_violate)
+            measured = _measure(log, scheme, case, question.check, question.faults_violate)
         except Skipped as skipped:
             if not isinstance(skipped.__cause__, StepFailure):
                 reject()  # the budget is for cases that the program takes; a refused step has been tried
@@ -241,7 +243,7 @@ def _explore(log: _Log, scheme: Scheme, effort: Effort, asked: _Asked) -> None:
             target(measured.ratio, label="defect / bound")
 
     chosen = settings(
-        max_examples=effort.examples * (1 if asked.where.design(effort.seed) else UNDESIGNED),
+        max_examples=effort.examples * (1 if question.where.design(effort.seed) else UNDESIGNED),
         database=None,
         deadline=None,
         derandomize=False,
@@ -252,7 +254,7 @@ def _explore(log: _Log, scheme: Scheme, effort: Effort, asked: _Asked) -> None:
         # Cases are large by nature, and a slow scheme is not the strategy's fault.
         suppress_health_check=list(HealthCheck),
     )
-    test = hypothesis_seed(effort.seed)(chosen(given(case=asked.where.strategy)(body)))
+    test = hypothesis_seed(effort.seed)(chosen(given(case=question.where.strategy)(body)))
     try:
         with warnings.catch_warnings(), without_local_constants():
             warnings.simplefilter("ignore")  # the scheme's own warnings are not findings
@@ -267,14 +269,14 @@ def _explore(log: _Log, scheme: Scheme, effort: Effort, asked: _Asked) -> None:
             raise  # a defect of this suite, not of the scheme, which must be seen
 
 
-def _visit(log: _Log, scheme: Scheme, visited: Iterable[Case], asked: _Asked) -> None:
+def _visit(log: _Log, scheme: Scheme, visited: Iterable[Case], question: _Question) -> None:
     """Measure cases in turn, up to the first violation, or up to a few that cannot be measured."""
     faults: list[tuple[Case, Exception]] = []
     with warnings.catch_warnings(), suppress(_Violation):
         warnings.simplefilter("ignore")
         for case in visited:
             with suppress(Skipped, _Fault):
-                _measure(log, scheme, case, asked.check, asked.faults_violate)
+                _measure(log, scheme, case, question.check, question.faults_violate)
             if log.fault is not None:
                 faults.append(log.fault)
                 log.fault = None
@@ -283,7 +285,7 @@ def _visit(log: _Log, scheme: Scheme, visited: Iterable[Case], asked: _Asked) ->
     log.fault = faults[0] if faults else None
 
 
-def _simplify(log: _Log, scheme: Scheme, effort: Effort, asked: _Asked) -> None:
+def _simplify(log: _Log, scheme: Scheme, effort: Effort, question: _Question) -> None:
     """Replace the violation or fault by the simplest case that shows it."""
     case, _ = log.violation or log.fault or (None, None)
     assert case is not None
@@ -292,14 +294,14 @@ def _simplify(log: _Log, scheme: Scheme, effort: Effort, asked: _Asked) -> None:
 
     def fails(candidate: Case) -> bool | None:
         nonlocal best
-        if not asked.where.admits(candidate):
+        if not question.where.admits(candidate):
             return False
         if not budget.spend():
             return None
         trial = _Log()
         with warnings.catch_warnings(), suppress(_Violation, _Fault, Skipped):
             warnings.simplefilter("ignore")
-            _measure(trial, scheme, candidate, asked.check, asked.faults_violate)
+            _measure(trial, scheme, candidate, question.check, question.faults_violate)
         log.checks += trial.checks
         # A violation must not turn into a fault of measurement, nor the other way round.
         same = (trial.violation is None) == (log.violation is None) and trial.failed
@@ -342,8 +344,8 @@ def _measure(log: _Log, scheme: Scheme, case: Case, check: Check, faults_violate
             # reported as skipped, not as violating. Errors of one kind share a line with the first message.
             back = "a step back in time, h < 0," if case.h < 0 else "a step with h = 0"
             kind = f"{back if case.h <= 0 else extreme} ended in {type(error).__name__}"
-            said = str(error).partition("\n")[0]
-            reason = next((r for r in log.skipped if r.startswith(kind)), f"{kind}, the first: {said}")
+            text = str(error).partition("\n")[0]
+            reason = next((r for r in log.skipped if r.startswith(kind)), f"{kind}, the first: {text}")
             log.skip(reason)
             raise Skipped(reason) from error
         if faults_violate and isinstance(error, SchemeFault):
@@ -382,8 +384,8 @@ def _has_a_unit(scheme: Scheme, check: Check, case: Case) -> str:
     if not beyond(case) or not isinstance(case.problem, PolynomialSystem):
         return ""
     near = in_other_units(case, -round(math.log2(max(map(abs, case.y)))))
-    found = _measured_again(scheme, check, near)
-    if found is None or found.violates:
+    again = _measured_again(scheme, check, near)
+    if again is None or again.violates:
         return ""
     return (
         "\nin units in which |y| is near 1 the same step obeys the law: a number of the scheme has a unit, as a "
@@ -401,10 +403,10 @@ def _is_a_power(scheme: Scheme, check: Check, case: Case, defect: float) -> bool
     defects = [defect]
     for share in (0.5, 0.25):
         shorter = replace(case, h=share * case.h, dW=tuple(share * w for w in case.dW))
-        found = _measured_again(scheme, check, shorter)
-        if found is None:
+        again = _measured_again(scheme, check, shorter)
+        if again is None:
             return False
-        defects.append(found.defect)
+        defects.append(again.defect)
     if not 0 < min(defects) <= max(defects) < math.inf:
         return False
     slopes = [math.log2(long / short) for long, short in pairwise(defects)]

@@ -122,11 +122,11 @@ def setups_for(scheme: Scheme, effort: Effort | None = None) -> tuple[Setup, ...
     If steps are spared, one problem has the features of the two for (1.1): B(y), a quartic H and two noises.
     """
     facts = (scheme.truncation, scheme.mean_square_order)
-    own = problems_of(scheme)
-    if own is None and scheme.systems == Systems.SINGLE and effort and sparing(scheme, effort):
+    users = problems_of(scheme)
+    if users is None and scheme.systems == Systems.SINGLE and effort and sparing(scheme, effort):
         top = two_noises()
         return (replace(_setup(top.name, *facts), given=top),)
-    return setups(scheme.systems, *facts) if own is None else tuple(_given(p, *facts) for p in own)
+    return setups(scheme.systems, *facts) if users is None else tuple(_given(p, *facts) for p in users)
 
 
 def _given(problem: Problem, truncation: int | None, order: float | None) -> Setup:
@@ -182,14 +182,14 @@ def sampled(scheme: Scheme, setup: Setup, paths: int, run: Run) -> StrongErrors:
     have = run.paths.get(setup)
     done = have.squared.shape[1] if have else 0
     if done < paths:
-        problem, asked = setup.build(), guarded(scheme)
+        problem, guarded_scheme = setup.build(), guarded(scheme)
         how: dict[str, Any] = {
             "T": setup.T, "steps": setup.steps, "unit": setup.unit, "paths": range(done, paths), "seed": run.effort.seed
         }  # fmt: skip
         if order is not None and is_tilted(scheme):
-            more = tilted_errors(asked, problem, order=order, **how)
+            more = tilted_errors(guarded_scheme, problem, order=order, **how)
         else:
-            more = strong_errors(asked, problem, **how)
+            more = strong_errors(guarded_scheme, problem, **how)
         have = join([have, more]) if have else more
         run.paths[setup] = have
     assert have is not None
@@ -203,7 +203,7 @@ def judge(
     """The worst verdict over the problems, each from as many paths as it takes; `at_least`: bounds are lower ones."""
     setups = setups_for(scheme, run.effort) if setups is None else setups
     alpha = share(scheme, run.effort, len(setups))
-    found: list[tuple[Setup, StrongErrors, Assessment]] = []
+    judged: list[tuple[Setup, StrongErrors, Assessment]] = []
     lines: list[str] = []
     skipped: list[Skipped] = []
     for setup in setups:
@@ -215,22 +215,22 @@ def judge(
             continue
         if assessment is None:
             return _failed(law, setup, errors)
-        found.append((used, errors, assessment))
+        judged.append((used, errors, assessment))
         if refused:
             lines.append(f"{refused}; judged with {', '.join(map(str, used.steps))} steps instead")
         needed = f"{law.unit} {'≥' if at_least else '≤'} {assessment.bound:.3g}"
         lacks = "" if assessment.verdict is Verdict.HOLDS else f", {needed} needed"
         lines.append(f"{setup.problem}: {assessment.text} from {errors.squared.shape[1]} paths{lacks}")
-    if not found:
+    if not judged:
         raise skipped[0]
     order = (Verdict.VIOLATED, Verdict.INCONCLUSIVE, Verdict.HOLDS)
-    verdict = min((a.verdict for *_, a in found), key=order.index)
+    verdict = min((a.verdict for *_, a in judged), key=order.index)
     sign = 1.0 if at_least else -1.0
-    worst = min((a for *_, a in found if a.verdict is verdict), key=lambda a: sign * (a.value - a.bound))
-    measured = [_measured(*each) for each in found]
+    worst = min((a for *_, a in judged if a.verdict is verdict), key=lambda a: sign * (a.value - a.bound))
+    measured = [_measured(*each) for each in judged]
     if verdict is not Verdict.HOLDS:
         lines += [_errors_text(m) for m in measured]
-        lines += _explained(scheme, run, assess, alpha, verdict, found)
+        lines += _explained(scheme, run, assess, alpha, verdict, judged)
     return law.finding(
         verdict, defect=worst.value, bound=worst.bound, at_least=at_least,
         checks=sum(m["paths"] for m in measured), message="\n".join(lines),
@@ -241,17 +241,19 @@ def judge(
 
 def _explained(
     scheme: Scheme, run: Run, assess: Assess, alpha: float, verdict: Verdict,
-    found: Sequence[tuple[Setup, StrongErrors, Assessment]],
+    judged: Sequence[tuple[Setup, StrongErrors, Assessment]],
 ) -> list[str]:  # fmt: skip
     """The explanation of a law that does not hold: paths that would settle it, the worst path, the intervals."""
-    decisive = [(setup, errors) for setup, errors, a in found if a.verdict is verdict]
+    decisive = [(setup, errors) for setup, errors, a in judged if a.verdict is verdict]
     lines = []
     if verdict is Verdict.INCONCLUSIVE:
         lines += [_wanted(scheme, setup, assess, errors, alpha) for setup, errors in decisive]
     setup, errors = decisive[0]
     lines.append(worst_path(setup.build(), errors, run.effort.seed, drawn=not is_tilted(scheme)))
-    said = f"intervals miss with nominal probability {alpha:.1e}; in a whole run nominally ≤ {FALSE_ALARM:g}"
-    return [*lines, said]
+    statement = (
+        f"intervals miss with nominal probability {alpha:.1e}; in a whole run nominally ≤ {FALSE_ALARM:g}"
+    )
+    return [*lines, statement]
 
 
 def worst_path(problem: Problem, errors: StrongErrors, seed: int, *, drawn: bool) -> str:
@@ -323,11 +325,11 @@ def _wanted(scheme: Scheme, setup: Setup, assess: Assess, errors: StrongErrors, 
     return f"{setup.problem}: more paths would not settle it, at these steps it is too near the bound"
 
 
-def _measured(setup: Setup, errors: StrongErrors, found: Assessment) -> dict[str, Any]:
+def _measured(setup: Setup, errors: StrongErrors, assessment: Assessment) -> dict[str, Any]:
     return {
         "problem": setup.problem, "T": setup.T, "steps": errors.steps, "paths": errors.squared.shape[1],
-        "rms_error": errors.rms().tolist(), "estimate": found.value, "interval": [found.low, found.high],
-        **({} if found.order is None else {"order": found.order}),
+        "rms_error": errors.rms().tolist(), "estimate": assessment.value, "interval": [assessment.low, assessment.high],
+        **({} if assessment.order is None else {"order": assessment.order}),
     }  # fmt: skip
 
 

@@ -27,7 +27,7 @@ GRACE = 1.0
 
 
 @dataclass(frozen=True)
-class Job:
+class LawJob:
     """A scheme, by name where it has one, and how to measure it: every worker is told this first."""
 
     scheme: Any
@@ -41,14 +41,14 @@ class Job:
 class _Worker:
     """A process, and a thread that reads its messages into the common queue."""
 
-    def __init__(self, task: bytes, said: queue.Queue[tuple[_Worker, Any]]) -> None:
+    def __init__(self, task: bytes, answers: queue.Queue[tuple[_Worker, Any]]) -> None:
         with TemporaryFile() as file:
             file.truncate(BYTES)
             self.notes = Notes(file.fileno())
             self.process = self._started(file.fileno())
         self.left: list[str] = []
         self._write(task)
-        self.listener = threading.Thread(target=self._listen, args=(said,), daemon=True)
+        self.listener = threading.Thread(target=self._listen, args=(answers,), daemon=True)
         self.listener.start()
 
     @staticmethod
@@ -75,33 +75,35 @@ class _Worker:
             self.process.stdin.write(data)
             self.process.stdin.flush()
 
-    def _listen(self, said: queue.Queue[tuple[_Worker, Any]]) -> None:
+    def _listen(self, answers: queue.Queue[tuple[_Worker, Any]]) -> None:
         assert self.process.stdout
         with self.process.stdout as pipe:
             try:
                 while True:
-                    said.put((self, pickle.load(pipe)))
+                    answers.put((self, pickle.load(pipe)))
             except Exception:  # the end of the pipe, or half a message before it
-                said.put((self, Crashed(ended_with(self.process.wait()), self.notes.get())))
+                answers.put((self, Crashed(ended_with(self.process.wait()), self.notes.get())))
 
     def end(self, number: int) -> None:
         with suppress(ProcessLookupError, PermissionError):
             os.killpg(self.process.pid, number)
 
 
-def run(task: Job, groups: Sequence[Sequence[str]], jobs: int, receive: Callable[[str, Any], None]) -> None:
+def run(
+    task: LawJob, groups: Sequence[Sequence[str]], jobs: int, receive: Callable[[str, Any], None]
+) -> None:
     """Measure groups of laws on `jobs` workers; `receive` gets each law's name, first with None, then with its finding.
 
     A law whose worker died is received with `Crashed`; the rest of its group goes to another worker. A UsageError for a
     scheme that cannot go to another process; a RuntimeError is a defect of the suite in a worker, with its traceback.
     """
     data, waiting = _pickled(task), [list(group) for group in groups]
-    said: queue.Queue[tuple[_Worker, Any]] = queue.Queue()
+    answers: queue.Queue[tuple[_Worker, Any]] = queue.Queue()
     with _ended() as workers:
         busy: set[_Worker] = set()
 
         def start() -> None:
-            workers.append(_Worker(data, said))
+            workers.append(_Worker(data, answers))
             busy.add(workers[-1])
             workers[-1].give(waiting.pop(0))
 
@@ -109,7 +111,7 @@ def run(task: Job, groups: Sequence[Sequence[str]], jobs: int, receive: Callable
             start()
         while busy:
             try:
-                worker, word = said.get(timeout=0.5)
+                worker, word = answers.get(timeout=0.5)
             except queue.Empty:  # so that Ctrl-C is seen on every system
                 continue
             if isinstance(word, Crashed):
@@ -135,14 +137,14 @@ def run(task: Job, groups: Sequence[Sequence[str]], jobs: int, receive: Callable
                 busy.discard(worker)
 
 
-def measured(task: Job, group: Sequence[str]) -> list[tuple[str, Any]]:
+def measured(task: LawJob, group: Sequence[str]) -> list[tuple[str, Any]]:
     """One group in one process of its own, for a worker of a cluster: names with findings or `Crashed`.
 
     A time limit needs a main thread, which a cluster's worker does not give, and a crash must end one process.
     """
-    found: list[tuple[str, Any]] = []
-    run(task, [group], 1, lambda name, finding: None if finding is None else found.append((name, finding)))
-    return found
+    results: list[tuple[str, Any]] = []
+    run(task, [group], 1, lambda name, finding: None if finding is None else results.append((name, finding)))
+    return results
 
 
 @contextmanager
@@ -168,7 +170,7 @@ def _ended() -> Iterator[list[_Worker]]:
                 worker.process.stdin.close()
 
 
-def _pickled(task: Job) -> bytes:
+def _pickled(task: LawJob) -> bytes:
     try:
         # The path where modules of the user are found goes first.
         data = pickle.dumps((list(sys.path), os.getcwd(), pickle.dumps(task)))

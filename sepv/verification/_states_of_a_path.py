@@ -98,8 +98,8 @@ class _Path:
     def read(self, state: Any, y: Array) -> Array:
         """A copy of value(state)."""
         with translated(self.problem, y, self.h, self.dW):
-            found = self.rule.value(state)
-        return check_answer(found, y, self.scheme.dtype).copy()
+            value = self.rule.value(state)
+        return check_answer(value, y, self.scheme.dtype).copy()
 
 
 def _same(expected: str, before: Array, after: Array) -> None:

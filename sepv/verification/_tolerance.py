@@ -178,12 +178,12 @@ def correction_rounding(problem: Problem, y0: Array, y1: Array, h: float) -> Arr
 
 def _any_gradient(problem: Problem, y0: Array, y1: Array) -> Array:
     """The majorant M_g of H, and of all H_j if there are several Hamiltonians."""
-    own = gradient_majorant(problem, y0, y1)
+    stated = gradient_majorant(problem, y0, y1)
     if not isinstance(problem, HamiltoniansProblem) or not problem.noise_gradients:
-        return own
+        return stated
     hessians = problem.noise_hessians or (None,) * problem.noises
     alike = zip(problem.noise_gradients, hessians, strict=True)
-    return np.max([own, *(_slope_majorant(g, H, y) for g, H in alike for y in (y0, y1))], axis=0)
+    return np.max([stated, *(_slope_majorant(g, H, y) for g, H in alike for y in (y0, y1))], axis=0)
 
 
 # The most nodes of a quadrature that is exact to rounding: 33 Chebyshev points, 20 Gauss nodes, …

@@ -67,16 +67,16 @@ def short(case: Case) -> Case:
 
 def measured(scheme: Scheme, problem: Problem, y: Array, h: float, F: Quantity) -> Measurement:
     """|E[F(y1)] − F(y0) − hσ| for h > 0, with the bound of the module's docstring."""
-    found, allowed = mean_after(scheme, problem, y, h, F)
+    mean, allowed = mean_after(scheme, problem, y, h, F)
     coarser, _ = mean_after(scheme, problem, y, h, F, fewer=1)
     start, size, change = float(F.value(y)), float(F.size(y)), h * F.rate
     rounding = EPS * (operations(problem) * size + abs(change))
     unit = F.unit + EPS * (size + abs(change)) + TINY
-    bound = allowed + rounding + 2 * abs(found - coarser)
+    bound = allowed + rounding + 2 * abs(mean - coarser)
     detail = (
-        f"E[{F.name}(y1)] − {F.name}(y0) = {found - start!r}, expected hσ = {change!r} with σ = {F.rate!r}"
+        f"E[{F.name}(y1)] − {F.name}(y0) = {mean - start!r}, expected hσ = {change!r} with σ = {F.rate!r}"
     )
-    return Measurement(abs(found - start - change) / unit, bound / unit, detail)
+    return Measurement(abs(mean - start - change) / unit, bound / unit, detail)
 
 
 def mean_after(

@@ -113,11 +113,11 @@ def verify(
     load_laws(candidate.claims)
     for failure in known.failures.values():
         cases.require_named(failure.witness, candidate)
-    found: dict[str, Finding] = {}
+    by_law: dict[str, Finding] = {}
 
     def receive(law: Law, finding: Finding | None) -> None:
         if finding is not None:
-            finding = found[law.name] = replace(finding, claimed=law.claimed_by(candidate))
+            finding = by_law[law.name] = replace(finding, claimed=law.claimed_by(candidate))
         if progress:
             progress(law, finding)
 
@@ -126,7 +126,7 @@ def verify(
         if workers is not None or (jobs > 1 and len(chosen) > 1):
             named = scheme if isinstance(scheme, str) else candidate
             claimed = frozenset(candidate.claims)
-            task = side_by_side.Job(named, claimed, effort, timeout, known.failures, problems)
+            task = side_by_side.LawJob(named, claimed, effort, timeout, known.failures, problems)
             _side_by_side(task, chosen, jobs if workers is None else workers, receive)
         else:
             run = Run(effort)
@@ -140,10 +140,10 @@ def verify(
     except ClusterFailure as error:
         interrupted, why = True, str(error)
     for law in chosen:
-        if law.name not in found:
+        if law.name not in by_law:
             unmeasured = law.finding(Verdict.NOT_MEASURED, message=why)
-            found[law.name] = replace(unmeasured, claimed=law.claimed_by(candidate))
-    findings = asked_afresh(scheme, [found[law.name] for law in chosen], problems)
+            by_law[law.name] = replace(unmeasured, claimed=law.claimed_by(candidate))
+    findings = asked_afresh(scheme, [by_law[law.name] for law in chosen], problems)
     report = Report(candidate, findings, effort, interrupted, known.claims, target, required=required)
     gaps = known.gaps((law.name for law in chosen), candidate.name, report.problems)
     return replace(report, gaps=tuple(gaps))
@@ -170,7 +170,7 @@ def _check_arguments(jobs: Any, timeout: Any, effort: Any, expected: Any) -> Non
 
 
 def _side_by_side(
-    task: side_by_side.Job, chosen: list[Law], workers: Any, receive: Callable[[Law, Finding | None], None]
+    task: side_by_side.LawJob, chosen: list[Law], workers: Any, receive: Callable[[Law, Finding | None], None]
 ) -> None:
     """The groups: the sampled laws first, which take longest and share their paths; each other law alone."""
     by_name = {law.name: law for law in chosen}

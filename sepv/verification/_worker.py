@@ -58,8 +58,8 @@ def answer(say: Any) -> None:
     while True:
         for law in load_laws(groups.get()):
             say("law", law.name, None)
-            found = partial(measure, law, scheme, run, task.timeout, task.failures.get(law.name))
-            say("law", law.name, attempted(law.name, found, kept=False))
+            work = partial(measure, law, scheme, run, task.timeout, task.failures.get(law.name))
+            say("law", law.name, attempted(law.name, work, kept=False))
 
 
 def _read(groups: SimpleQueue[list[str]], end: Callable[[], None]) -> None:

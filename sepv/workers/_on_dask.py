@@ -53,10 +53,12 @@ class OnWorker:
     wanted: dict[str, str]
 
     def __call__(self, task: Any) -> Any:
-        found = versions(tuple(k for k in self.wanted if k != "sepv"))
-        if found != self.wanted:
+        installed = versions(tuple(k for k in self.wanted if k != "sepv"))
+        if installed != self.wanted:
             return Unfit(
-                ", ".join(f"{k} {found[k]} and not {v}" for k, v in self.wanted.items() if found[k] != v)
+                ", ".join(
+                    f"{k} {installed[k]} and not {v}" for k, v in self.wanted.items() if installed[k] != v
+                )
                 + f" on {platform.node()}"
             )
         try:
@@ -68,8 +70,8 @@ class OnWorker:
 @cache
 def versions(alike: tuple[str, ...]) -> dict[str, str]:
     """The versions that bits depend on; "none" for a package that is not installed."""
-    found = {name: metadata.version(name) if find_spec(name) is not None else "none" for name in alike}
-    return {"sepv": __version__, **found}
+    installed = {name: metadata.version(name) if find_spec(name) is not None else "none" for name in alike}
+    return {"sepv": __version__, **installed}
 
 
 @contextmanager
@@ -137,8 +139,8 @@ class DaskCrew(Futures):
 
     def finished(self) -> list[Outcome]:
         """Wait for one result while there is a cluster."""
-        found: list[Outcome] = []
-        while not found:
+        outcomes: list[Outcome] = []
+        while not outcomes:
             try:
                 numbers = [self.done.get(timeout=LOOK)]
             except Empty:
@@ -147,16 +149,16 @@ class DaskCrew(Futures):
             while not self.done.empty():
                 numbers.append(self.done.get())
             fetched = self._fetched(numbers)
-            found = [outcome for number in numbers for outcome in self._outcomes(number, fetched)]
-        return found
+            outcomes = [outcome for number in numbers for outcome in self._outcomes(number, fetched)]
+        return outcomes
 
     def _fetched(self, numbers: list[int]) -> dict[int, Any]:
         """The results of several chunks in one message; if that fails, each is fetched alone."""
         ready = [number for number in numbers if self.running[number].status == "finished"]
         if len(ready) < 2:
             return {}
-        asked = self.client.gather([self.running[number] for number in ready], asynchronous=True)
-        waiting = asyncio.run_coroutine_threadsafe(asked, self.client.loop.asyncio_loop)
+        gathered = self.client.gather([self.running[number] for number in ready], asynchronous=True)
+        waiting = asyncio.run_coroutine_threadsafe(gathered, self.client.loop.asyncio_loop)
         try:
             return dict(zip(ready, waiting.result(FETCH), strict=True))
         except Exception:  # a worker or the scheduler died meanwhile; each result is tried alone

@@ -109,9 +109,9 @@ def _flow(
                 crew.submit([(number, tasks[number]) for number in range(sent, beyond)])
                 sent = beyond
             # Deliver finished results first: recomputing may raise.
-            for number, ok, found in sorted(crew.finished(), key=lambda outcome: not outcome.ok):
+            for number, ok, result in sorted(crew.finished(), key=lambda outcome: not outcome.ok):
                 again += not ok
-                if receive(number, found if ok else function(tasks[number])):
+                if receive(number, result if ok else function(tasks[number])):
                     return again
                 done.add(number)
             while first in done:
@@ -154,12 +154,12 @@ def _mapped(
 ) -> Iterator[tuple[int, R]]:
     """The results that a map-like callable returns, until it raises."""
     try:
-        found = iter(mapper(partial(_guarded, function), numbered))
+        results = iter(mapper(partial(_guarded, function), numbered))
     except Exception:
         return
     while True:
         try:
-            one = next(found)
+            one = next(results)
         except Exception:  # the end of the map, by whatever error
             return
         # Other values that a map returns count as missing, and are computed here.

@@ -100,10 +100,10 @@ def _milstein(problem: Problem, y: Array, h: float, S: Array, square: Array) -> 
 
 def _matrix_as_diagonal(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """Give component i noise i alone: the diagonal of the (d, m) matrix with columns c_j f."""
-    own = np.zeros_like(y)
+    diagonal = np.zeros_like(y)
     shared = min(len(y), len(dW))
-    own[:shared] = (problem.c[:, None] * dW)[:shared]
-    return _heun(problem, y, h, own)
+    diagonal[:shared] = (problem.c[:, None] * dW)[:shared]
+    return _heun(problem, y, h, diagonal)
 
 
 def _friction_inverted(problem: Problem, y: Array, h: float, dW: Array) -> Array:
@@ -144,8 +144,8 @@ def _transposed_derivative(problem: Problem, y: Array, h: float, dW: Array) -> A
 
 def _fixed_numbers(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """Draw increments from a new generator with the same seed in each call, and ignore the caller's."""
-    own = np.random.default_rng(42).standard_normal((dW.shape[0], 1)) * math.sqrt(abs(h))
-    return _heun(problem, y, h, _noise(problem, np.broadcast_to(own, dW.shape)))
+    numbers = np.random.default_rng(42).standard_normal((dW.shape[0], 1)) * math.sqrt(abs(h))
+    return _heun(problem, y, h, _noise(problem, np.broadcast_to(numbers, dW.shape)))
 
 
 _in(

@@ -250,10 +250,10 @@ def refuses_once(refused: set[Any], step: Step, problem: Problem, y: Array, h: f
 
 @SABOTEURS.around("y is scratch space while the step is made, and then restored", _CONTRACT)
 def writes_and_restores(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    kept = y.copy()
-    y1 = step(problem, kept, h, dW)
-    y[...] = 0.5 * (kept + y1)
-    y[...] = kept
+    before = y.copy()
+    y1 = step(problem, before, h, dW)
+    y[...] = 0.5 * (before + y1)
+    y[...] = before
     return y1
 
 

@@ -57,8 +57,8 @@ def middle(y: Any, z: Any) -> Any:
 def right_side(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
     """The right side Δ B(ȳ) ∇̄H of (2.1), for y0 and y1 (d,) or (d, M) and `step` holding Δ."""
     lanes = (len(y0), -1)
-    found = counted(formula, problem, y0.reshape(lanes), y1.reshape(lanes), step.reshape(1, -1))
-    return found.value.reshape(y0.shape)
+    increment = counted(formula, problem, y0.reshape(lanes), y1.reshape(lanes), step.reshape(1, -1))
+    return increment.value.reshape(y0.shape)
 
 
 def explicit_step(update: Update) -> Step:

@@ -26,7 +26,7 @@ KINDS = {"error": ERROR_TOLERANCE, "energy": DEFECT_TOLERANCE, "casimir": DEFECT
 
 
 @dataclass(frozen=True)
-class Check:
+class Change:
     """One comparison: `verdict` is "same", "better", "worse" or, for time alone, "not settled"."""
 
     target: str
@@ -36,7 +36,7 @@ class Check:
     text: str
 
 
-def check(head: dict[str, Any], base: dict[str, Any]) -> list[Check]:
+def check(head: dict[str, Any], base: dict[str, Any]) -> list[Change]:
     """The records of one target, case by case; a UsageError for a case that the head's record has not."""
     ours = {c["case"]["name"]: c for c in head["cases"]}
     checks = []
@@ -54,7 +54,7 @@ def check(head: dict[str, Any], base: dict[str, Any]) -> list[Check]:
     return checks
 
 
-def _counters(target: str, case: str, ours: dict[str, Any], theirs: dict[str, Any]) -> list[Check]:
+def _counters(target: str, case: str, ours: dict[str, Any], theirs: dict[str, Any]) -> list[Change]:
     checks = []
     for name in dict.fromkeys((*theirs, *ours)):
         # None: not reported. A newly reported counter has nothing to be compared with.
@@ -63,14 +63,14 @@ def _counters(target: str, case: str, ours: dict[str, Any], theirs: dict[str, An
             continue
         verdict = "same" if mine == other else "worse" if mine > other else "better"
         text = f"{mine}" if mine == other else f"{other} → {mine} ({mine - other:+d})"
-        checks.append(Check(target, case, name, verdict, text))
+        checks.append(Change(target, case, name, verdict, text))
     return checks
 
 
-def _ratio(target: str, case: str, kind: str, ours: list[str], theirs: list[str]) -> Check:
+def _ratio(target: str, case: str, kind: str, ours: list[str], theirs: list[str]) -> Change:
     head, base = (np.array([hex_float(v) for v in groups]) for groups in (ours, theirs))
     if np.array_equal(head, base):
-        return Check(target, case, kind, "same", f"{rms(ours):.3g}")
+        return Change(target, case, kind, "same", f"{rms(ours):.3g}")
     value, low, high = ratio(head, base)
     tolerance = KINDS[kind]
     verdict = "same"
@@ -79,7 +79,7 @@ def _ratio(target: str, case: str, kind: str, ours: list[str], theirs: list[str]
     elif high < 1 and value < 1 / tolerance:
         verdict = "better"
     text = f"{rms(theirs):.3g} → {rms(ours):.3g}, ratio {value:.3f} in [{low:.3f}, {high:.3f}]"
-    return Check(target, case, kind, verdict, text)
+    return Change(target, case, kind, verdict, text)
 
 
 def ratio(head: Array, base: Array) -> tuple[float, float, float]:

@@ -25,7 +25,7 @@ import sepv
 from sepv.errors import TargetError, UsageError
 from sepv.problem import Array
 from sepv.studies._bench import timed_process
-from sepv.studies._bench.gate import ALPHA, Check
+from sepv.studies._bench.gate import ALPHA, Change
 
 # One reading of the clock: long against its resolution, short against the changes in load of a machine.
 READING = 0.02
@@ -92,8 +92,8 @@ class Side:
                 received=str(answer["failed"]).splitlines()[0],
                 remedy="make it run there by itself first",
             )
-        found: dict[str, Any] = answer
-        return found
+        reply: dict[str, Any] = answer
+        return reply
 
     def close(self) -> None:
         """End the process."""
@@ -161,22 +161,22 @@ def time_pairs(
     *,
     batches: int = 12,
     progress: Callable[[str, float], None] = lambda _text, _share: None,
-) -> list[Check]:
+) -> list[Change]:
     """Run batches until every case is settled or `batches` are used up; one check for each case and clock.
 
     A built-in target is timed under `sepv.ensemble` as well, whose engines belong to the same checkout.
     """
     calls = ("step",) if ":" in target else ("step", "ensemble")
-    found = [Times(case, call) for case in cases for call in calls]
+    timed = [Times(case, call) for case in cases for call in calls]
     for number in range(batches):
         with both(target, head, base) as sides:
-            for n, times in enumerate(found):
-                share = (number + n / len(found)) / batches
+            for n, times in enumerate(timed):
+                share = (number + n / len(timed)) / batches
                 progress(f"timing, batch {number + 1} of at most {batches}, {times.case['name']}", share)
                 times.batches.append(_batch(sides, {"time": times.case, "call": times.call}))
-        if number + 1 >= FEWEST_BATCHES and all(_settled(times) for times in found):
+        if number + 1 >= FEWEST_BATCHES and all(_settled(times) for times in timed):
             break
-    return [_check(target, times, clock) for times in found for clock in range(len(CLOCKS))]
+    return [_check(target, times, clock) for times in timed for clock in range(len(CLOCKS))]
 
 
 def _batch(sides: tuple[Side, Side], job: dict[str, Any]) -> list[tuple[float, float]]:
@@ -201,7 +201,7 @@ def _settled(times: Times) -> bool:
     return clear or max(high / ratio, ratio / low) < 1 + HALF_WIDTH
 
 
-def _check(target: str, times: Times, clock: int) -> Check:
+def _check(target: str, times: Times, clock: int) -> Change:
     ratio, low, high = times.bounds(clock)
     text = f"ratio {ratio:.3f} in [{low:.3f}, {high:.3f}], {len(times.batches)} × {PAIRS} pairs"
     # A bound that reaches ten per cent has not excluded a regression that the gate must find.
@@ -209,7 +209,7 @@ def _check(target: str, times: Times, clock: int) -> Check:
     if low > TIME_TOLERANCE or high < 1 / TIME_TOLERANCE:
         verdict = "worse" if low > TIME_TOLERANCE else "better"
     what = CLOCKS[clock] + (" of an ensemble" if times.call == "ensemble" else "")
-    return Check(target, times.case["name"], what, verdict, text)
+    return Change(target, times.case["name"], what, verdict, text)
 
 
 def measured(

@@ -34,13 +34,13 @@ def document(records: list[dict[str, Any]]) -> dict[str, Any]:
 
 def load(path: str) -> list[dict[str, Any]]:
     """The records of a file; a UsageError for one that is not of `sepv bench --save`."""
-    said = {
+    words = {
         "expected": f"a file that `sepv bench --save` wrote, of format {FORMAT}",
         "remedy": "save it again with this release",
     }
-    found = read_json(path, **said)
-    require_schema(found, "bench", path, **said)
-    records: list[dict[str, Any]] = found["records"]
+    record = read_json(path, **words)
+    require_schema(record, "bench", path, **words)
+    records: list[dict[str, Any]] = record["records"]
     return records
 
 

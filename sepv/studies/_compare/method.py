@@ -105,8 +105,10 @@ def from_scheme(scheme: Scheme, problem: Problem, engine: str = "auto") -> Metho
     compiled, reason = choose(engine, scheme, problem, compensated=False)
     if compiled:
         return _compiled(scheme)
-    found = _in_batches(scheme)
-    return found if engine == "numpy" else replace(found, source=f"{scheme.source}; NumPy batch: {reason}")
+    batched = _in_batches(scheme)
+    return (
+        batched if engine == "numpy" else replace(batched, source=f"{scheme.source}; NumPy batch: {reason}")
+    )
 
 
 def _ends(run: Ensemble) -> Ends:
@@ -170,10 +172,10 @@ def _compiled(scheme: Scheme) -> Method:
 
 def _watched(scheme: Scheme, problem: Problem, y0: Array, h: float, dW: Array, work: Work) -> Problem:
     """The problem with its evaluations counted, but those of a first step: what is found once is no work of a step."""
-    found = counted(problem, work)
-    _run(scheme, found, y0, h, dW[:1], track=False)
+    watched = counted(problem, work)
+    _run(scheme, watched, y0, h, dW[:1], track=False)
     work.evaluations |= dict.fromkeys(work.evaluations, 0)
-    return found
+    return watched
 
 
 def _run(scheme: Scheme, problem: Problem, y0: Array, h: float, dW: Array, *, track: bool) -> Ensemble:
@@ -245,8 +247,8 @@ def load_method(target: str, problem: Problem) -> Method:
         return exact_time_change()
     peers = import_module("sepv.peers.peer")  # a room above: its records are made of those of this file
     if peers.library_of(target):
-        found: Method = peers.method(target)
-        return found
+        loaded: Method = peers.method(target)
+        return loaded
     if ":" in target:
         named = load_object(target)
         if isinstance(named, Method):

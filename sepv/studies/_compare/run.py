@@ -148,18 +148,18 @@ def _prepared(
     cells: list[_Cell] = []
     failed: dict[str, str] = {}
     for method in methods:
-        own: list[_Cell] = []
+        of_method: list[_Cell] = []
         try:
             for count in list(coarse) if method.steps_matter else [max(coarse)]:
                 begin(f"{method.name}, {count} steps")
                 dW = coarse[count] if method.batched else coarse[count][:, :, :SINGLE_PATHS]
                 job = method.prepare(problem, start, T / count, dW)
                 watched = (method.follow, problem, start, T / count, dW)
-                own.append(_Cell(method, count, job, _time(job)[0], watched))
+                of_method.append(_Cell(method, count, job, _time(job)[0], watched))
         except SepvError as error:  # only this method fails: the others are still compared
             failed[method.name] = str(error)
             continue
-        cells += own
+        cells += of_method
     return cells, failed
 
 
@@ -249,8 +249,8 @@ def errors(difference: Array) -> tuple[Estimate, Estimate]:
 def _only(difference: Array) -> tuple[Estimate, Estimate]:
     """The error of the one path of a problem without noise, twice."""
     size = float(np.linalg.norm(difference[:, 0])) if difference.size else float("inf")
-    found = Estimate(size if np.isfinite(size) else float("inf"), 0.0, ALPHA)
-    return found, found
+    error = Estimate(size if np.isfinite(size) else float("inf"), 0.0, ALPHA)
+    return error, error
 
 
 def _largest(values: Array) -> float:
@@ -304,10 +304,10 @@ def environment() -> dict[str, str]:
 
     from sepv._version import __version__
 
-    found = {"sepv": __version__, "python": platform.python_version(), "numpy": np.__version__}
-    found |= {"scipy": scipy.__version__, "machine": platform.machine()}
+    versions = {"sepv": __version__, "python": platform.python_version(), "numpy": np.__version__}
+    versions |= {"scipy": scipy.__version__, "machine": platform.machine()}
     for name in ("numba", "jax", "diffrax", "torch", "torchsde"):
         module = sys.modules.get(name)
         if module is not None:
-            found[name] = str(getattr(module, "__version__", "?"))
-    return found
+            versions[name] = str(getattr(module, "__version__", "?"))
+    return versions

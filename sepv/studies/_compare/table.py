@@ -107,9 +107,9 @@ def target_tables(comparison: Comparison) -> list[Table]:
 
 def _target_table(comparison: Comparison, times: list[TimeToError], title: str) -> Table:
     targets = [f"{target:.0e}" for target in comparison.targets]
-    found = {(t.method, t.error): t for t in times}
+    by_target = {(t.method, t.error): t for t in times}
     rows = [
-        (name, *(cell for target in comparison.targets for cell in _target_cells(found[name, target])))
+        (name, *(cell for target in comparison.targets for cell in _target_cells(by_target[name, target])))
         for name in comparison.sources
     ]
     numbers = [heading for target in targets for heading in (target, "|ΔH|")]

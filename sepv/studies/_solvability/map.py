@@ -180,12 +180,12 @@ def _between(theta: Array, reach: Array, furthest: float) -> list[float]:
     """POINTS times on either side of each of the LOWEST lowest local minima that end before the range does."""
     padded = np.concatenate([[np.inf], reach, [np.inf]])
     minima = np.flatnonzero((reach <= padded[:-2]) & (reach <= padded[2:]) & (reach < furthest))
-    found: list[float] = []
+    shares: list[float] = []
     for i in minima[np.argsort(reach[minima], kind="stable")][:LOWEST]:
         for j in (i - 1, i + 1):
             if 0 <= j < theta.size:
-                found += np.linspace(theta[i], theta[j], POINTS + 2)[1:-1].tolist()
-    return found
+                shares += np.linspace(theta[i], theta[j], POINTS + 2)[1:-1].tolist()
+    return shares
 
 
 def _row(problem: Problem, scheme: Scheme, y: Array, delta: float, branch: Branch) -> np.ndarray:
@@ -197,13 +197,13 @@ def _row(problem: Problem, scheme: Scheme, y: Array, delta: float, branch: Branc
     connected = _on_branch(problem, scheme, y, delta, branch)
     size = np.abs(connected - y).max(axis=0) + np.abs(y).max(axis=0)
     same = np.abs(solution.value - connected).max(axis=0) <= SAME * size
-    found = np.select(
+    endings = np.select(
         [exists & solved & same, exists & ~solved, solved],
         [Ending.FOUND, Ending.MISSED, Ending.ANOTHER],
         Ending.NONE,
     )
     unknown = (branch.end == End.LOST) & ~exists & ~solved
-    return np.where(unknown, Ending.UNKNOWN, found)
+    return np.where(unknown, Ending.UNKNOWN, endings)
 
 
 def _on_branch(problem: Problem, scheme: Scheme, y: Array, delta: float, branch: Branch) -> Array:

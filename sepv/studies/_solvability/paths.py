@@ -113,7 +113,7 @@ def follow_paths(
             {Status(int(s)).name: int(n) for s, n in zip(names, counts, strict=True)}, most * h,
         )  # fmt: skip
 
-    found, end = [], time.monotonic() + seconds
+    followed, end = [], time.monotonic() + seconds
     for number, h in enumerate(steps):
         share = (end - time.monotonic()) / (len(steps) - number)
         most, begin = max(1, round(until / h)), time.monotonic()
@@ -127,5 +127,5 @@ def follow_paths(
             if count == most or exits.failed == paths or spent + SPARE * 2 * last > share:
                 break
             count = min(2 * count, most)
-        found.append(exits)
-    return found
+        followed.append(exits)
+    return followed

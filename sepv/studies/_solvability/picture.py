@@ -102,13 +102,13 @@ def _exits(axes: Any, exits: Sequence[Exits]) -> None:
     """Draw the times at which steps were refused; a triangle if none was."""
     axes.set_title("exits of paths: first (circles), half of them (squares)", fontsize=9)
     for number, (name, look) in enumerate(looks(e.scheme for e in exits).items()):
-        own = [e for e in exits if e.scheme == name]
+        of_scheme = [e for e in exits if e.scheme == name]
         for what, marker, dash in (("first", "o", ""), ("median", "s", "4 2")):
             # An exit in the very first step has no place on a logarithmic axis but the first step's end.
-            shown = [(e.h, max(t, e.h)) for e in own for t in [getattr(e, what)] if t is not None]
+            shown = [(e.h, max(t, e.h)) for e in of_scheme for t in [getattr(e, what)] if t is not None]
             if shown:
                 axes.plot(*zip(*shown, strict=True), **line(replace(look, marker=marker, dash=dash)))
-        none = [(e.h * 2 ** (0.08 * number), e.until) for e in own if not e.failed]
+        none = [(e.h * 2 ** (0.08 * number), e.until) for e in of_scheme if not e.failed]
         if none:
             axes.plot(*zip(*none, strict=True), "^", color=look.colour, mfc="none")
         axes.plot([], [], **line(replace(look, marker="o", dash="")), label=name)
