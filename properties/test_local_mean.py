@@ -37,6 +37,7 @@ law = Law(
     unit="slope",
     cost=0.2,
     steps=9200,
+    spared=4810,
     run=pathwise(run),
     replay=replay,
 )

@@ -2,12 +2,16 @@
 
 The bound of Remark 2.1 is printed with "=" in the paper; it is "≤", as here.
 
-The scheme must use the increments that it declares: at a small h its step must respond to each ΔW_j in every sixteenth
-of [−√h A_h, √h A_h]. A step y1 = y0 + f(y0)(h + S) + O((h + |S|)²) responds with c_j|f|, up to a part of the order
-of |f′| √h A_h, at most 0.03 |f′| for k = 2: half of its largest response is left everywhere. A scheme that clips at
-less than 31/32 of A_h, that is with k′ < 0.93 k, responds by less than half in the last sixteenth. On a user's problem
-h, also in A_h, is in the problem's own time; a scheme that clips by itself, by h alone, is judged to its own clip. A
-noise that moves y by less than a solver's possible error is not judged.
+The scheme must use the increments that it declares: at every h its step must respond to each ΔW_j in every sixteenth
+of [−√h A_h, √h A_h], of which the innermost, the outermost and one more are asked. A step y1 = y0 + Δf + ½Δ²f′f + O(Δ³)
+responds with c_j|f|(1 ± x), x = L(h + c_j√h A_h) for L ≥ |f′|: its largest response is at most (1 + x)/(1 − x) times
+the smallest, 1.3 for x ≤ REACH, and 2 is allowed. A scheme that clips at less than 31/32 of A_h, that is with k′ <
+0.93 k, responds by less than half in the last sixteenth.
+
+The h are drawn from 2⁻⁶⁰ to ½, and H is divided where x is too large (`sepv.verification._orders.any_step`). On a
+user's problem, and where H is not given as data, they end at x = REACH, and h, also in A_h, is in the problem's own
+time; a scheme that clips by itself, by h alone, is judged to its own clip. A noise that moves y by less than a
+solver's possible error is not judged.
 """
 
 from __future__ import annotations
@@ -20,7 +24,7 @@ import numpy as np
 from sepv.reference.increments import lost_variance, moment, truncated_moment
 
 from sepv.errors import Skipped
-from sepv.problem import Problem
+from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.record._binary64 import EPS
 from sepv.schemes import Scheme, ask
 from sepv.schemes._point_distributions import point_law
@@ -28,14 +32,15 @@ from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 from sepv.verification._law import about_noise
+from sepv.verification._orders.any_step import scaled
 from sepv.verification._orders.local_errors import problems_for
 from sepv.verification._orders.local_orders import CLEAR, FLOOR
-from sepv.verification._units import units_for
+from sepv.verification._units import rates_at, units_for
 
 STEPS = tuple(2.0**-n for n in range(1, 21))
-# Steps small enough to be nearly linear in ΔW, also with k = 12.
-SMALL = (2.0**-16, 2.0**-20, 2.0**-24)
-PARTS = 16
+# The step sizes at which each noise is asked, and their range in the unit of time: no two noises have the same ones.
+SIZES, SMALLEST, LARGEST = 9, 2.0**-60, 0.5
+PARTS, REACH = 16, 1 / 8
 
 
 def run(law: Law, scheme: Scheme, own: Run) -> Finding:
@@ -63,15 +68,16 @@ def run(law: Law, scheme: Scheme, own: Run) -> Finding:
             checks += 1
             if not ratio <= worst[0]:
                 worst = (ratio, 1.0, text)
-    for found in _responses(scheme, k):
+    for found in _responses(scheme, k, own.effort.seed):
         checks += 1
         if not found[0] <= worst[0]:
             worst = (found[0], 1.0, found[1])
     verdict = Verdict.VIOLATED if not worst[0] <= 1 else Verdict.HOLDS
     message = worst[2] if verdict is Verdict.VIOLATED else ""
     return law.finding(
-        verdict, defect=worst[0], bound=1.0, checks=checks, message=message, witness={"truncation": k}
-    )
+        verdict, defect=worst[0], bound=1.0, checks=checks, message=message,
+        witness={"truncation": k, "seed": own.effort.seed}, replay=f"--law {law.name} --seed {own.effort.seed}",
+    )  # fmt: skip
 
 
 def _ratios(h: float, k: int, seed: int) -> list[tuple[float, str]]:
@@ -96,18 +102,20 @@ def _ratios(h: float, k: int, seed: int) -> list[tuple[float, str]]:
     return found
 
 
-def _responses(scheme: Scheme, k: int) -> Iterator[tuple[float, str]]:
-    """Half the largest response of the step over the smallest, for each problem, h and noise."""
+def _responses(scheme: Scheme, k: int, seed: int) -> Iterator[tuple[float, str]]:
+    """Half the largest response of the step over the smallest, for each problem, noise and h."""
     skipped: list[Skipped] = []
-    problems = problems_for(scheme)
+    problems, rng = problems_for(scheme), np.random.default_rng((seed, 2))
+    count = sum(np.count_nonzero(problem.c) for problem in problems)
+    # One h for each noise in each of SIZES parts of the range, and there in a place of its own.
+    places = rng.permuted(np.tile(np.arange(count), (SIZES, 1)), axis=1) + rng.random((SIZES, count))
+    shares = iter(((np.arange(SIZES)[:, None] + places / count) / SIZES).T)
     for problem in problems:
+        own = [next(shares) for _ in range(np.count_nonzero(problem.c))]
         try:
-            time = units_for(scheme, problem).time
-            for h in (small * time for small in SMALL):
-                # Remark 2.1 is about h < 1. A clip in seconds may have h > 1 here, where its |ln h| is still a number.
-                A = math.sqrt(2 * k * min(abs(math.log(t)) for t in (h / time, h)))
-                for j in np.flatnonzero(problem.c):
-                    size, place = _weakest(scheme, problem, h, A, int(j))
+            for j, share in zip(np.flatnonzero(problem.c), own, strict=True):
+                for posed, h, A in _steps(scheme, problem, int(j), k, share):
+                    size, place = _weakest(scheme, posed, h, A, int(j), int(rng.integers(1, PARTS - 1)))
                     text = (
                         f"{problem.name}, h = {h!r}: the step does not respond to ΔW_{j + 1} beyond {place:.3g} √h "
                         f"as elsewhere, and k = {k} lets increments through up to {A:.3g} √h"
@@ -119,9 +127,36 @@ def _responses(scheme: Scheme, k: int) -> Iterator[tuple[float, str]]:
         raise skipped[0]
 
 
-def _weakest(scheme: Scheme, problem: Problem, h: float, A: float, j: int) -> tuple[float, float]:
-    """½ max/min of |∂y1/∂ΔW_j| over the parts of [−A, A], in √h, and the place of the minimum."""
-    xi = A * np.arange(-PARTS, PARTS + 1) / PARTS
+def _steps(
+    scheme: Scheme, problem: Problem, j: int, k: int, shares: Array
+) -> Iterator[tuple[Problem, float, float]]:
+    """The problem as posed, h and A_h, for h at these shares of the range of noise j."""
+    time, slope = units_for(scheme, problem).time, rates_at(problem, np.array(problem.initial))[1]
+
+    def clip(h: float) -> float:
+        # Remark 2.1 is about h < 1. A clip in seconds may have h > 1 here, where its |ln h| is still a number.
+        return math.sqrt(2 * k * min(abs(math.log(t)) for t in (h / time, h)))
+
+    def reach(h: float) -> float:
+        return float(slope * (h + problem.c[j] * math.sqrt(h) * clip(h)))
+
+    low, high = SMALLEST * time, LARGEST * time
+    given = bool(scheme.problems) or not isinstance(problem.data, PolynomialSystem)
+    while given and reach(high) > REACH:
+        high /= 2
+    for h in low * (high / low) ** shares:
+        posed = scaled(problem, 1.0 if given else min(1.0, 2.0 ** math.floor(math.log2(REACH / reach(h)))))
+        assert posed is not None
+        yield posed, float(h), clip(h)
+
+
+def _weakest(
+    scheme: Scheme, problem: Problem, h: float, A: float, j: int, between: int
+) -> tuple[float, float]:
+    """½ max/min of |∂y1/∂ΔW_j| over three parts of [0, A] and of [−A, 0], in √h, and the place of the minimum."""
+    edges = {0, 1, between, between + 1, PARTS - 1, PARTS}
+    number = np.array(sorted(edges | {-edge for edge in edges}))
+    xi = A * number / PARTS
     y = np.repeat(np.asarray(problem.initial, dtype=np.float64)[:, None], xi.size, axis=1)
     dW = np.zeros((problem.noises, xi.size))
     dW[j] = np.sqrt(h) * xi
@@ -129,19 +164,20 @@ def _weakest(scheme: Scheme, problem: Problem, h: float, A: float, j: int) -> tu
         ends = ask(scheme, problem, y, h, dW)
     else:
         ends = np.stack([ask(scheme, problem, y[:, i], h, dW[:, i]) for i in range(xi.size)], axis=1)
-    responses = np.linalg.norm(np.diff(ends, axis=1), axis=0)
+    parts = np.flatnonzero(np.diff(number) == 1)
+    responses = np.linalg.norm(np.diff(ends, axis=1), axis=0)[parts]
     # Differences below a solver's possible error in a step are not judged.
     if np.max(responses) < CLEAR * (FLOOR * EPS + scheme.precision) * np.max(np.abs(ends)):
         return 0.0, 0.0
     least = int(np.argmin(responses))
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = 0.5 * float(np.max(responses) / responses[least])
-    return ratio, float(min(abs(xi[least]), abs(xi[least + 1])))
+    return ratio, float(np.min(np.abs(xi[parts[least] : parts[least] + 2])))
 
 
-def replay(law: Law, scheme: Scheme, _witness: dict[str, Any]) -> Finding:
-    """Run again; the law has no cases."""
-    return run(law, scheme, Run())
+def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
+    """Run again, with the same steps drawn."""
+    return run(law, scheme, Run(Effort(seed=int(witness.get("seed", 0)))))
 
 
 law = Law(

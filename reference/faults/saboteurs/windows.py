@@ -1,0 +1,102 @@
+"""Faults that show only for some h, some noise, or where B(y) varies and H is not quadratic."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from sepv.problem import Array, Problem, vector_field
+from sepv.problem._fields import matvec
+from sepv.schemes import energy_preserving
+from sepv.schemes._energy_preserving import formula
+from sepv.schemes._scheme import Step
+from sepv.schemes._stateful import StatefulStep
+from sepv.solve import Fields
+
+from .formula import one_point_quadrature, with_structure
+from .noise import clipped_at_one
+from .record import Family, claiming, implicit, middle
+
+SABOTEURS = Family("windows")
+
+
+def _widths(h: float) -> float:
+    return math.sqrt(2 * abs(math.log(h)))
+
+
+@SABOTEURS.around("increments are clipped again, with k = 1, where 0.001 < h < 0.01", ("truncation",))
+def clipped_in_a_window(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    return clipped_at_one(step, problem, y, h, dW, _widths(h) if 1e-3 < h < 1e-2 else math.inf)
+
+
+@SABOTEURS.around("increments are clipped at three standard deviations where h < 1e-8", ("truncation",))
+def clipped_when_short(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    return clipped_at_one(step, problem, y, h, dW, 3.0 if h < 1e-8 else math.inf)
+
+
+@SABOTEURS.around("the second noise is clipped again, with k = 1, where 1e-4 < h < 0.1", ("truncation",))
+def second_clipped_in_a_window(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    bound = math.sqrt(h) * _widths(h) if 1e-4 < h < 0.1 else math.inf
+    return step(problem, y, h, np.concatenate([dW[:1], np.clip(dW[1:2], -bound, bound), dW[2:]]))
+
+
+def _euler(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """Euler's step: an error of order 1 where (3.9) needs 3/2."""
+    return np.asarray(y + problem.random_step(h, dW) * vector_field(problem, y))
+
+
+_LOCAL = ("local-mean-square",)
+
+
+@SABOTEURS.around("Euler's step where 0.001 < h < 0.01", _LOCAL)
+def euler_in_a_window(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    return (_euler if 1e-3 < h < 1e-2 else step)(problem, y, h, dW)
+
+
+@SABOTEURS.around("Euler's step where h < 1e-8", _LOCAL)
+def euler_when_short(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    return (_euler if h < 1e-8 else step)(problem, y, h, dW)
+
+
+@SABOTEURS.around("Euler's step where a noise is larger than 4", _LOCAL)
+def euler_in_large_noise(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    return (_euler if np.max(problem.c, initial=0.0) > 4 else step)(problem, y, h, dW)
+
+
+@SABOTEURS.formula("∇H is taken at the midpoint where B varies", ("energy", "reference", "rounding"))
+def midpoint_where_b_varies(fields: Fields, y: Any, z: Any, step: Any) -> Any:
+    varies = np.any(fields.structure(y) != fields.structure(y + 1.0))
+    return (one_point_quadrature if varies else formula)(fields, y, z, step)
+
+
+def _frozen(fields: Fields, y: Any, z: Any) -> Any:
+    return fields.structure(middle(y, z) if fields.problem.degree == 2 else y)
+
+
+SABOTEURS.rows(
+    ("b-frozen-where-h-bends", "B is taken at y0 where H is not quadratic",
+     ("mean-square-order", "weak-order", "right-limit", "casimir", "reference"), with_structure(_frozen)),
+    by=implicit,
+)  # fmt: skip
+
+
+def _begun(problem: Problem, y: Array) -> Any:
+    return y.copy(), problem.structure(y), 0
+
+
+def _stale(problem: Problem, state: Any, h: float, dW: Array) -> Any:
+    """In each second step B is that of the step before, unless H is quadratic."""
+    y, before, number = state
+    y1 = energy_preserving.step(problem, y, h, dW)
+    B, g = problem.structure(middle(y, y1 - y)), problem.gradient(middle(y, y1 - y))
+    if number % 2 and problem.degree != 2:
+        y1 = y1 + problem.random_step(h, dW) * matvec(before - B, g)
+    return y1, B, number + 1
+
+
+SABOTEURS.rows(
+    ("b-of-the-step-before", "in each second step B is that of the step before, where H is not quadratic",
+     ("mean-square-order", "right-limit"), lambda: claiming(StatefulStep(_begun, _stale, lambda state: state[0]))),
+)  # fmt: skip
