@@ -119,14 +119,18 @@ def _setup(name: str, truncation: int | None, order: float | None) -> Setup:
 def setups_for(scheme: Scheme, effort: Effort | None = None) -> tuple[Setup, ...]:
     """The setups for a scheme: by its class and claims, or on a user's problems.
 
-    If steps are spared, one problem has the features of the two for (1.1): B(y), a quartic H and two noises.
+    For (1.1) one more has B(y), a quartic H and two noises together; if steps are spared, it is the only one.
     """
     facts = (scheme.truncation, scheme.mean_square_order)
     users = problems_of(scheme)
-    if users is None and scheme.systems == Systems.SINGLE and effort and sparing(scheme, effort):
-        top = two_noises()
-        return (replace(_setup(top.name, *facts), given=top),)
-    return setups(scheme.systems, *facts) if users is None else tuple(_given(p, *facts) for p in users)
+    if users is not None:
+        return tuple(_given(p, *facts) for p in users)
+    usual = setups(scheme.systems, *facts)
+    if scheme.systems != Systems.SINGLE:
+        return usual
+    top = two_noises()
+    both = replace(_setup(top.name, *facts), given=top)
+    return (both,) if effort and sparing(scheme, effort) else (*usual, both)
 
 
 def _given(problem: Problem, truncation: int | None, order: float | None) -> Setup:
