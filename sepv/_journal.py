@@ -26,10 +26,17 @@ BEGIN, RESULT, BACK, ANSWERED, LOST, END = b"b", b"r", b"k", b"a", b"l", b"e"
 
 
 class Crashed(Exception):
-    """The work ended its process; `note` is a case as JSON, a step in words, or None if neither was noted."""
+    """The work ended its process; `note` is a case as JSON, a step in words, or None if neither was noted.
+
+    `violated` is a case as JSON that had violated the law before, or None.
+    """
 
     def __init__(self, status: str, note: bytes = b"") -> None:
-        self.status, self.note = status, pickle.loads(note) if note else None
+        self.status = status
+        self.note: dict[str, Any] | str | None = None
+        self.violated: dict[str, Any] | None = None
+        if note:
+            self.note, self.violated = pickle.loads(note)
         super().__init__(f"the process ended with {status}")
 
 
@@ -61,6 +68,8 @@ class Journal:
     # The number of cases noted by the current work, and the time of the last one.
     cases: int = 0
     since: float = 0.0
+    # A case that violates, found by the current work.
+    violated: dict[str, Any] | None = None
 
 
 _journal: ContextVar[Journal | None] = ContextVar("journal", default=None)
@@ -92,7 +101,7 @@ def attempted(key: str, work: Callable[[], T], *, kept: bool = True) -> T:
         return result
     if key in journal.crashes:
         raise Crashed(*journal.crashes[key])
-    journal.cases = 0
+    journal.cases, journal.violated = 0, None
     journal.notes.put(b"")
     journal.send(BEGIN, key.encode())
     done = BACK, b""
@@ -109,14 +118,21 @@ def note_case(case: Callable[[], dict[str, Any]]) -> None:
     journal = _journal.get()
     if journal is not None:
         journal.cases, journal.since = journal.cases + 1, time.monotonic()
-        journal.notes.put(pickle.dumps(case()))
+        journal.notes.put(pickle.dumps((case(), journal.violated)))
+
+
+def note_violation(case: Callable[[], dict[str, Any]]) -> None:
+    """Note a case that violates the current law: a later crash must not hide it."""
+    journal = _journal.get()
+    if journal is not None:
+        journal.violated = case()
 
 
 def note_step(step: Callable[[], str]) -> None:
     """Note the current step, in words, unless it belongs to a case that is noted."""
     journal = _journal.get()
     if journal is not None and not journal.cases:
-        journal.notes.put(pickle.dumps(step()))
+        journal.notes.put(pickle.dumps((step(), None)))
 
 
 def interruption_answered() -> None:

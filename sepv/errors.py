@@ -132,7 +132,7 @@ class StepFailure(SepvError, ArithmeticError):
     ----------
     problem : str
         The problem's name.
-    y : ndarray, shape (d,)
+    y : ndarray, shape (d,), or (d, M) of a batch
         The state the step started from.
     delta : float
         The random step Δ = h + Σ c_j ΔW_j.
@@ -152,8 +152,12 @@ class StepFailure(SepvError, ArithmeticError):
             super().__init__(status)
             return
         remedy = next((r for s, r in _REMEDIES.items() if status.startswith(s)), _REMEDIES["no convergence"])
+        values = y.tolist() if hasattr(y, "tolist") else list(y)
+        batch = bool(values) and isinstance(values[0], list)
+        of_one = f"y = {values}, Δ = {delta!r}"
+        where = f"a batch of {len(values[0])} states" if batch else f"{of_one}, residual {residual:.3e}"
         super().__init__(
             f"The implicit equation of the step was not solved: {status} after {iterations} iterations.\n"
-            f"problem {problem}, y = {[float(v) for v in y]}, Δ = {delta!r}, residual {residual:.3e}.\n"
+            f"problem {problem}, {where}.\n"
             f"Remedy: {remedy}."
         )

@@ -22,7 +22,7 @@ from drawn import J, by_hand
 
 import sepv
 from sepv import problems, schemes
-from sepv.errors import SepvError
+from sepv.errors import SepvError, StepFailure
 from sepv.problems import hard
 from sepv.record import _polynomial as poly
 from sepv.schemes import Scheme
@@ -330,3 +330,12 @@ def test_bad_input_ends_in_an_error_of_ours_or_a_right_result(
     # What came in has an end: no time limit of sepv's is left to go off later, and nobody went to another folder.
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
     assert Path.cwd() == tmp_path.resolve()
+
+
+def test_a_failed_step_of_a_batch_has_its_message() -> None:
+    failure = StepFailure("no convergence", y=np.zeros((3, 5)), delta=0.5, residual=1.0, iterations=7)
+    assert "no convergence after 7 iterations" in str(failure)
+    assert "a batch of 5 states" in str(failure)
+    assert "y = [1.0, 2.0], Δ = 0.5, residual 1.000e+00" in str(
+        StepFailure("no convergence", y=np.array([1.0, 2.0]), delta=0.5, residual=1.0)
+    )

@@ -22,7 +22,7 @@ from hypothesis import HealthCheck, Phase, Verbosity, given, reject, settings, t
 from hypothesis import seed as hypothesis_seed
 from hypothesis.errors import Unsatisfiable
 
-from sepv._journal import note_case
+from sepv._journal import note_case, note_violation
 from sepv._patches import without_local_constants
 from sepv.console import counted
 from sepv.errors import SchemeFault, SepvError, Skipped, StepFailure, UsageError
@@ -350,6 +350,7 @@ def _measure(log: _Log, scheme: Scheme, case: Case, check: Check, faults_violate
             raise Skipped(reason) from error
         if faults_violate and isinstance(error, SchemeFault):
             log.violation = case, Measurement(1.0, 0.0, str(error))
+            note_violation(lambda: cases_of.to_json(case))
             log.worst = log.violation[1]
             raise _Violation from error
         log.fault = case, error
@@ -362,6 +363,7 @@ def _measure(log: _Log, scheme: Scheme, case: Case, check: Check, faults_violate
         log.worst = measured
     if measured.violates:
         log.violation, log.largest = (case, measured), max(measured.defect, log.largest)  # NaN stays
+        note_violation(lambda: cases_of.to_json(case))
         raise _Violation
     return measured
 

@@ -260,6 +260,10 @@ def crashed(law: Law, crash: Crashed, effort: Effort) -> Finding:
         seen = {"witness": crash.note, "replay": f"--law {law.name} --replay {cases.to_token(case)}"}
     elif crash.note is not None:
         lines.append(crash.note)
+    if crash.violated is not None:
+        before = cases.from_json(crash.violated)
+        again = f"Its replay: --law {law.name} --replay {cases.to_token(before)}"
+        lines += ["violated, before:", before.describe(), again]
     lines.append("Remedy: python -X faulthandler -m sepv verify … with the replay below shows the line")
     return law.finding(Verdict.ERROR, message="\n".join(lines), **seen)
 

@@ -127,6 +127,13 @@ def leaves(problem, y, h, dW):
     return midpoint(problem, y, h, dW)
 def aborts(problem, y, h, dW):
     os.abort()
+calls = 0
+def hides(problem, y, h, dW):
+    global calls
+    calls += 1
+    if calls > 40:
+        ctypes.string_at(0)  # while the first violation is simplified
+    return 1.001 * midpoint(problem, y, h, dW)
 def eats(problem, y, h, dW):
     Path("begun").touch()
     while True:
@@ -190,6 +197,19 @@ def test_a_segmentation_fault_ends_its_law_alone_and_its_case_is_named(jobs: str
     assert re.search(r"B\d\d\(y\) = ", crash["message"])
     # It is replayed by its token, and ends so again.
     assert "signal SIGSEGV" in crashed(folder, f"verify mine:falls {crash['replay']}")
+
+
+def test_a_violation_before_a_segmentation_fault_is_not_lost(folder: Path) -> None:
+    crashed(folder, "verify mine:hides --law energy --json r.json")
+    (law,) = json.loads((folder / "r.json").read_text())["laws"]
+    assert law["verdict"] == "error"
+    assert "signal SIGSEGV" in law["message"]
+    assert "violated, before:" in law["message"]
+    (again,) = re.findall(r"Its replay: (.*)", law["message"])
+    (folder / "mine.py").write_text(SCHEMES.replace("calls > 40", "False"))
+    child = started(folder, f"verify mine:hides {again} --claim energy -q")
+    assert "energy violated" in child.communicate(timeout=6 * SOON)[0]
+    assert child.returncode == 1
 
 
 @pytest.mark.parametrize(

@@ -58,6 +58,18 @@ def test_panels_shrink_where_the_series_does_not_decay_and_grow_where_it_more_th
     assert 10 < panels(1.0, 20, 2.0**-12, 2.0**-8) < 24
 
 
+def test_hundreds_of_panels_cost_no_more_rounding_than_one() -> None:
+    """y₁′ = cos 40y₂ from 10⁶: each panel moves y₁ by less than 1, and half an ulp of 10⁶ a panel would be a walk.
+
+    Sums that forget what was rounded off are 10 ulp off.
+    """
+    f = lambda y: np.stack([np.cos(40 * y[1]), np.ones_like(y[1])])  # noqa: E731
+    solution = solve_dense(f, np.array([1e6, 0.0]), 200.0, 20)
+    assert solution.edges.size > 500
+    exact = 1e6 + np.sin(40 * solution.starts[1]) / 40
+    assert np.abs(solution.starts[0] - exact).max() <= np.spacing(1e6)
+
+
 def test_panels_depend_neither_on_the_unit_of_the_state_nor_on_its_sign() -> None:
     """Where the first is as long, ½: with |f| = |y|. Eight nodes are too few for it."""
     y0 = np.array([1.0, 0.25])
