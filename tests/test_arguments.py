@@ -69,7 +69,7 @@ class Client:
         pass
 
 
-@pytest.mark.parametrize("workers", [Client(), Client().map, "two", None, 1.5])
+@pytest.mark.parametrize("workers", [Client(), Client().map, "two", None, 1.5, True, object()])
 def test_what_cannot_work_is_refused_with_what_can(workers: Any) -> None:
     with pytest.raises(sepv.UsageError, match="an executor"):
         sepv.ensemble("midpoint", "pendulum", h=0.125, T=0.5, paths=8, workers=workers)
@@ -91,9 +91,8 @@ def test_laws_are_a_list_or_words_with_commas(report: sepv.Report) -> None:
     assert [f.law for f in report.findings] == ["identity", "truncation"]
     with pytest.raises(sepv.UsageError, match="did you mean 'energy'"):
         sepv.verify("midpoint", laws="enrgy")
-    assert (
-        sepv.verify(heun, laws=["identity"], claims="identity", effort=Effort(examples=5)).findings[0].claimed
-    )
+    (found,) = sepv.verify(heun, laws=["identity"], claims="identity", effort=Effort(examples=5)).findings
+    assert found.claimed
 
 
 def test_a_finding_is_found_by_name_or_refused(report: sepv.Report) -> None:
@@ -116,6 +115,6 @@ def test_a_report_prints_as_its_table_and_is_a_page_in_a_notebook(report: sepv.R
 
 
 def test_what_users_need_is_exported() -> None:
-    for name in ("Effort", "Ensemble", "Report", "Verdict", "PolynomialSystem", "Skipped", "Trajectory"):
-        assert getattr(sepv, name).__name__ == name
-        assert name in dir(sepv)
+    assert {"Effort", "Ensemble", "Report", "Verdict", "PolynomialSystem", "Skipped", "Trajectory"} <= {
+        *dir(sepv)
+    }

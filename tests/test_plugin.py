@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -10,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from sepv.schemes import midpoint
-from sepv.verification import LAWS, Effort, verify
+from sepv.verification import LAWS, Effort, load_laws, verify
 from sepv.verification._expected_failures import pin
 
 pytest_plugins = ["pytester"]
@@ -32,29 +33,33 @@ gained = sepv.Scheme("gained", sepv.schemes.energy_preserving.step)
 
 @pytest.fixture(autouse=True)
 def own_modules(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Modules of the same names that other tests left behind are not those of these."""
+    """Modules of the same names that other tests left behind are not those of these.
+
+    What a run in this process imports first, pytester forgets afterwards, and a second import is another module, or
+    none: the laws are here before.
+    """
+    load_laws()
     for name in ("mine", "test_own", "test_mine", "broken"):
         monkeypatch.delitem(sys.modules, name, raising=False)
 
 
-def laws(pytester: pytest.Pytester, *arguments: str, alone: bool = False) -> pytest.RunResult:
-    """The laws of `STEPS`, in this process, which has imported sepv, or in one of their own."""
+def laws(pytester: pytest.Pytester, *words: str, k: str = STEPS, alone: bool = False) -> pytest.RunResult:
+    """Some laws, in this process, which has imported sepv, or in one of their own."""
     pytester.makepyfile(mine=MINE)
     pytester.syspathinsert()
     run = pytester.runpytest_subprocess if alone else pytester.runpytest_inprocess
-    return run(*DOOR, "--pyargs", "sepv.properties", "-k", STEPS, *arguments)
+    return run(*DOOR, "--pyargs", "sepv.properties", "-k", k, *words)
 
 
 def test_it_never_loads_itself(pytester: pytest.Pytester) -> None:
-    pytester.makepyfile(
-        "def test_nothing(request): assert not request.config.pluginmanager.hasplugin('sepv.pytest_plugin')"
-    )
+    has = "request.config.pluginmanager.hasplugin('sepv.pytest_plugin')"
+    pytester.makepyfile(f"def test_nothing(request): assert not {has}")
     pytester.runpytest_subprocess().assert_outcomes(passed=1)
 
 
 def test_a_scheme_that_keeps_its_claims_passes(pytester: pytest.Pytester) -> None:
     # *contract*, which everybody claims, takes a second, and is asked here alone.
-    result = laws(pytester, "-k", f"({STEPS}) or contract", "--scheme", "mine:honest")
+    result = laws(pytester, "--scheme", "mine:honest", k=f"({STEPS}) or contract")
     result.assert_outcomes(passed=3, skipped=2, deselected=OTHERS - 1)
     result.stdout.fnmatch_lines(
         ["*laws (+ claimed)*", "mine:honest", "*casimir*holds +*", "*energy*violated*"]
@@ -73,20 +78,14 @@ def test_a_scheme_that_breaks_a_claim_fails_with_a_counterexample(pytester: pyte
         ]
     )
     # Verdict, witness and replay; nothing of how sepv is made.
-    assert "search.py" not in shown
-    assert "LawViolated" not in shown
-    assert "def require" not in shown
+    assert not [words for words in ("search.py", "LawViolated", "def require") if words in shown]
 
 
 def test_what_is_not_claimed_or_does_not_apply_is_skipped_with_what_was_measured(
     pytester: pytest.Pytester,
 ) -> None:
-    pytester.makepyfile(mine=MINE)
-    pytester.syspathinsert()
-    result = pytester.runpytest_inprocess(
-        *DOOR, "--pyargs", "sepv.properties", "-k", "test_energy or test_reproducibility", "-rs",
-        "--scheme", "mine:honest", "--junitxml", "out.xml",
-    )  # fmt: skip
+    asked = ("-rs", "--scheme", "mine:honest", "--junitxml", "out.xml")
+    result = laws(pytester, *asked, k="test_energy or test_reproducibility")
     result.assert_outcomes(skipped=3, deselected=len(LAWS) - 3)
     result.stdout.fnmatch_lines_random(
         [
@@ -100,8 +99,6 @@ def test_what_is_not_claimed_or_does_not_apply_is_skipped_with_what_was_measured
 
 
 def test_a_pin_is_strict_both_ways_here_too(pytester: pytest.Pytester) -> None:
-    pytester.makepyfile(mine=MINE)
-    pytester.syspathinsert()
     finding = verify(midpoint, laws=["energy"], effort=Effort(8, 64, 0, 0)).finding("energy")
     (pytester.path / "pin.toml").write_text(pin("honest", [finding]))
     known = laws(pytester, "--scheme", "mine:honest", "--expected", "pin.toml")
@@ -133,7 +130,7 @@ def test_an_error_fails_claimed_or_not(pytester: pytest.Pytester) -> None:
 
 def test_schemes_can_be_named_in_the_configuration(pytester: pytest.Pytester) -> None:
     pytester.makeini("[pytest]\nsepv_schemes =\n    mine:honest\n    euler-heun\n")
-    result = laws(pytester, "-k", "identity")
+    result = laws(pytester, k="identity")
     result.assert_outcomes(passed=1, skipped=1, deselected=2 * (len(LAWS) - 1))
 
 
@@ -147,8 +144,8 @@ def test_two_lines_in_a_test_file_do_as_well(pytester: pytest.Pytester) -> None:
 
 
 def test_it_works_with_xdist_and_junitxml(pytester: pytest.Pytester) -> None:
-    few = ("-k", "(test_casimir or identity) and not drift")
-    result = laws(pytester, *few, "--scheme", "mine:honest", "-n", "1", "--junitxml", "out.xml", alone=True)
+    few = "(test_casimir or identity) and not drift"
+    result = laws(pytester, "--scheme", "mine:honest", "-n", "1", "--junitxml", "out.xml", k=few, alone=True)
     result.assert_outcomes(passed=2)
     assert 'tests="2"' in (pytester.path / "out.xml").read_text()
     result.stdout.fnmatch_lines(["*laws (+ claimed)*", "  casimir * holds +"])
@@ -169,7 +166,14 @@ def test_a_wrong_seed_is_a_usage_error(pytester: pytest.Pytester) -> None:
 def test_a_third_party_package_runs_the_laws_from_an_installed_wheel(tmp_path: Path) -> None:
     """A little package with a scheme of its own, beside sepv, built as a wheel and installed in a folder."""
     site, source = tmp_path / "site", tmp_path / "source"
-    copy_source(source)
+    # What a wheel is built from, without build folders of this checkout.
+    source.mkdir()
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, source / name)
+    for name in ("sepv", "properties", "reference"):
+        shutil.copytree(
+            ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info")
+        )
     (site / "littlescheme").mkdir(parents=True)
     (site / "littlescheme" / "__init__.py").write_text(MINE)
     # pip builds a wheel and installs it.
@@ -185,28 +189,12 @@ def test_a_third_party_package_runs_the_laws_from_an_installed_wheel(tmp_path: P
         f"assert sepv.properties.__file__.startswith({str(site)!r}), sepv.properties.__file__\n"
         "sys.exit(pytest.main(sys.argv[1:]))\n"
     )
+    asked = ("-k", "(test_casimir or test_energy) and not casimir_drift", "--scheme", "littlescheme:honest")
     done = subprocess.run(
-        [sys.executable, "-c", code, *DOOR, "--pyargs", "sepv.properties",
-         "-k", "(test_casimir or test_energy) and not casimir_drift", "--scheme", "littlescheme:honest"],
-        cwd=tmp_path,
+        [sys.executable, "-c", code, *DOOR, "--pyargs", "sepv.properties", *asked],
         # Plugins of other libraries take a second to load.
-        env=os.environ | {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"},
-        capture_output=True,
-        text=True,
-        check=False,
+        cwd=tmp_path, env=os.environ | {"PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"},
+        capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
     assert "1 passed, 2 skipped" in done.stdout
-
-
-def copy_source(target: Path) -> None:
-    """What a wheel is built from, without build folders of this checkout."""
-    import shutil
-
-    target.mkdir()
-    for name in ("pyproject.toml", "README.md", "LICENSE"):
-        shutil.copy(ROOT / name, target / name)
-    for name in ("sepv", "properties", "reference"):
-        shutil.copytree(
-            ROOT / name, target / name, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info")
-        )

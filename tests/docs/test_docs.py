@@ -52,7 +52,7 @@ ELSEWHERE = {
     "clusters": "test_cluster_docs.py",
     "protocol": "test_examples.py",
     "vectors": "test_vectors.py",
-    "deviations": "test_peers.py",
+    "deviations": "test_compliance.py",
     "integrators": "test_integrators.py",
     "trend": "test_versions.py",
     "profiles": "test_profiles.py",

@@ -114,9 +114,8 @@ def test_a_solution_that_blows_up_is_followed_to_there(sign: int, start: float) 
     t = sign * np.array([0.5, 0.99]) / start
     # A relative error at t is multiplied by (1/y0)/(1/y0 − t), 100 in the end; the roundings of up to 231 panels, an
     # eps each, are a walk: √231, and twice that.
-    assert solve_dense(f, y0, t[-1], 20)(t)[0] == pytest.approx(
-        sign * start / np.array([0.5, 0.01]), rel=100 * 30 * EPS, abs=0
-    )
+    ends = sign * start / np.array([0.5, 0.01])
+    assert solve_dense(f, y0, t[-1], 20)(t)[0] == pytest.approx(ends, rel=100 * 30 * EPS, abs=0)
     with pytest.raises(FlowFailure, match=r"^The exact flow was followed to") as error:
         solve_dense(f, y0, 1.5 * sign / start, 20)
     # A rounding of y moves the end by no more than eps. Panels take a quarter of the way to it and more (20 terms then
@@ -126,9 +125,9 @@ def test_a_solution_that_blows_up_is_followed_to_there(sign: int, start: float) 
 
 def test_a_field_that_overflows_is_no_warning() -> None:
     """y′ = exp y from 0: y = −log(1 − t)."""
-    assert solve_dense(np.exp, np.zeros(1), 0.5, 20)(np.array([0.5]))[0] == pytest.approx(
-        np.log(2), rel=16 * EPS, abs=0
-    )  # three panels of some roundings, times the condition exp y = 2
+    end = solve_dense(np.exp, np.zeros(1), 0.5, 20)(np.array([0.5]))[0]
+    # Three panels of some roundings, times the condition exp y = 2.
+    assert end == pytest.approx(np.log(2), rel=16 * EPS, abs=0)
     with pytest.raises(FlowFailure) as error:
         solve_dense(np.exp, np.zeros(1), 3.0, 20)
     assert reached(error) == pytest.approx(1.0, rel=8e-13, abs=0)  # as above

@@ -41,14 +41,10 @@ def ends(method: Method, problem: Problem) -> Array:
 @pytest.mark.parametrize(
     ("library", "driven", "stepped"),
     [
-        ("diffrax", "heun", "heun"),
-        ("diffrax", "heun-vmap", "heun"),
-        ("diffrax", "euler-heun", "euler-heun"),
-        ("torchsde", "heun", "heun"),
-        ("torchsde", "midpoint", "midpoint"),
-        ("sdeint", "heun", "strat-heun"),
+        ("diffrax", "heun", "heun"), ("diffrax", "heun-vmap", "heun"), ("diffrax", "euler-heun", "euler-heun"),
+        ("torchsde", "heun", "heun"), ("torchsde", "midpoint", "midpoint"), ("sdeint", "heun", "strat-heun"),
     ],
-)
+)  # fmt: skip
 def test_a_driver_makes_the_steps_that_the_library_makes_one_by_one(
     library: str, driven: str, stepped: str, name: str
 ) -> None:

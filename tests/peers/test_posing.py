@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from doors import doc
 
 import sepv
 from sepv.peers.posing import field_in, pose
@@ -19,7 +20,7 @@ from sepv.schemes._guard import SchemeCrash
 from sepv.verification import Verdict
 
 NAMES = ["rigid-body", "pendulum", "lotka-volterra", "harmonic-oscillator"]
-ADAPTING = (Path(__file__).resolve().parents[2] / "docs" / "adapting.md").read_text(encoding="utf-8")
+ADAPTING = doc("adapting.md")
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -30,29 +31,24 @@ def test_a_named_problem_is_posed_in_a_namespace(name: str, lanes: tuple[int, ..
     y = start if not lanes else start[:, None] * np.array([1.0, 1.1, 0.7])
     formulas, numbers = pose(problem)
     close = {"rtol": 1e-14, "atol": 1e-15}
-    np.testing.assert_allclose(formulas.structure(np, numbers, y), problem.structure(y), **close)
-    np.testing.assert_allclose(formulas.gradient(np, numbers, y), problem.gradient(y), **close)
-    np.testing.assert_allclose(formulas.hamiltonian(np, numbers, y), problem.hamiltonian(y), **close)
+    for part in ("structure", "gradient", "hamiltonian"):
+        np.testing.assert_allclose(
+            getattr(formulas, part)(np, numbers, y), getattr(problem, part)(y), **close
+        )
     np.testing.assert_allclose(field_in(np, name)(y), vector_field(problem, y), **close)
 
 
 def test_a_polynomial_problem_has_its_structure_gradient_and_energy() -> None:
     problem = sepv.problems.commuting_rotations()
-    single = sepv.problems.polynomial_problem(
-        sepv.problems.from_json(
-            {
-                "dimension": 3,
-                "hamiltonian": [[[2, 0, 0], "0x1p-1"], [[0, 3, 1], "0x1p+0"]],
-                "structure": [[0, 1, [[[0, 0, 1], "0x1p+0"]]], [1, 2, [[[1, 0, 0], "0x1p+0"]]]],
-            }
-        )
-    )
+    H, B = [[[2, 0, 0], 0.5], [[0, 3, 1], 1.0]], [[0, 1, [[[0, 0, 1], 1.0]]], [1, 2, [[[1, 0, 0], 1.0]]]]
+    data = sepv.problems.from_json({"dimension": 3, "hamiltonian": H, "structure": B})
+    single = sepv.problems.build(data)
     y = np.array([[0.5, 1.0], [0.25, -1.0], [2.0, 0.5]])
     for padded in (True, False):
         formulas, numbers = pose(single, padded=padded)
-        np.testing.assert_allclose(formulas.structure(np, numbers, y), single.structure(y), rtol=1e-15)
-        np.testing.assert_allclose(formulas.gradient(np, numbers, y), single.gradient(y), rtol=1e-15)
-        np.testing.assert_allclose(formulas.hamiltonian(np, numbers, y), single.hamiltonian(y), rtol=1e-15)
+        for part in ("structure", "gradient", "hamiltonian"):
+            posed = getattr(formulas, part)(np, numbers, y)
+            np.testing.assert_allclose(posed, getattr(single, part)(y), rtol=1e-15)
     with pytest.raises(sepv.Skipped, match="polynomial_problem"):
         pose(problem)  # one structure for each noise
 
@@ -105,25 +101,34 @@ def verified(folder: Path, module: str, laws: str) -> subprocess.CompletedProces
     )  # fmt: skip
 
 
-def test_a_compiled_step_of_jax_goes_from_refused_to_green(tmp_path: Path) -> None:
-    body = program("jax")
-    (tmp_path / "single.py").write_text(body.replace('jax.config.update("jax_enable_x64", True)', ""))
-    (tmp_path / "mine_jax.py").write_text(body)
+@pytest.mark.parametrize(
+    ("library", "double", "single", "words", "laws"),
+    [
+        (
+            "jax",
+            'jax.config.update("jax_enable_x64", True)',
+            "",
+            "jax_enable_x64",
+            "contract,casimir,symmetry",
+        ),
+        (
+            "torch",
+            "torch.as_tensor(y)",
+            "torch.as_tensor(y).float()",
+            "torch",
+            "contract,noise-sum,expansion",
+        ),
+    ],
+)
+def test_a_step_of_another_library_goes_from_refused_to_green(
+    library: str, double: str, single: str, words: str, laws: str, tmp_path: Path
+) -> None:
+    body = program(library)
+    (tmp_path / "single.py").write_text(body.replace(double, single))
+    (tmp_path / f"mine_{library}.py").write_text(body)
     refused = verified(tmp_path, "single", "contract")
     assert refused.returncode == 1
-    assert "jax_enable_x64" in refused.stdout
-    green = verified(tmp_path, "mine_jax", "contract,casimir,symmetry")
-    assert green.returncode == 0, green.stdout
-    assert "All 3 claimed laws hold" in green.stdout
-
-
-def test_a_step_of_torch_goes_from_refused_to_green(tmp_path: Path) -> None:
-    body = program("torch")
-    (tmp_path / "single.py").write_text(body.replace("torch.as_tensor(y)", "torch.as_tensor(y).float()"))
-    (tmp_path / "mine_torch.py").write_text(body)
-    refused = verified(tmp_path, "single", "contract")
-    assert refused.returncode == 1
-    assert "torch" in refused.stdout
-    green = verified(tmp_path, "mine_torch", "contract,noise-sum,expansion")
+    assert words in refused.stdout
+    green = verified(tmp_path, f"mine_{library}", laws)
     assert green.returncode == 0, green.stdout
     assert "All 3 claimed laws hold" in green.stdout

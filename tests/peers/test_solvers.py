@@ -24,6 +24,7 @@ from sepv.simulate import _areas as areas
 from sepv.verification import Effort
 
 LIBRARIES = ("diffrax", "torchsde", "sdeint")
+LOCAL = ("local-mean", "local-mean-square", "local-weak")
 
 
 def solver(library: str, name: str) -> Solver:
@@ -89,10 +90,8 @@ def test_limits_are_told_apart(library: str) -> None:
         assert measurements.limit_of(measurements._limit(asked, "one")) == expected
         assert measurements.limit_of(measurements._limit(asked, "additive")) == "both"
     if library == "torchsde":  # ½ΔW²(∂g/∂y)ᵀg, see docs/peers
-        assert (
-            measurements.limit_of(measurements._limit(solver(library, "milstein, Stratonovich"), "one"))
-            == "neither"
-        )
+        asked = solver(library, "milstein, Stratonovich")
+        assert measurements.limit_of(measurements._limit(asked, "one")) == "neither"
 
 
 @pytest.mark.parametrize("library", LIBRARIES)
@@ -113,9 +112,7 @@ def test_a_step_is_its_library_s_own_run(library: str) -> None:
 
 
 def _found(solver: Solver, **changes: object) -> dict[tuple[str, str], object]:
-    local = {
-        law: {"slope": s} for law, s in (("local-mean", 2.0), ("local-mean-square", 1.5), ("local-weak", 2.0))
-    }
+    local = {law: {"slope": s} for law, s in zip(LOCAL, (2.0, 1.5, 2.0), strict=True)}
     given: dict[str, object] = {
         "one step": local, "limit": {"share": 1.0, "left": 0.0}, "casimir": "violated", "poisson-map": "violated",
         "paths": {"order": (1.0, 0.9, 1.1), "failed": 0}, **changes,
@@ -128,10 +125,8 @@ def test_a_line_says_where_less_was_measured_than_documented() -> None:
     good = solvers.line(asked, "one", _found(asked))
     assert good.short == ()
     assert good.cells[2:9] == ("1", "1.00", "1.00 [0.90, 1.10]", "1", "1.00", "Stratonovich", "Stratonovich")
-    slow = {"local-mean": {"slope": 1.5}, "local-mean-square": {"slope": 1.5}, "local-weak": {"slope": 1.5}}
-    bad = solvers.line(
-        asked, "one", _found(asked, **{"one step": slow, "limit": {"share": 0.0, "left": 0.0}})
-    )
+    slow, away = {law: {"slope": 1.5} for law in LOCAL}, {"share": 0.0, "left": 0.0}
+    bad = solvers.line(asked, "one", _found(asked, **{"one step": slow, "limit": away}))
     assert len(bad.short) == 3
     handed_on = replace(asked, path=lambda _: lambda *_: None)  # type: ignore[arg-type, return-value]
     late = {"order": (0.5, 0.4, 0.6), "failed": 2}

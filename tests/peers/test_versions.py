@@ -34,21 +34,15 @@ def law(verdict: str, claimed: bool = True) -> dict[str, Any]:
 
 def record(version: str, limit: str = "holds", date: str = "2026-01-01", **changes: Any) -> dict[str, Any]:
     made: dict[str, Any] = {
-        "format": 1,
-        "library": "sdeint",
-        "version": version,
-        "date": date,
+        "format": 1, "library": "sdeint", "version": version, "date": date, "absent": [],
         "suite": {
             "version": "0.1.0", "laws_version": 1, "laws": ["right-limit"], "seed": 0, "examples": 12, "paths": 64,
         },
         "environment": {"python": "3.11.7", "machine": "x86_64", "packages": {"numpy": "2.0", "sdeint": version}},
-        "absent": [],
-        "solvers": [
-            {
-                "name": "heun", "source": "its manual", "mean_square_order": 1.0, "weak_order": None,
-                "laws": {"right-limit": law(limit), "identity": law("violated", claimed=False)},
-            }
-        ],
+        "solvers": [{
+            "name": "heun", "source": "its manual", "mean_square_order": 1.0, "weak_order": None,
+            "laws": {"right-limit": law(limit), "identity": law("violated", claimed=False)},
+        }],
         "scripts": [{"name": "s.py", "title": "sdeint heun: no", "deviates": limit == "violated", "output": "x"}],
     }  # fmt: skip
     return {**made, **changes}
@@ -87,9 +81,8 @@ def test_what_is_no_record_is_refused(tmp_path: Path) -> None:
 
 def test_versions_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
     names = ["0.10.0", "0.2.4", "0.9.0rc1", "0.9.0"]
-    assert [r.version for r in written(tmp_path, *map(record, names))] == [
-        "0.2.4", "0.9.0rc1", "0.9.0", "0.10.0",
-    ]  # fmt: skip
+    ordered = [r.version for r in written(tmp_path, *map(record, names))]
+    assert ordered == ["0.2.4", "0.9.0rc1", "0.9.0", "0.10.0"]
 
 
 def test_a_changed_verdict_is_named_with_its_version_and_with_what_else_changed(tmp_path: Path) -> None:
@@ -176,9 +169,7 @@ def test_a_version_that_cannot_be_installed_is_said_so_without_an_address(
 ) -> None:
     """A program in uv's place that fails as uv does where it has no index, and prints an address."""
     uv = tmp_path / "uv"
-    uv.write_text(
-        "#!/bin/sh\necho 'error: no solution found: https://index.example/simple/sdeint/' >&2\nexit 1\n"
-    )
+    uv.write_text("#!/bin/sh\necho 'error: no solution found: https://index.example/sdeint/' >&2\nexit 1\n")
     uv.chmod(0o755)
     monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
     done = CliRunner().invoke(releases, ["sdeint", "0.0.1", "--results", str(tmp_path / "r")])
@@ -210,8 +201,7 @@ def test_a_library_that_is_installed_here_is_recorded_as_the_schema_says(
     (loaded,) = history.load(tmp_path)["sdeint"]
     assert (path.stem, loaded.version) == (sdeint.__version__, sdeint.__version__)
     entry = loaded.solvers["stratHeun"]
-    assert {name: said["verdict"] for name, said in entry["laws"].items()} == {
-        "identity": "violated", "noise-sum": "holds", "local-mean": "holds",
-    }  # fmt: skip
+    seen = {name: said["verdict"] for name, said in entry["laws"].items()}
+    assert seen == {"identity": "violated", "noise-sum": "holds", "local-mean": "holds"}
     assert trend.broken(entry) == {}  # identity is not claimed
     assert "numpy" in loaded.data["environment"]["packages"]

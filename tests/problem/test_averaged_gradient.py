@@ -7,16 +7,11 @@ from dataclasses import replace
 import mpmath
 import numpy as np
 import pytest
+from drawn import by_hand
 
 from sepv import problems
 from sepv.problem import PolynomialSystem, Problem, average_gradient, average_hessian
-from sepv.problem._averaged_gradient import (
-    FEW,
-    _adaptive,
-    _quadratures,
-    _size,
-    gauss_legendre,
-)
+from sepv.problem._averaged_gradient import FEW, _adaptive, _quadratures, _size, gauss_legendre
 from sepv.record import _polynomial as poly
 
 EPS = 2.0**-52
@@ -98,8 +93,7 @@ def test_the_ladder_climbs_as_far_as_a_lane_needs_and_counts_its_rungs() -> None
     assert set(found.evaluations.tolist()) <= set(rungs)
     climbed = [rungs[n] for n in found.evaluations.tolist()]
     assert climbed == sorted(climbed)
-    assert climbed[0] == 2
-    assert climbed[-1] == 6
+    assert (climbed[0], climbed[-1]) == (2, 6)
     assert len(set(climbed)) >= 4
     assert found.reliable.tolist() == [True, True, True, True, False]
     exact = np.log1p(1 / y0[1])
@@ -124,9 +118,7 @@ def test_rules_that_differ_by_the_rounding_of_their_argument_agree_and_a_kink_do
 
     The first lane agrees at once, the second by that allowance alone, the third not at all.
     """
-    problem = Problem(
-        dimension=2,
-        structure=lambda y: np.array([[0 * y[0], -1 + 0 * y[0]], [1 + 0 * y[0], 0 * y[0]]]),
+    problem = by_hand(
         hamiltonian=lambda y: -np.cos(y[0]) + np.abs(y[1]),
         gradient=lambda y: np.stack([np.sin(y[0]), np.sign(y[1])]),
         hessian=lambda y: np.array([[np.cos(y[0]), 0 * y[0]], [0 * y[0], 0 * y[0]]]),

@@ -20,16 +20,9 @@ EPS = 2.0**-52
 
 def bare(given: sepv.Problem, **changes) -> sepv.Problem:
     """The same problem by B, H and noise alone."""
-    parts = {
-        "dimension": given.dimension,
-        "structure": given.structure,
-        "hamiltonian": given.hamiltonian,
-        "noise": given.noise,
-        "initial": given.initial,
-        "domain": given.domain,
-        "name": "bare",
-    }
-    return sepv.Problem(**parts | changes)
+    kept = ("dimension", "structure", "hamiltonian", "noise", "initial", "domain")
+    parts = {key: getattr(given, key) for key in kept}
+    return sepv.Problem(**parts | {"name": "bare"} | changes)
 
 
 @pytest.mark.parametrize(
@@ -77,10 +70,9 @@ def test_means_of_exponentials_overflow_where_they_do_themselves() -> None:
 def test_a_derived_function_of_one_state_divides_by_zero_as_arrays_do() -> None:
     centre = problems.kepler()
     with np.errstate(all="ignore"):
-        assert not np.isfinite(centre.gradient(np.zeros(4))).all()
-        assert np.array_equal(
-            centre.gradient(np.zeros(4)), centre.gradient(np.zeros((4, 2)))[:, 1], equal_nan=True
-        )
+        one, batch = centre.gradient(np.zeros(4)), centre.gradient(np.zeros((4, 2)))
+    assert not np.isfinite(one).all()
+    assert np.array_equal(one, batch[:, 1], equal_nan=True)
 
 
 @pytest.mark.parametrize("name", ["harmonic-oscillator", "rigid-body", "pendulum", "lotka-volterra"])
@@ -100,24 +92,18 @@ def test_flows_of_parts_solve_their_equations(name) -> None:
 
 
 def test_a_part_whose_flow_no_rule_knows_says_so() -> None:
-    given = problems.pendulum()
-    coupled = PartFlow(2, given.structure, lambda y: y[0] * y[0] * y[1])
-    with pytest.raises(NoClosedForm, match="linear"):
-        coupled(np.ones(2), np.array(0.1))
-    hyperbolic = PartFlow(2, given.structure, lambda y: 0.5 * (y[0] * y[0] - y[1] * y[1]))
-    with pytest.raises(NoClosedForm, match="neither"):
-        hyperbolic(np.ones(2), np.array(0.1))
+    for part, words in (
+        (lambda y: y[0] ** 2 * y[1], "linear"),
+        (lambda y: 0.5 * (y[0] ** 2 - y[1] ** 2), "neither"),
+    ):
+        with pytest.raises(NoClosedForm, match=words):
+            PartFlow(2, problems.pendulum().structure, part)(np.ones(2), np.array(0.1))
 
 
 def test_a_problem_of_b_and_h_keeps_its_energy() -> None:
     """H with an exponential, which no rule of fixed size averages exactly."""
-    morse = sepv.Problem(
-        dimension=2,
-        structure=problems.pendulum().structure,
-        hamiltonian=lambda y: 0.5 * y[0] ** 2 + np.exp(-2 * y[1]) - 2 * np.exp(-y[1]),
-        initial=(0.5, 0.2),
-        noise=(0.3, 0.2),
-    )
+    H = lambda y: 0.5 * y[0] ** 2 + np.exp(-2 * y[1]) - 2 * np.exp(-y[1])  # noqa: E731
+    morse = sepv.Problem(2, problems.pendulum().structure, H, initial=(0.5, 0.2), noise=(0.3, 0.2))
     assert morse.mean_gradient is not None
     path = sepv.integrate("energy-preserving", morse, h=1 / 32, T=4.0, seed=1)
     # 128 steps; a step rounds energies of size 3 some ten times.

@@ -36,8 +36,7 @@ from sepv.problem._fields import matvec
 from sepv.problem._hamiltonians import bracket, combined_field, noise_field, noise_slope
 from sepv.problem._structures import each_noise
 from sepv.problems._polynomial_system import drift_of_energy
-from sepv.schemes import Orders, Scheme, ask
-from sepv.schemes._further_increments import as_matrix, as_rows, rows_of_any_path
+from sepv.schemes import Orders, Scheme
 from sepv.schemes._order_claims import order_of
 from sepv.schemes._scheme import as_lanes
 from sepv.simulate import _areas as areas
@@ -46,7 +45,6 @@ from sepv.verification._cases import case as cases
 from sepv.verification._cases.case import from_token, to_token
 from sepv.verification._cases.shrink import shrunk
 from sepv.verification._contraction import contraction_ball
-from sepv.verification._orders.gaussian import rule_for
 from sepv.verification._orders.local_errors import local_errors
 from sepv.verification._orders.local_moments import exponents
 
@@ -87,10 +85,11 @@ def test_the_kind_of_noise_is_told_by_brackets() -> None:
 def test_what_is_derived_is_what_was_given() -> None:
     given_ = problems.random_inertia()
     assert isinstance(given_, HamiltoniansProblem)
+    H = lambda y: (y[0] ** 2 / 0.345 + y[1] ** 2 / 0.653 + y[2] ** 2) / 2  # noqa: E731
+    parts = (lambda y: y[0] ** 2 / 2, lambda y: y[1] ** 2)
     derived = HamiltoniansProblem(
-        3, given_.structure, lambda y: (y[0] ** 2 / 0.345 + y[1] ** 2 / 0.653 + y[2] ** 2) / 2, noise=given_.c,
-        noise_hamiltonians=(lambda y: y[0] ** 2 / 2, lambda y: y[1] ** 2), initial=given_.initial,
-    )  # fmt: skip
+        3, given_.structure, H, noise=given_.c, noise_hamiltonians=parts, initial=given_.initial
+    )
     y = np.array([0.3, -0.7, 1.1])
     assert np.allclose(ito_drift(derived, y), ito_drift(given_, y), rtol=1e-14)
     assert np.allclose(bracket(derived, 0, 1, y), bracket(given_, 0, 1, y), rtol=1e-14)
@@ -142,16 +141,12 @@ def test_systems_travel_as_json_and_tokens_and_shrink() -> None:
 
 def test_records_say_what_is_missing() -> None:
     body = problems.rigid_body()
+    parts = (3, body.structure, body.hamiltonian, body.gradient)
+    pushed: dict[str, Any] = {"noise_hamiltonians": (lambda y: y[0],), "initial": body.initial}
     with pytest.raises(ProblemError, match="2 noise_hamiltonians"):
-        HamiltoniansProblem(
-            3, body.structure, body.hamiltonian, body.gradient, noise=(1.0, 1.0),
-            noise_hamiltonians=(lambda y: y[0],), initial=body.initial,
-        )  # fmt: skip
+        HamiltoniansProblem(*parts, noise=(1.0, 1.0), **pushed)
     with pytest.raises(ProblemError, match="gradient to be that of hamiltonian"):
-        HamiltoniansProblem(
-            3, body.structure, body.hamiltonian, body.gradient, noise=(1.0,), noise_hamiltonians=(lambda y: y[0],),
-            noise_gradients=(lambda y: 0 * y,), initial=body.initial,
-        )  # fmt: skip
+        HamiltoniansProblem(*parts, noise=(1.0,), noise_gradients=(lambda y: 0 * y,), **pushed)
     with pytest.raises(UsageError, match="no such step"):
         problems.two_spins().random_step(0.1, np.zeros(2))
     with pytest.raises(UsageError, match="areas"):
@@ -167,71 +162,6 @@ def test_orders_are_floats_that_know_more() -> None:
     assert order_of(None, "general", 0.5) == 0.5
     with pytest.raises(UsageError, match="weaker"):
         Orders(1.0, commutative=0.5)
-
-
-# Areas.
-
-
-def test_areas_have_the_moments_of_levys() -> None:
-    """Each mean of M samples is within 6 standard errors: seven statements, false alarm below 1e-8."""
-    M = 20000
-    path = areas.drawn(1, T=1.0, steps=16, noises=3, paths=M)
-    whole = path.coarse(1)
-    A, W = whole.areas[0], whole.dW[0]
-
-    def near(samples: Array, expected: float) -> bool:
-        return abs(samples.mean() - expected) < 6 * samples.std() / np.sqrt(M)
-
-    assert near(A[0], 0.0)
-    assert near(A[0] ** 2, 1 / 4)
-    # E[A² | ΔW] = 1/12 + (ΔW_1² + ΔW_2²)/12, against a function of ΔW that is not constant.
-    g = W[0] ** 2
-    assert near(g * (A[0] ** 2 - 1 / 12 - (W[0] ** 2 + W[1] ** 2) / 12), 0.0)
-    assert near(A[0] * W[2], 0.0)
-    assert near(A[0] * A[1], 0.0)
-    # A_12 and A_13 given ΔW: ΔW_2 ΔW_3/12.
-    assert near(A[0] * A[1] * W[1] * W[2] - (W[1] * W[2]) ** 2 / 12, 0.0)
-    # P. Lévy: E A⁴ = 5/16.
-    assert near(A[0] ** 4, 5 / 16)
-
-
-def test_areas_add_up_by_chens_relation() -> None:
-    path = areas.drawn(2, T=1.0, steps=24, noises=3, paths=3)
-    assert np.allclose(path.coarse(6).coarse(2).areas, path.coarse(2).areas, atol=1e-14)
-    a, b = path.coarse(2).dW
-    before, after = path.coarse(2).areas
-    joined = before + after + 0.5 * np.stack([a[i] * b[j] - a[j] * b[i] for i, j in ((0, 1), (0, 2), (1, 2))])
-    assert np.allclose(path.coarse(1).areas[0], joined, atol=1e-14)
-    halves = path.rows(3, "halves")
-    assert np.allclose(halves[:, 3:], path.coarse(6).dW[::2])
-    with pytest.raises(UsageError, match="finer"):
-        path.rows(24, "halves")
-
-
-def test_the_rule_for_areas_has_their_second_moments() -> None:
-    problem = problems.random_inertia()
-    nodes = rule_for(schemes.area_midpoint, problem, 0.25, 4)
-    assert nodes.areas is not None
-    w, (A,), (x, _) = nodes.weights, nodes.areas, nodes.xi
-    assert w.sum() == pytest.approx(1)
-    assert w @ A == pytest.approx(0, abs=1e-14)
-    assert w @ A**2 == pytest.approx(1 / 4)
-    assert w @ (x * x * A**2) == pytest.approx(1 / 12 + (3 + 1) / 12)
-    assert w @ (x * A) == pytest.approx(0, abs=1e-14)
-    # A = √h · row.
-    assert np.allclose(nodes.zeta[2], 0.5 * A)
-
-
-def test_what_a_step_asks_for_reverses_with_the_path_and_moves_with_the_noises() -> None:
-    dW = np.array([0.3, -0.2, 0.5])
-    A = as_matrix(rows_of_any_path("areas", 0.25, dW), 3)
-    back = as_matrix(rows_of_any_path("areas", -0.25, -dW), 3)
-    assert np.array_equal(back, -A)
-    order = [2, 0, 1]
-    assert np.allclose(as_matrix(rows_of_any_path("areas", 0.25, dW[order]), 3), A[np.ix_(order, order)])
-    assert np.array_equal(as_matrix(as_rows(A), 3), A)
-    first = rows_of_any_path("halves", 0.25, dW)
-    assert np.allclose(rows_of_any_path("halves", -0.25, -dW), -(dW - first))
 
 
 # References.
@@ -304,9 +234,8 @@ def test_schemes_of_the_class_keep_what_they_claim(name: str, laws: str) -> None
 
 
 def test_laws_about_h_say_that_it_is_not_kept() -> None:
-    report = sepv.verify(
-        "stochastic-midpoint", laws="energy,rounding,midpoint,reference,random-step", effort=QUICK
-    )
+    laws = "energy,rounding,midpoint,reference,random-step"
+    report = sepv.verify("stochastic-midpoint", laws=laws, effort=QUICK)
     assert {f.verdict for f in report.findings} == {Verdict.NOT_APPLICABLE}
     assert "does not keep H_0" in report.finding("energy").message
 
@@ -323,10 +252,8 @@ def test_random_species_stay_positive_or_not() -> None:
         parts = np.concatenate([[h], problem.c * dW])[:, None]
         return y + combined_field(problem, y[:, None], parts)[:, 0]
 
-    found = sepv.verify(
-        Scheme("euler", euler, systems=Systems.HAMILTONIANS), laws=["positivity"], effort=QUICK
-    )
-    finding = found.finding("positivity")
+    own = Scheme("euler", euler, systems=Systems.HAMILTONIANS)
+    finding = sepv.verify(own, laws=["positivity"], effort=QUICK).finding("positivity")
     assert finding.verdict is Verdict.VIOLATED
     assert "random-lotka-volterra: beta" in finding.message
     assert finding.witness is not None
@@ -391,16 +318,15 @@ def test_default_problems_show_errors_that_symmetric_ones_hide(
 def test_schemes_refuse_what_they_do_not_take() -> None:
     body, spins = problems.random_inertia(), problems.two_spins()
     y, none = np.asarray(spins.initial), np.zeros(2)
-    with pytest.raises(Skipped, match="noise_flows"):
-        schemes.stochastic_splitting.step(spins, y, 0.1, none)
-    with pytest.raises(Skipped, match="not additive"):
-        schemes.drift_preserving.step(spins, y, 0.1, none, none)
-    with pytest.raises(Skipped, match="b_ij y_i y_j"):
-        schemes.darboux_lie.step(body, np.asarray(body.initial), 0.1, none)
-    with pytest.raises(Skipped, match="so"):
-        schemes.isospectral_midpoint.step(problems.random_lotka_volterra(), np.ones(3), 0.1, np.zeros(3))
-    with pytest.raises(Skipped, match="several structures"):
-        schemes.stochastic_midpoint.step(problems.noncommuting_tops(), np.ones(3), 0.1, none)
+    for scheme, problem, state, noise, words in (
+        (schemes.stochastic_splitting, spins, y, [none], "noise_flows"),
+        (schemes.drift_preserving, spins, y, [none, none], "not additive"),
+        (schemes.darboux_lie, body, np.asarray(body.initial), [none], "b_ij y_i y_j"),
+        (schemes.isospectral_midpoint, problems.random_lotka_volterra(), np.ones(3), [np.zeros(3)], "so"),
+        (schemes.stochastic_midpoint, problems.noncommuting_tops(), np.ones(3), [none], "several structures"),
+    ):
+        with pytest.raises(Skipped, match=words):
+            scheme.step(problem, state, 0.1, *noise)
 
 
 def test_the_midpoint_rule_of_one_hamiltonian_is_the_midpoint_rule() -> None:
@@ -427,28 +353,6 @@ def test_balls_bound_all_hamiltonians(system: PolynomialSystem) -> None:
     radius, r = contraction_ball(problem, y)
     for j in range(problem.noises):
         assert radius * np.max(np.abs(noise_field(problem, j, y))) <= r
-
-
-def test_the_contract_holds_with_and_without_areas() -> None:
-    problem = problems.random_inertia()
-    y, dW = np.asarray(problem.initial), np.array([0.1, -0.2])
-    scheme = schemes.area_midpoint
-    without, with_rows = ask(scheme, problem, y, 0.1, dW), ask(scheme, problem, y, 0.1, np.append(dW, 0.0))
-    assert without.shape == with_rows.shape == (3,)
-    # No area is the midpoint rule; some is not.
-    assert np.allclose(with_rows, schemes.stochastic_midpoint.step(problem, y, 0.1, dW), atol=1e-15)
-    assert np.max(np.abs(without - with_rows)) > 1e-5
-
-
-def test_areas_are_drawn_with_their_law_or_not_at_all() -> None:
-    path = sepv.integrate("area-midpoint", "random-inertia", h=0.125, T=1.0, seed=3)
-    assert path.dW.shape == (8, 3)
-    again = sepv.integrate("area-midpoint", "random-inertia", h=0.125, T=1.0, dW=path.dW)
-    assert np.array_equal(path.y, again.y)
-    with pytest.raises(UsageError, match=r"dW of shape \(8, 3\)"):
-        sepv.integrate("area-midpoint", "random-inertia", h=0.125, T=1.0, dW=path.dW[:, :2])
-    with pytest.raises(UsageError, match="asks for halves"):
-        sepv.ensemble("drift-preserving", "noisy-henon-heiles", h=0.125, T=1.0, paths=3)
 
 
 @pytest.mark.parametrize("name", ["energy-preserving", "several-structures", "euler-heun", "modified-weak-2"])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from drawn import J
 
 from sepv import problems
 from sepv.errors import UsageError
@@ -80,13 +81,9 @@ def _system(*terms: tuple[tuple[int, int], float], sign: float = 1.0) -> Problem
         (_system(((2, 0), 1.0), ((0, 2), 0.5), ((1, 1), 1.0)), "p alone"),
         (_system(((2, 0), 1.0), ((0, 4), 0.5)), "p alone"),
         (_system(((2, 0), 1.0), ((0, 2), -0.5)), "positive definite"),
-        (
-            Problem(2, lambda y: np.array([[0 * y[0], 1 + 0 * y[0]], [-1 + 0 * y[0], 0 * y[0]]]),
-                    lambda y: y[0] ** 2 + y[1] ** 2 * (1 + y[0] ** 2)),
-            "∇H",
-        ),
+        (Problem(2, lambda y: -J(y), lambda y: y[0] ** 2 + y[1] ** 2 * (1 + y[0] ** 2)), "∇H"),
     ],
-)  # fmt: skip
+)
 def test_what_is_not_mechanical_is_refused_with_the_reason(problem: Problem, said: str) -> None:
     with pytest.raises(UsageError, match="a mechanical problem") as refused:
         mechanics(problem)

@@ -125,27 +125,20 @@ def test_ensembles_take_several_structures() -> None:
 
 def test_wrong_structures_are_refused() -> None:
     drift = problems.rigid_body()
-    keys = {
-        "dimension": 3,
-        "structure": drift.structure,
-        "hamiltonian": drift.hamiltonian,
-        "gradient": drift.gradient,
-    }
-
-    def symmetric(y: np.ndarray) -> np.ndarray:
-        return np.zeros((3, 3, *y.shape[1:])) + 1.0
+    parts = (3, drift.structure, drift.hamiltonian, drift.gradient)
 
     def other(y: np.ndarray) -> np.ndarray:
         B = np.zeros((3, 3, *y.shape[1:]))
         B[0, 1], B[1, 0] = y[2], -y[2]
         return B
 
-    with pytest.raises(ProblemError, match="skew"):
-        StructuresProblem(**keys, noise=(1.0,), noise_structures=(symmetric,))
-    with pytest.raises(ProblemError, match="one for each coefficient"):
-        StructuresProblem(**keys, noise=(1.0, 2.0), noise_structures=(drift.structure,))
-    with pytest.raises(ProblemError, match="Casimir"):
-        StructuresProblem(**keys, casimirs=drift.casimirs, noise=(1.0,), noise_structures=(other,))
+    for words, noise, structure, casimirs in (
+        ("skew", (1.0,), lambda y: np.zeros((3, 3, *y.shape[1:])) + 1.0, ()),
+        ("one for each coefficient", (1.0, 2.0), drift.structure, ()),
+        ("Casimir", (1.0,), other, drift.casimirs),
+    ):
+        with pytest.raises(ProblemError, match=words):
+            StructuresProblem(*parts, noise=noise, noise_structures=(structure,), casimirs=casimirs)
 
 
 A, b = np.diag([1.0, -0.5, 2.0, 0.25]), np.array([0.125, 0.5, -0.25, 0.0])
@@ -193,10 +186,8 @@ def test_every_casimir_of_either_kind_is_one_of_a_commuting_structure() -> None:
             assert np.allclose(together[:, :, n], matrix, rtol=0, atol=1e3 * EPS * size)
             assert np.array_equal(matrix, -matrix.T)
             assert field.any()
-            assert (
-                np.abs(matrix @ quartic_gradient(at) - field).max()
-                < 1e3 * EPS * size * np.abs(squared(at)).max()
-            )
+            off = np.abs(matrix @ quartic_gradient(at) - field).max()
+            assert off < 1e3 * EPS * size * np.abs(squared(at)).max()
             for slope in [2 * C @ at for C in casimirs] + list(linear):
                 assert np.abs(matrix @ slope).max() < 1e3 * EPS * size * np.abs(slope).max()
 
@@ -205,13 +196,8 @@ def test_structures_of_eight_components_have_the_bits_of_their_states() -> None:
     """From eight on `np.sum` adds the components of a single state in pairs."""
     rng = np.random.default_rng(0)
     M, y = rng.standard_normal((8, 8)), rng.standard_normal((8, 50))
-    S = CommutingStructure(
-        lambda y: np.multiply.outer(M - M.T, np.ones(y.shape[1:])),
-        lambda y: y**3,
-        lambda y: y * y,
-        (M + M.T,),
-        (M[0],),
-    )
+    B = lambda y: np.multiply.outer(M - M.T, np.ones(y.shape[1:]))  # noqa: E731
+    S = CommutingStructure(B, lambda y: y**3, lambda y: y * y, (M + M.T,), (M[0],))
     assert np.array_equal(S(y), np.concatenate([S(y[:, [n]]) for n in range(50)], axis=-1))
 
 
@@ -236,20 +222,20 @@ def test_where_the_drift_rests_the_structure_vanishes() -> None:
     assert not G.majorant(axis).any()
 
 
+def of_actions(H: poly.Polynomial, noise: poly.Polynomial) -> StructuresProblem:
+    problem = problems.build(commuting_actions(H, [noise]))
+    assert isinstance(problem, StructuresProblem)
+    return replace(problem, closed_form=closed_form(H, (1.0,), [poly.gradient(noise)]), check=False)
+
+
 def critical_plane() -> StructuresProblem:
     """H_0 = I_1, H_1 = I_2: the first plane may rest at its critical points while the second turns."""
-    first, second = poly.variable(2, 0), poly.variable(2, 1)
-    problem = problems.build(commuting_actions(first, [second]))
-    assert isinstance(problem, StructuresProblem)
-    return replace(problem, closed_form=closed_form(first, (1.0,), [poly.gradient(second)]), check=False)
+    return of_actions(poly.variable(2, 0), poly.variable(2, 1))
 
 
 def critical_circle() -> StructuresProblem:
     """H_0 = ½(I − 1)² up to a constant, H_1 = I: a circle of radius √2 of critical points, on which the noise turns."""
-    H, I = poly.polynomial(1, {(2,): 0.5, (1,): -1.0}), poly.variable(1, 0)
-    problem = problems.build(commuting_actions(H, [I]))
-    assert isinstance(problem, StructuresProblem)
-    return replace(problem, closed_form=closed_form(H, (1.0,), [poly.gradient(I)]), check=False)
+    return of_actions(poly.polynomial(1, {(2,): 0.5, (1,): -1.0}), poly.variable(1, 0))
 
 
 @settings(max_examples=25)
@@ -275,9 +261,8 @@ def test_an_ensemble_says_of_each_lane_whether_its_structure_is_defined() -> Non
     angle = 2 * np.arctan(0.05)
     turned = np.array([[np.cos(angle)], [np.sin(angle)]])
     assert np.abs(solution.value[2:, 1:] - turned).max() <= 4 * EPS
-    ends = sepv.ensemble(
-        schemes.several_structures, problem, h=1 / 8, T=1.0, paths=3, y0=(0.0, 0.0, 1.0, 0.0)
-    )
+    run = {"h": 1 / 8, "T": 1.0, "paths": 3, "y0": (0.0, 0.0, 1.0, 0.0)}
+    ends = sepv.ensemble(schemes.several_structures, problem, **run)
     assert ends.status.tolist() == [Status.UNDEFINED] * 3
     assert ends.failed_step.tolist() == [0] * 3
 

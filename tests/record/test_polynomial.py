@@ -36,10 +36,8 @@ def test_value_is_the_exact_sum_to_rounding_of_its_terms(case: tuple[Polynomial,
     p, y = case
     value, size = PolynomialMap((), (p,))(np.array(y)), PolynomialMap((), (p,)).majorant(np.array(y))
     # A term takes at most 6 products, the sum at most 5 additions: 12 roundings of the majorant.
-    assert (
-        abs(Fraction(float(value)) - exactly(p, y))
-        <= 12 * Fraction(2) ** -53 * Fraction(float(size)) + Fraction(2) ** -1070
-    )
+    allowed = 12 * Fraction(2) ** -53 * Fraction(float(size)) + Fraction(2) ** -1070
+    assert abs(Fraction(float(value)) - exactly(p, y)) <= allowed
 
 
 @given(cases, st.integers(0, 4))

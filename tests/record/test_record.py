@@ -45,19 +45,10 @@ def at(outputs, inputs, y):
 
 # Functions with values and slopes of a moderate size at arguments of a moderate size.
 UNARY = (
-    np.sin,
-    np.cos,
-    np.arctan,
-    np.tanh,
-    lambda x: np.exp(0.25 * np.sin(x)),
-    lambda x: np.log(2 + np.cos(x)),
-)
-UNARY += (
-    lambda x: np.sqrt(1 + x * x),
-    lambda x: 1 / (1 + x**2),
-    np.negative,
+    np.sin, np.cos, np.arctan, np.tanh, np.negative, lambda x: np.exp(0.25 * np.sin(x)),
+    lambda x: np.log(2 + np.cos(x)), lambda x: np.sqrt(1 + x * x), lambda x: 1 / (1 + x**2),
     lambda x: (2 + np.sin(x)) ** -1.5,
-)
+)  # fmt: skip
 BINARY = (operator.add, operator.sub, operator.mul, lambda a, b: a / (2 + b * b))
 CONSTANTS = st.sampled_from([0.0, 1.0, -1.0, 0.5, -2.0, 3.25, 0.1])
 
@@ -66,15 +57,12 @@ CONSTANTS = st.sampled_from([0.0, 1.0, -1.0, 0.5, -2.0, 3.25, 0.1])
 def expressions(draw):
     """A function of two numbers, of both kinds: symbols and float64."""
     leaf = st.one_of(st.sampled_from(["x", "y"]), CONSTANTS)
-    tree = draw(
-        st.recursive(
-            leaf,
-            lambda below: st.one_of(
-                st.tuples(st.sampled_from(UNARY), below), st.tuples(st.sampled_from(BINARY), below, below)
-            ),
-            max_leaves=8,
-        )
-    )
+
+    def nodes(below):
+        of_two = st.tuples(st.sampled_from(BINARY), below, below)
+        return st.one_of(st.tuples(st.sampled_from(UNARY), below), of_two)
+
+    tree = draw(st.recursive(leaf, nodes, max_leaves=8))
 
     def evaluate(tree, y):
         if isinstance(tree, str):
@@ -136,17 +124,9 @@ def test_elementary_functions_and_their_slopes(name) -> None:
 
 
 TERMS = {
-    "sin": np.sin,
-    "cos": np.cos,
-    "exp": np.exp,
-    "log": np.log,
-    "reciprocal": lambda x: 1 / x,
-    "root": np.sqrt,
-    "power": lambda x: x**1.7,
-    "inverse power": lambda x: x**-2.5,
-    "sinh": np.sinh,
-    "cosh": np.cosh,
-}
+    "sin": np.sin, "cos": np.cos, "exp": np.exp, "log": np.log, "reciprocal": lambda x: 1 / x, "root": np.sqrt,
+    "power": lambda x: x**1.7, "inverse power": lambda x: x**-2.5, "sinh": np.sinh, "cosh": np.cosh,
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", TERMS)
@@ -160,11 +140,9 @@ def test_means_of_affine_arguments_lose_nothing(name, size) -> None:
     start, move = [0.8, 1.3], [size, -0.3 * size]
     got = evaluator([y, z], mean)(np.array(start)[:, None], np.array(move)[:, None])[:, 0]
     slope = gradient(H, y)
+    along = lambda tau: [a + tau * b for a, b in zip(start, move, strict=True)]  # noqa: E731
     for i in range(2):
-        exact = MP.quad(
-            lambda tau, i=i: at([slope[i]], y, [a + tau * b for a, b in zip(start, move, strict=True)])[0],
-            [0, 1],
-        )  # fmt: skip
+        exact = MP.quad(lambda tau, i=i: at([slope[i]], y, along(tau))[0], [0, 1])
         # The terms of the sum, at most about 10, are rounded some ten times; the condition of the arguments is below 8.
         assert abs(got[i] - exact) <= 80 * EPS * 10
 
@@ -177,21 +155,16 @@ def test_the_degree_of_a_polynomial_is_found_and_its_mean_exact() -> None:
     assert degree(np.sin(y[0]), y) is None
     assert degree(y[0] / (2 + np.cos(z[0])), y) == 1
     got = evaluator([y, z], mean_gradient(H, y, z))(np.array([[0.3], [0.7]]), np.array([[0.5], [-0.2]]))[:, 0]
-    exact = [
-        MP.quad(lambda t, i=i: at([gradient(H, y)[i]], y, [0.3 + 0.5 * t, 0.7 - 0.2 * t])[0], [0, 1])
-        for i in range(2)
-    ]
-    assert np.allclose(got, [float(v) for v in exact], rtol=1e-14)
+    slope = lambda t, i: at([gradient(H, y)[i]], y, [0.3 + 0.5 * t, 0.7 - 0.2 * t])[0]  # noqa: E731
+    exact = [float(MP.quad(lambda t, i=i: slope(t, i), [0, 1])) for i in range(2)]
+    assert np.allclose(got, exact, rtol=1e-14)
 
 
 def test_what_has_no_closed_mean_is_refused_and_says_why() -> None:
     tape = Tape()
     y, z = tape.vector(2), tape.vector(2)
-    for H, why in (
-        (np.sin(y[0] * y[1]), "not affine"),
-        (np.tanh(y[0]), "no rule"),
-        (y[0] * np.exp(y[1]), "no rule"),
-    ):
+    none = (np.sin(y[0] * y[1]), "not affine"), (np.tanh(y[0]), "no rule"), (y[0] * np.exp(y[1]), "no rule")
+    for H, why in none:
         with pytest.raises(NoClosedForm, match=why):
             mean_gradient(H, y, z)
 
@@ -205,13 +178,12 @@ def test_the_papers_problems_are_recorded_as_they_are(make) -> None:
     g = gradient(H, y)
     f = matvec(B, g)
     state = np.abs(np.random.default_rng(0).normal(size=(d, 7))) + 0.5
-    assert np.allclose(evaluator([y], g)(state), problem.gradient(state), rtol=8 * EPS, atol=8 * EPS)
-    assert np.allclose(
-        evaluator([y], jacobian(g, y))(state), problem.hessian(state), rtol=16 * EPS, atol=16 * EPS
-    )
-    assert np.allclose(
-        evaluator([y], jacobian(f, y))(state), field_jacobian(problem, state), rtol=32 * EPS, atol=32 * EPS
-    )
+    for recorded, hand, roundings in (
+        (g, problem.gradient(state), 8),
+        (jacobian(g, y), problem.hessian(state), 16),
+        (jacobian(f, y), field_jacobian(problem, state), 32),
+    ):
+        assert np.allclose(evaluator([y], recorded)(state), hand, rtol=roundings * EPS, atol=roundings * EPS)
     one = evaluator([y], f)(state[:, 0])
     assert one.shape == (d,)
     assert np.array_equal(one, evaluator([y], f)(state)[:, 0])
@@ -221,9 +193,8 @@ def test_a_record_of_the_scheme_is_as_short_as_by_hand() -> None:
     """R and K of (2.1) for the rigid body: 41 operations where the kernel written by hand has 41 an iteration."""
     problem, tape = problems.rigid_body(), Tape()
     y, z, delta = tape.vector(3), tape.vector(3), tape.vector(1)
-    R = delta[0] * matvec(
-        tape.symbols(problem.structure(y + 0.5 * z)), mean_gradient(problem.hamiltonian(y), y, z)
-    )
+    B = tape.symbols(problem.structure(y + 0.5 * z))
+    R = delta[0] * matvec(B, mean_gradient(problem.hamiltonian(y), y, z))
     lines = reachable([*R, *jacobian(R, z).ravel()])
     assert sum(s.line.name not in ("input", "constant") for s in lines) <= 41
 

@@ -8,6 +8,7 @@ from fractions import Fraction
 import mpmath
 import numpy as np
 import pytest
+from drawn import by_hand
 from hypothesis import given
 from hypothesis import strategies as st
 from sepv.reference.arithmetic import decimal
@@ -17,6 +18,7 @@ from sepv.reference.tableau import stage_table
 import sepv
 from sepv import problems, schemes
 from sepv.errors import StepFailure
+from sepv.record import gauss_legendre
 from sepv.schemes._scheme import truncation_for
 from sepv.schemes._tableaux import amplification, exact_nodes, gauss_tableau, lagrange, moments
 from sepv.solve import Status
@@ -45,8 +47,7 @@ def test_averages_are_exact_up_to_the_degree_that_is_promised_and_not_beyond(s: 
         n, power = exact_nodes(s, degree), s * (degree - 1)
 
         def averages(nodes: int, power: int = power) -> np.ndarray:
-            tau = gauss_tableau_nodes(nodes)
-            return moments(s, nodes)[0] @ (2 * tau - 0.75) ** power
+            return moments(s, nodes)[0] @ (2 * gauss_legendre(nodes)[0] - 0.75) ** power
 
         exact = averages(2 * n + s)
         # A node rounded by EPS/2 changes a power by 2·power·EPS/2; weights and sums a little more.
@@ -68,19 +69,10 @@ def test_what_averages_may_amplify_is_the_integral_of_a_lagrange_polynomial() ->
         assert amplification(s) == pytest.approx(means.max(), rel=4e-3)
 
 
-def gauss_tableau_nodes(nodes: int) -> np.ndarray:
-    from sepv.record import gauss_legendre
-
-    return gauss_legendre(nodes)[0]
-
-
 @given(strategies.any_steps())
 def test_one_stage_is_the_energy_preserving_scheme_to_an_ulp(case: Case) -> None:
     problem, y, h, dW = case.build()
-    one, plain = (
-        schemes.collocation(1).step(problem, y, h, dW),
-        schemes.energy_preserving.step(problem, y, h, dW),
-    )
+    one, plain = (s.step(problem, y, h, dW) for s in (schemes.collocation(1), schemes.energy_preserving))
     assert np.max(np.abs(one - plain)) <= state_ulp(y, plain)
 
 
@@ -88,9 +80,7 @@ def test_one_stage_is_the_energy_preserving_scheme_to_an_ulp(case: Case) -> None
 def test_newton_needs_no_derivatives_of_the_problem(case: Case, s: int) -> None:
     problem, y, h, dW = case.build()
     plain = replace(problem, hessian=None, structure_derivative=None, check=False)
-    exact = np.array(
-        [float(v) for v in reference_step(f"collocation-{s}", case.problem, case.y, h, case.dW, 30).y1]
-    )
+    exact = np.array(reference_step(f"collocation-{s}", case.problem, case.y, h, case.dW, 30).y1, dtype=float)
     found = schemes.collocation(s).step(plain, y, h, dW)
     assert np.max(np.abs(found - exact)) <= 4 * state_ulp(y, exact)
 
@@ -108,16 +98,10 @@ def test_energies_that_are_no_polynomials_are_kept_at_large_steps(s: int) -> Non
 
 def test_what_no_quadrature_resolves_is_reported_and_not_returned() -> None:
     """H = |y1| + …: the averages of its gradient never settle where the path crosses the kink."""
-    problem = sepv.Problem(
-        dimension=2,
-        structure=lambda y: np.stack(
-            [np.stack([0 * y[0], 0 * y[0] - 1]), np.stack([0 * y[0] + 1, 0 * y[0]])]
-        ),
-        hamiltonian=lambda y: abs(y[0]) + 0.5 * y[1] * y[1],
-        gradient=lambda y: np.stack([np.sign(y[0]), y[1]]),
-        noise=1.0,
-        check=False,
-    )
+    problem = by_hand(
+        hamiltonian=lambda y: abs(y[0]) + 0.5 * y[1] * y[1], gradient=lambda y: np.stack([np.sign(y[0]), y[1]]),
+        noise=1.0, check=False,
+    )  # fmt: skip
     with pytest.raises(StepFailure, match="not solved"):
         schemes.collocation(2).step(problem, np.array([0.1, 1.0]), 0.5, np.array([0.0]))
 
@@ -131,11 +115,6 @@ def test_steps_too_large_for_the_octant_are_failures_and_no_numbers() -> None:
         fine = ends.status == Status.CONVERGED
         assert np.all(ends.y[:, fine] > 0)
         assert ends.energy_defect[fine].max(initial=0) < 1e-12
-
-
-def test_members_of_families_have_names() -> None:
-    assert schemes.by_name("collocation_3") is schemes.collocation(3)
-    assert schemes.by_name("projected_8") is schemes.projected(8) is schemes.EXTENSIONS["projected-8"]
 
 
 @pytest.mark.parametrize("s", STAGES)

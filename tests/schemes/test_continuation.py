@@ -75,12 +75,10 @@ def test_ensembles_and_paths_count_what_was_continued() -> None:
 
 def test_every_scheme_of_one_stage_takes_a_start_and_claims_nothing_when_continued() -> None:
     for scheme in (schemes.midpoint, schemes.discrete_gradient, schemes.both_invariants):
-        problem, y = problems.rigid_body(), np.asarray(problems.rigid_body().initial)
+        step = problems.rigid_body(), np.asarray(problems.rigid_body().initial), 0.1, np.zeros(1)
         again = continued(scheme)
         assert not again.claims
-        assert np.array_equal(
-            again.step(problem, y, 0.1, np.zeros(1)), scheme.step(problem, y, 0.1, np.zeros(1))
-        )
+        assert np.array_equal(again.step(*step), scheme.step(*step))
 
 
 def test_schemes_without_a_start_are_refused() -> None:

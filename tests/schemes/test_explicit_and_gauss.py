@@ -17,9 +17,7 @@ from sepv.verification import Case, state_ulp, strategies
 @given(strategies.any_steps(), st.integers(1, 6))
 def test_gauss_methods_solve_their_equations(case: Case, s: int) -> None:
     problem, y, h, dW = case.build()
-    exact = np.array(
-        [float(v) for v in reference_step(f"gauss-{s}", case.problem, case.y, h, case.dW, 25).y1]
-    )
+    exact = np.array(reference_step(f"gauss-{s}", case.problem, case.y, h, case.dW, 25).y1, dtype=float)
     assert np.max(np.abs(schemes.gauss(s).step(problem, y, h, dW) - exact)) <= 8 * state_ulp(y, exact)
 
 
@@ -65,8 +63,7 @@ def test_an_explicit_method_says_what_it_is(order: int) -> None:
         order / 2,
         2 * order,
     )
-    assert scheme.batched
-    assert scheme.solve is None
+    assert (scheme.batched, scheme.solve) == (True, None)
     assert {"noise-sum", "expansion", "truncation", "weak-order"} <= scheme.claims
     assert not {"energy", "casimir", "symmetry"} & scheme.claims
     assert "Runge-Kutta" in scheme.source

@@ -22,9 +22,6 @@ def test_claims_are_names_however_they_are_written() -> None:
     ):
         assert Scheme("mine", stay, claims=claims).claims == frozenset({"noise-sum"})
     assert Scheme("mine", stay).claims == frozenset()
-    for claims in ([1, 2], ["energy", 3]):
-        with pytest.raises(UsageError, match="names of laws"):
-            Scheme("mine", stay, claims=claims)
 
 
 def test_an_order_is_a_claim_beside_the_others() -> None:
@@ -53,4 +50,4 @@ def test_every_built_in_scheme_says_what_it_is() -> None:
         assert scheme.mean_square_order is not None
         assert scheme.weak_order is not None
         assert scheme.truncation is None or scheme.truncation >= 2 * scheme.mean_square_order
-        assert schemes.by_name(scheme.name) is scheme
+        assert schemes.by_name(scheme.name) is schemes.by_name(scheme.name.replace("-", "_")) is scheme

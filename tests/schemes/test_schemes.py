@@ -71,12 +71,8 @@ def test_discrete_gradient_counts_every_edge_and_trusts_none_that_is_rough() -> 
 
 def test_the_ito_correction_has_the_squares_of_the_coefficients() -> None:
     """f′f by differences of f along itself, c = (½, ¼): Σc² = 5/16."""
-    problem, y, h, dW = (
-        problems.rigid_body(noise=(0.5, 0.25)),
-        np.array([0.8, 0.6, 0.1]),
-        0.1,
-        np.array([0.3, -0.2]),
-    )
+    problem, h = problems.rigid_body(noise=(0.5, 0.25)), 0.1
+    y, dW = np.array([0.8, 0.6, 0.1]), np.array([0.3, -0.2])
     f, size = vector_field(problem, y), 2.0**-17
     bend = (vector_field(problem, y + size * f) - vector_field(problem, y - size * f)) / (2 * size)
     S = 0.5 * 0.3 - 0.25 * 0.2

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from doors import finding, measured, verdicts
 
 import sepv
 from benchmarks.right_schemes import RIGHT
@@ -16,21 +17,15 @@ from sepv.problem import PolynomialSystem, Problem
 from sepv.problems._common import canonical
 from sepv.record import _polynomial as poly
 from sepv.schemes import Scheme, energy_preserving
-from sepv.verification import Case, Effort
+from sepv.verification import Case
 from sepv.verification._cases.single_precision import in_range, single
 
-FEW = Effort(examples=1)
 SINGLE = RIGHT["energy-preserving-in-single-precision"]
-
-
-def verdicts(scheme: Scheme, laws: str) -> list[str]:
-    return [f.verdict.text for f in sepv.verify(scheme, laws=laws, effort=FEW).findings]
 
 
 @pytest.mark.parametrize("name", [name for name, scheme in RIGHT.items() if scheme.dtype == "float32"])
 def test_what_holds_in_binary64_holds_in_units_of_single_precision(name: str) -> None:
-    laws = "contract,identity,casimir,midpoint,symmetry"
-    report = sepv.verify(RIGHT[name], laws=laws, effort=FEW)
+    report = measured(RIGHT[name], "contract,identity,casimir,midpoint,symmetry", examples=1)
     assert [f.verdict.text for f in report.findings] == ["holds"] * 5
     found = report.finding("symmetry")
     assert found.unit == "ulp32 of y"
@@ -46,14 +41,14 @@ def changed(change: Any, **facts: Any) -> Scheme:
 
 def test_a_step_that_loses_more_than_single_precision_is_found() -> None:
     half = changed(lambda y1, y: y1.astype(np.float16).astype(np.float32))
-    assert set(verdicts(half, "casimir,midpoint")) == {"violated"}
+    assert set(verdicts(half, "casimir,midpoint", examples=1).values()) == {"violated"}
     slightly = changed(lambda y1, y: y1 * np.float32(1 + 2.0**-12))
-    assert verdicts(slightly, "energy") == ["violated"]
+    assert verdicts(slightly, "energy", examples=1) == {"energy": "violated"}
     # The bounds of single precision are not those of a scheme that says nothing.
-    rounded = replace(
-        energy_preserving, step=lambda *a: np.float64(np.float32(energy_preserving.step(*a))), solve=None
-    )
-    assert verdicts(rounded, "energy") == ["violated"]
+    step = lambda *a: np.float64(np.float32(energy_preserving.step(*a)))  # noqa: E731
+    assert verdicts(replace(energy_preserving, step=step, solve=None), "energy", examples=1) == {
+        "energy": "violated"
+    }
 
 
 def _in_place(y1: Any, y: Any) -> Any:
@@ -71,9 +66,9 @@ def _in_place(y1: Any, y: Any) -> Any:
     ],
 )  # fmt: skip
 def test_the_contract_names_the_wrong_precision_and_a_changed_argument(scheme: Scheme, words: str) -> None:
-    finding = sepv.verify(scheme, laws="contract", effort=FEW).findings[0]
-    assert finding.verdict.text == "violated"
-    assert words in finding.message
+    found = finding(scheme, "contract", examples=1)
+    assert found.verdict.text == "violated"
+    assert words in found.message
 
 
 @pytest.mark.parametrize("batched", [True, False])

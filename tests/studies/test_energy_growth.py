@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import json
-from math import atan2, erfc, log, pi, sin, sqrt
+from math import pi, sin, sqrt
 from pathlib import Path
 
-import jsonschema
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from doors import command, obeys
 
 from sepv import problems, schemes
-from sepv.commands._cli import main
 from sepv.errors import UsageError
-from sepv.files import schema
 from sepv.problem import Array
 from sepv.studies._energy_diffusion import energy_diffusion
 from sepv.studies._energy_growth import DOUBLINGS, exponent, growth, judged, kind_of
@@ -62,74 +59,36 @@ def test_the_steps_themselves_and_the_local_error_give_one_walk_drift_and_offset
     assert np.all(np.abs(extrapolated - 1) < 0.01), extrapolated
 
 
-def midpoint(p: Array, q: Array, step: float) -> tuple[Array, Array]:
-    """The midpoint rule on the pendulum, by Newton's iteration for δ = q1 − q0: δ = Δp0 − ½Δ² sin(q0 + δ/2)."""
-    move = step * p
-    for _ in range(50):
-        residual = move - step * p + 0.5 * step**2 * np.sin(q + move / 2)
-        move = move - residual / (1 + 0.25 * step**2 * np.cos(q + move / 2))
-    return p - step * np.sin(q + move / 2), q + move
-
-
-def steps_of(h: float, c: tuple[float, ...], nodes: int) -> tuple[Array, Array]:
-    """Δ and weights: a clipped normal is a density on [−A, A] and two atoms at its ends."""
-    A = sqrt(4 * abs(log(h)))
-    x, w = np.polynomial.legendre.leggauss(nodes)
-    tail = 0.5 * erfc(A / sqrt(2))
-    zeta = np.concatenate([[-A], A * x, [A]])
-    weights = np.concatenate([[tail], A * w * np.exp(-0.5 * (A * x) ** 2) / sqrt(2 * pi), [tail]])
-    found, shares = np.array([h]), np.ones(1)
-    for size in c:
-        found = (found[:, None] + size * sqrt(h) * zeta).ravel()
-        shares = (shares[:, None] * weights).ravel()
-    return found, shares / shares.sum()
-
-
-def barycentric(at: Array, nodes: Array, signs: Array) -> Array:
-    """Lagrange's basis of Chebyshev's points, (M, N)."""
-    gaps = at[:, None] - nodes
-    terms = signs / np.where(np.abs(gaps) < 1e-15, 1e-15, gaps)
-    return terms / terms.sum(axis=1, keepdims=True)
-
-
 def expectations(h: float, T: float) -> tuple[Array, Array, Array]:
     """Times, E[H − H(y0)] and Var H of the midpoint rule without a sample: powers of the Markov operator.
 
-    It acts on functions of r² = H + 1, Chebyshev's points, and of the angle α, trigonometric polynomials. Paths that
-    leave the interval of r² stop there: six standard deviations at T.
+    It acts on functions of r² = H + 1, Chebyshev's polynomials, and of the angle α, Fourier's. Paths that leave the
+    interval of r² stop there: six standard deviations at T.
     """
-    low, high, N, angles = 0.1, 0.95, 28, 21
-    k = np.arange(N) + 0.5
-    radii, signs = (
-        low + (high - low) * (np.cos(pi * k / N) + 1) / 2,
-        (-1.0) ** np.arange(N) * np.sin(pi * k / N),
-    )
-    turns = 2 * pi * np.arange(angles) / angles
+    low, high, N, waves = 0.1, 0.95, 28, np.arange(-10, 11)
 
-    def basis(energy: Array, angle: Array) -> Array:
-        gap = (angle[:, None] - turns) / 2
-        around = np.sin(angles * gap) / np.where(np.abs(np.sin(gap)) < 1e-15, 1.0, np.sin(gap)) / angles
-        around = np.where(np.abs(np.sin(gap)) < 1e-15, 1.0, around)
-        radial = barycentric(np.clip(energy, low, high), radii, signs)
-        return (radial[:, :, None] * around[:, None, :]).reshape(len(energy), -1)
+    def basis(y: Array) -> Array:
+        P, Q = y[0] / sqrt(2), sqrt(2) * np.sin(y[1] / 2)
+        x = 2 * (np.clip(P**2 + Q**2, low, high) - low) / (high - low) - 1
+        around = np.exp(1j * np.outer(np.arctan2(Q, P), waves))
+        radial = np.polynomial.chebyshev.chebvander(x, N - 1)
+        return (radial[:, :, None] * around[:, None, :]).reshape(len(x), -1)
 
-    energy, angle = np.repeat(radii, angles), np.tile(turns, N)
-    p, q = np.sqrt(2 * energy) * np.cos(angle), 2 * np.arcsin(np.sqrt(energy / 2) * np.sin(angle))
-    operator = np.zeros((energy.size, energy.size))
-    for step, weight in zip(*steps_of(h, (1.0, 0.5), 12), strict=True):
-        p1, q1 = midpoint(p, q, step)
-        P, Q = p1 / sqrt(2), sqrt(2) * np.sin(q1 / 2)
-        operator += weight * basis(P**2 + Q**2, np.arctan2(Q, P))
-    p0, q0 = PENDULUM.initial
-    P, Q = p0 / sqrt(2), sqrt(2) * sin(q0 / 2)
-    row = basis(np.array([P**2 + Q**2]), np.array([atan2(Q, P)]))[0]
-    means, squares = [], []
+    radii = low + (high - low) * (np.cos(pi * (np.arange(N) + 0.5) / N) + 1) / 2
+    energy, angle = np.repeat(radii, waves.size), np.tile(2 * pi * np.arange(waves.size) / waves.size, N)
+    y = np.stack([np.sqrt(2 * energy) * np.cos(angle), 2 * np.arcsin(np.sqrt(energy / 2) * np.sin(angle))])
+    nodes, from_values = rule(2, h, 2, 8), np.linalg.inv(basis(y))
+    ends = np.zeros((energy.size, energy.size), dtype=complex)
+    for zeta, weight in zip(nodes.zeta.T, np.bincount(nodes.index, nodes.weights), strict=True):
+        dW = np.sqrt(h) * np.repeat(zeta[:, None], energy.size, axis=1)
+        ends += weight * basis(schemes.midpoint.step(PENDULUM, y, h, dW))
+    operator, start = ends @ from_values, np.array(PENDULUM.initial)
+    row, shift, moments = basis(start[:, None])[0] @ from_values, PENDULUM.hamiltonian(start) + 1, []
     for _ in range(round(T / h)):
         row = row @ operator
-        means.append(row @ energy - (P**2 + Q**2))
-        squares.append(row @ (energy - (P**2 + Q**2)) ** 2)
-    mean = np.array(means)
-    return h * np.arange(1, mean.size + 1), mean, np.array(squares) - mean**2
+        moments.append([(row @ (energy - shift) ** power).real for power in (1, 2)])
+    mean, square = np.array(moments).T
+    return h * np.arange(1, mean.size + 1), mean, square - mean**2
 
 
 def test_powers_of_the_markov_operator_have_the_drift_the_walk_and_the_offset() -> None:
@@ -220,20 +179,17 @@ def test_what_cannot_be_judged_is_not() -> None:
 def test_the_command_says_how_the_energy_grows_and_writes_it(tmp_path: Path) -> None:
     """By chance a verdict is another one twice in a thousand; the seed is fixed."""
     file, picture = tmp_path / "growth.json", tmp_path / "growth.svg"
-    words = ["growth", "midpoint", "energy-preserving", "--time", "64", "--paths", "400"]
-    result = CliRunner().invoke(main, [*words, "--json", str(file), "-o", str(picture)])
-    assert result.exit_code == 0, result.output
-    assert "midpoint: t^(0.5" in result.stdout
-    assert "energy-preserving: rounding" in result.stdout
+    line = f"growth midpoint energy-preserving --time 64 --paths 400 --json {file} -o {picture}"
+    shown = command(line).stdout
+    assert "midpoint: t^(0.5" in shown
+    assert "energy-preserving: rounding" in shown
     data = json.loads(file.read_text())
-    jsonschema.validate(data, schema("growth"))
+    obeys(data, "growth")
     first, second = data["rows"]
     assert (first["kind"], second["kind"], second["derived"]) == ("a random walk", "rounding", None)
     assert first["derived"]["drift"] > 0
     assert "midpoint, theory" in picture.read_text()
-    wrong = CliRunner().invoke(main, ["growth", "--h", "0.1", "--time", "1"])
-    assert wrong.exit_code == 2
-    assert "Remedy: T = 1.6" in wrong.stderr
+    assert "Remedy: T = 1.6" in command("growth --h 0.1 --time 1", 2).stderr
 
 
 def test_theory_is_not_shown_beyond_its_reach() -> None:

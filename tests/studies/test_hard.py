@@ -5,18 +5,16 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 
-import jsonschema
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from doors import command, obeys
 from sepv.reference.exact_energy import exact_energy
 
 from sepv import problems, schemes
-from sepv.commands._cli import main
 from sepv.errors import ProblemError, StepFailure
-from sepv.files import schema
 from sepv.problem import Problem, average_gradient, check_problem
 from sepv.problems import hard
+from sepv.schemes import Scheme
 from sepv.solve import Status
 from sepv.solve._solution import Solution
 from sepv.studies._hard_cases import Seen, run
@@ -129,8 +127,6 @@ def test_collocation_solves_where_the_argument_of_the_sine_is_rounded() -> None:
 
 
 def test_a_third_party_step_is_run_state_by_state() -> None:
-    from sepv.schemes import Scheme
-
     def step(problem, y, h, dW):
         if y[0] > 1:
             raise StepFailure(problem="p", y=y, delta=h, residual=1.0, status="gave up", iterations=1)
@@ -149,8 +145,6 @@ def test_a_third_party_step_is_run_state_by_state() -> None:
 
 @pytest.mark.parametrize(("name", "right"), [("overflowing-energy", True), ("rank-0", False)])
 def test_a_refusal_without_a_status_is_right_where_the_case_allows_one(name: str, right: bool) -> None:
-    from sepv.schemes import Scheme
-
     def step(problem, y, h, dW):
         raise StepFailure("no convergence")
 
@@ -162,33 +156,22 @@ def test_a_refusal_without_a_status_is_right_where_the_case_allows_one(name: str
 
 def test_the_command_shows_the_table_and_writes_json(tmp_path) -> None:
     out = tmp_path / "hard.json"
-    arguments = ["hard", "--case", "rank-0", "--case", "mixed-scales", "--steps", "20", "--json", str(out)]
-    result = CliRunner().invoke(main, arguments)
-    assert result.exit_code == 0, result.output
+    shown = command(f"hard --case rank-0 --case mixed-scales --steps 20 --json {out}").output
     for word in ("rank-0", "20 solved", "0 not finite", "2 cases as expected"):
-        assert word in result.output
-    report, described = json.loads(out.read_text()), schema("hard")
-    jsonschema.Draft202012Validator.check_schema(described)
-    jsonschema.validate(report, described)
+        assert word in shown
+    report = json.loads(out.read_text())
+    unbounded = {"cases": [report["cases"][0] | {"largest_defect_over_bound": None}]}
+    obeys(report, "hard", {"seed": -1}, unbounded, {"more": 1})
     assert len(report["cases"][1]["worst"]["y"]) > 1
-    for spoil in (
-        {"seed": -1},
-        {"cases": [report["cases"][0] | {"largest_defect_over_bound": None}]},
-        {"more": 1},
-    ):
-        with pytest.raises(jsonschema.ValidationError):
-            jsonschema.validate(report | spoil, described)
     assert [c["case"] for c in report["cases"]] == ["rank-0", "mixed-scales"]
     assert all(c["statuses"] == {"CONVERGED": 20} for c in report["cases"])
 
 
 def test_the_command_explains_and_refuses_unknown_names() -> None:
-    explained = CliRunner().invoke(main, ["hard", "--explain"]).output
+    explained = command("hard --explain").output
     for case in hard.CATALOGUE:
         assert case.name in explained
-    result = CliRunner().invoke(main, ["hard", "--case", "nosuch"])
-    assert result.exit_code == 2
-    assert "nosuch" in result.output
+    assert "nosuch" in command("hard --case nosuch", 2).output
 
 
 @pytest.mark.deep

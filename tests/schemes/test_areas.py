@@ -1,0 +1,189 @@
+"""Lévy's areas and space-time areas: their law, how they add up, and steps that ask for them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import sepv
+from benchmarks.peers.solver import problem_of
+from sepv import problems, schemes
+from sepv.errors import UsageError
+from sepv.problem import Array, Problem, Systems
+from sepv.problem._fields import matvec
+from sepv.problem._hamiltonians import noise_field
+from sepv.schemes import Scheme, ask
+from sepv.schemes._further_increments import as_matrix, as_rows, rows_of_any_path
+from sepv.schemes._order_claims import Orders
+from sepv.simulate import _areas as areas
+from sepv.verification import Effort, Verdict, verify
+from sepv.verification._orders.gaussian import rule_for
+
+LOCAL = ["local-mean", "local-mean-square", "local-weak"]
+
+
+def shark(sign: float = 1.0) -> Scheme:
+    """ShARK for additive noise: J. Foster, G. dos Reis and C. Strange, arXiv 2210.17543, equation (6.1)."""
+
+    def step(problem: Problem, y: Array, h: float, dW: Array, H: Array) -> Array:
+        def f(z: Array) -> Array:
+            return matvec(problem.structure(z), problem.gradient(z))
+
+        def noise(w: Array) -> Array:
+            return sum((c * w[j] * noise_field(problem, j, y) for j, c in enumerate(problem.c)), 0.0 * y)
+
+        start = y + sign * noise(H)
+        first = f(start)
+        second = f(start + 5 / 6 * (h * first + noise(dW)))
+        return y + noise(dW) + h * (0.4 * first + 0.6 * second)
+
+    return Scheme(
+        "shark", step, mean_square_order=Orders(1.5), weak_order=2.0, systems=Systems.HAMILTONIANS, asks="space-time",
+        truncation=None, batched=True, problems=(problem_of("additive"),),
+    )  # fmt: skip
+
+
+def test_they_have_their_law_and_are_independent_of_the_increments() -> None:
+    M, h = 20000, 0.25
+    path = areas.drawn(3, T=1.0, steps=4, noises=2, paths=M)
+    H, dW, A = path.bridges[1], path.dW[1], path.areas[1, 0]
+    # Means and products of M normal numbers; 5 standard deviations: a false alarm once in 10⁶.
+    for value, mean, deviation in (
+        (np.mean(H[0] ** 2), h / 12, h / 12 * np.sqrt(2)),
+        (np.mean(H[0] * dW[0]), 0.0, h / np.sqrt(12)),
+        (np.mean(H[0] * H[1]), 0.0, h / 12),
+        (np.mean(A * H[0] * dW[1]), h * h / 12, h * h),
+    ):
+        assert abs(value - mean) < 5 * deviation / np.sqrt(M)
+
+
+def test_over_coarse_steps_they_are_those_of_the_path() -> None:
+    path = areas.drawn(5, T=2.0, steps=24, noises=1, paths=3)
+    K, h = 6, 6 * path.h
+    W = np.concatenate([np.zeros((1, 1, 3)), np.cumsum(path.dW, axis=0)])
+    # ∫W ds over each fine step is δ(W_k + ½ΔW_k + H_k).
+    areas_below = path.h * (W[:-1] + 0.5 * path.dW + path.bridges)
+    for n in range(4):
+        part = slice(K * n, K * (n + 1))
+        whole = areas_below[part].sum(axis=0) - h * W[K * n]
+        expected = whole / h - 0.5 * (W[K * (n + 1)] - W[K * n])
+        assert np.allclose(path.coarse(4).bridges[n], expected, atol=1e-14)
+    assert np.allclose(path.coarse(8).coarse(2).bridges, path.coarse(2).bridges, atol=1e-14)
+    assert path.rows(4, "space-time").shape == (4, 2, 3)
+
+
+def test_the_rule_has_their_moments_with_and_without_areas() -> None:
+    for kind in ("additive", "general"):
+        nodes = rule_for(shark(), problem_of(kind), 0.25, 6)
+        assert nodes.bridges is not None
+        w, H, x = nodes.weights, nodes.bridges, nodes.xi
+        assert np.allclose(H @ w, 0)
+        assert np.allclose((H * w) @ H.T, np.eye(2) / 12)
+        assert np.allclose((H * w) @ x.T, 0)
+        assert np.allclose(
+            nodes.zeta, x if nodes.zeta.shape == x.shape else np.concatenate([x, H])[:, nodes.index]
+        )
+    # The areas of the last one are made of the same B_i: E[A_12 H_1 ΔW_2] = h²/12.
+    assert nodes.areas is not None
+    assert np.isclose(np.sum(w * nodes.areas[0] * H[0] * x[1]), 1 / 12)
+
+
+def test_order_three_halves_of_additive_noise_is_seen_and_missed() -> None:
+    report = verify(shark(), laws=LOCAL, effort=Effort())
+    slopes = {f.law: (f.witness or {})["measured"][0]["slope"] for f in report.findings}
+    assert all(f.verdict is Verdict.HOLDS for f in report.findings), [f.message for f in report.findings]
+    assert slopes["local-mean-square"] == pytest.approx(2.0, abs=0.15)
+    # With −H the means are right, and the order of paths is 1.
+    wrong = verify(shark(-1.0), laws=LOCAL, effort=Effort())
+    assert wrong.finding("local-mean-square").verdict is Verdict.VIOLATED
+    assert wrong.finding("local-weak").verdict is Verdict.HOLDS
+
+
+# Areas of two noises.
+
+
+def test_areas_have_the_moments_of_levys() -> None:
+    """Each mean of M samples is within 6 standard errors: seven statements, false alarm below 1e-8."""
+    M = 20000
+    path = areas.drawn(1, T=1.0, steps=16, noises=3, paths=M)
+    whole = path.coarse(1)
+    A, W = whole.areas[0], whole.dW[0]
+
+    def near(samples: Array, expected: float) -> bool:
+        return abs(samples.mean() - expected) < 6 * samples.std() / np.sqrt(M)
+
+    assert near(A[0], 0.0)
+    assert near(A[0] ** 2, 1 / 4)
+    # E[A² | ΔW] = 1/12 + (ΔW_1² + ΔW_2²)/12, against a function of ΔW that is not constant.
+    g = W[0] ** 2
+    assert near(g * (A[0] ** 2 - 1 / 12 - (W[0] ** 2 + W[1] ** 2) / 12), 0.0)
+    assert near(A[0] * W[2], 0.0)
+    assert near(A[0] * A[1], 0.0)
+    # A_12 and A_13 given ΔW: ΔW_2 ΔW_3/12.
+    assert near(A[0] * A[1] * W[1] * W[2] - (W[1] * W[2]) ** 2 / 12, 0.0)
+    # P. Lévy: E A⁴ = 5/16.
+    assert near(A[0] ** 4, 5 / 16)
+
+
+def test_areas_add_up_by_chens_relation() -> None:
+    path = areas.drawn(2, T=1.0, steps=24, noises=3, paths=3)
+    assert np.allclose(path.coarse(6).coarse(2).areas, path.coarse(2).areas, atol=1e-14)
+    a, b = path.coarse(2).dW
+    before, after = path.coarse(2).areas
+    joined = before + after + 0.5 * np.stack([a[i] * b[j] - a[j] * b[i] for i, j in ((0, 1), (0, 2), (1, 2))])
+    assert np.allclose(path.coarse(1).areas[0], joined, atol=1e-14)
+    halves = path.rows(3, "halves")
+    assert np.allclose(halves[:, 3:], path.coarse(6).dW[::2])
+    with pytest.raises(UsageError, match="finer"):
+        path.rows(24, "halves")
+
+
+def test_the_rule_for_areas_has_their_second_moments() -> None:
+    problem = problems.random_inertia()
+    nodes = rule_for(schemes.area_midpoint, problem, 0.25, 4)
+    assert nodes.areas is not None
+    w, (A,), (x, _) = nodes.weights, nodes.areas, nodes.xi
+    assert w.sum() == pytest.approx(1)
+    assert w @ A == pytest.approx(0, abs=1e-14)
+    assert w @ A**2 == pytest.approx(1 / 4)
+    assert w @ (x * x * A**2) == pytest.approx(1 / 12 + (3 + 1) / 12)
+    assert w @ (x * A) == pytest.approx(0, abs=1e-14)
+    # A = √h · row.
+    assert np.allclose(nodes.zeta[2], 0.5 * A)
+
+
+def test_what_a_step_asks_for_reverses_with_the_path_and_moves_with_the_noises() -> None:
+    dW = np.array([0.3, -0.2, 0.5])
+    A = as_matrix(rows_of_any_path("areas", 0.25, dW), 3)
+    back = as_matrix(rows_of_any_path("areas", -0.25, -dW), 3)
+    assert np.array_equal(back, -A)
+    order = [2, 0, 1]
+    assert np.allclose(as_matrix(rows_of_any_path("areas", 0.25, dW[order]), 3), A[np.ix_(order, order)])
+    assert np.array_equal(as_matrix(as_rows(A), 3), A)
+    first = rows_of_any_path("halves", 0.25, dW)
+    assert np.allclose(rows_of_any_path("halves", -0.25, -dW), -(dW - first))
+    H = rows_of_any_path("space-time", 0.25, dW)
+    assert np.allclose(rows_of_any_path("space-time", -0.25, -dW), H)
+    assert np.allclose(rows_of_any_path("space-time", 0.25, dW[order]), H[order])
+
+
+def test_the_contract_holds_with_and_without_areas() -> None:
+    problem = problems.random_inertia()
+    y, dW = np.asarray(problem.initial), np.array([0.1, -0.2])
+    scheme = schemes.area_midpoint
+    without, with_rows = ask(scheme, problem, y, 0.1, dW), ask(scheme, problem, y, 0.1, np.append(dW, 0.0))
+    assert without.shape == with_rows.shape == (3,)
+    # No area is the midpoint rule; some is not.
+    assert np.allclose(with_rows, schemes.stochastic_midpoint.step(problem, y, 0.1, dW), atol=1e-15)
+    assert np.max(np.abs(without - with_rows)) > 1e-5
+
+
+def test_areas_are_drawn_with_their_law_or_not_at_all() -> None:
+    path = sepv.integrate("area-midpoint", "random-inertia", h=0.125, T=1.0, seed=3)
+    assert path.dW.shape == (8, 3)
+    again = sepv.integrate("area-midpoint", "random-inertia", h=0.125, T=1.0, dW=path.dW)
+    assert np.array_equal(path.y, again.y)
+    with pytest.raises(UsageError, match=r"dW of shape \(8, 3\)"):
+        sepv.integrate("area-midpoint", "random-inertia", h=0.125, T=1.0, dW=path.dW[:, :2])
+    with pytest.raises(UsageError, match="asks for halves"):
+        sepv.ensemble("drift-preserving", "noisy-henon-heiles", h=0.125, T=1.0, paths=3)
