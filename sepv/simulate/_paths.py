@@ -9,17 +9,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sepv._arguments import floats
-from sepv.errors import StepFailure, UsageError
+from sepv.errors import UsageError
 from sepv.problem import Array, Problem
-from sepv.schemes import PointLaw, Scheme, load_problem, load_scheme
+from sepv.schemes import PointLaw, Scheme
 from sepv.schemes._further_increments import further_rows
 from sepv.schemes._guard import ask_next
 from sepv.schemes._scheme import Step
 from sepv.simulate import _areas as areas
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
-from sepv.simulate._run_arguments import initial_state, prepared, step_count
-from sepv.solve import Status
+from sepv.simulate._run_arguments import checked
+from sepv.solve._solution import require_converged
 
 
 @dataclass(frozen=True)
@@ -99,10 +99,7 @@ def integrate(
     >>> path.y.shape
     (3, 101)
     """
-    problem = load_problem(problem)
-    scheme, k = prepared(load_scheme(scheme, problems=(problem,)), truncation, increments)
-    count = step_count(h, T, steps)
-    start = initial_state(problem, y0)
+    scheme, problem, start, count, k = checked(scheme, problem, h, T, steps, y0, truncation, increments)
     m = problem.noises
     if dW is not None:
         raw = floats("dW", dW)
@@ -136,16 +133,7 @@ def _walk(scheme: Scheme, problem: Problem, y0: Array, h: float, dW: Array) -> T
         evaluations += int(solution.gradient_evaluations[0])
         divisions += 0 if solution.divisions is None else int(solution.divisions[0])
         continuations += 0 if solution.continuations is None else int(solution.continuations[0])
-        if solution.status[0] != Status.CONVERGED:
-            raise StepFailure(
-                problem=problem.name,
-                y=y[:, n],
-                delta=float(h + problem.c @ dW[n]),
-                residual=float(solution.residual[0]),
-                status=Status(int(solution.status[0])).text,
-                iterations=int(solution.iterations[0]),
-            )
-        y[:, n + 1] = solution.value[:, 0]
+        y[:, n + 1] = require_converged(problem, y[:, n : n + 1], h, dW[n][:, None], solution)[:, 0]
     return Trajectory(
         np.arange(count + 1, dtype=np.float64) * h, y, dW, evaluations, divisions, continuations
     )

@@ -1,9 +1,9 @@
-"""Checked arguments of a run of paths: steps, initial state, the increments and their truncation."""
+"""Checked arguments of a run of paths: scheme, problem, steps, initial state, the increments and their truncation."""
 
 from __future__ import annotations
 
 import warnings
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,10 +11,49 @@ from numpy.typing import ArrayLike
 from sepv._arguments import floats, is_number, require_whole
 from sepv.errors import TruncationWarning, UsageError
 from sepv.problem import Array, Problem
-from sepv.schemes import PointLaw, Scheme, weakly
+from sepv.schemes import PointLaw, Scheme, load_problem, load_scheme, weakly
+from sepv.schemes._guard import ask_once
+from sepv.schemes._scheme import Step
+from sepv.simulate import _truncation as bounded
+from sepv.simulate import _wiener as wiener
 
 # The largest number of steps; beyond it N and N + 1 are one binary64 number.
 MOST_STEPS = 2**53
+
+
+class Run(NamedTuple):
+    """What `sepv.integrate`, `sepv.ensemble` and `sepv.long_path` take alike, checked; k is that of the truncation."""
+
+    scheme: Scheme
+    problem: Problem
+    start: Array
+    steps: int
+    k: int | None
+
+
+def checked(
+    scheme: str | Scheme | Step, problem: str | Problem, h: float, T: float | None, steps: int | None,
+    y0: ArrayLike | None, truncation: int | Literal["own"] | None, increments: str | PointLaw | None,
+) -> Run:  # fmt: skip
+    """Check the arguments of a run of paths; errors are those of `sepv.integrate`."""
+    problem = load_problem(problem)
+    own, k = prepared(load_scheme(scheme, problems=(problem,)), truncation, increments)
+    return Run(own, problem, initial_state(problem, y0), step_count(h, T, steps), k)
+
+
+def require_drawable(run: Run, h: float, seed: int, paths: range, refine: int | None) -> None:
+    """Raise where increments for the scheme cannot be drawn, or its answer to one step is no state."""
+    if run.scheme.asks:
+        raise UsageError(
+            expected="a scheme that sees increments alone: nothing else is drawn for many or long paths",
+            received=f"{run.scheme.name}, which asks for {run.scheme.asks}",
+            remedy="sepv.integrate for one path, or sepv.simulate.drawn and the scheme's step for many",
+        )
+    if run.k is not None:
+        bounded.truncate(np.zeros(1), h, run.k)  # refuses h and k that Remark 2.1 does not cover
+    wiener.validate(seed, h * run.steps, run.steps, run.problem.noises, paths)
+    wiener.grid(run.steps, refine)
+    ask_once(run.scheme, run.problem, run.start, float(h))
 
 
 def prepared(
@@ -45,7 +84,7 @@ def prepared(
             f"Truncation k = {k} costs {scheme.name} its mean-square order {order:g}: the error stalls at order "
             f"{k / 2:g}. Remedy: k ≥ {2 * order:g} (its own is {scheme.truncation}), or None for no truncation.",
             TruncationWarning,
-            stacklevel=3,
+            stacklevel=4,
         )
     return scheme, k
 

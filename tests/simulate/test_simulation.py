@@ -18,7 +18,7 @@ from sepv.schemes import continued, divided
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._batch import Batch, run_chunk
-from sepv.simulate._run_arguments import prepared, step_count
+from sepv.simulate._run_arguments import checked, step_count
 from sepv.solve import Status
 from sepv.solve._solution import Solution
 
@@ -288,11 +288,11 @@ def test_a_step_that_says_it_failed_is_no_overflow() -> None:
 
 
 def test_a_truncation_that_costs_the_order_is_a_warning_to_the_caller() -> None:
-    """k ≥ 2p. The warning points to the line that asked, which is two calls up for paths and ensembles."""
+    """k ≥ 2p. The warning points to the line that asked, which is three calls up for paths and ensembles."""
     second = schemes.collocation(2)
 
     def ask(scheme: sepv.Scheme, k: Any) -> int | None:
-        return prepared(scheme, k, None)[1]
+        return checked(scheme, problems.rigid_body(), 0.25, None, 1, None, k, None).k
 
     assert [ask(second, k) for k in ("own", None, 4, 5)] == [8, None, 4, 5]
     assert ask(replace(second, mean_square_order=None), 1) == 1

@@ -16,19 +16,16 @@ from sepv._arguments import floats, require_flag, require_whole
 from sepv._version import __version__
 from sepv.errors import ChunkFailure, Interrupted, UsageError, require_one_of
 from sepv.problem import Problem
-from sepv.schemes import PointLaw, Scheme, load_problem, load_scheme
-from sepv.schemes._guard import ask_once
+from sepv.schemes import PointLaw, Scheme
 from sepv.schemes._point_distributions import point_law
 from sepv.schemes._scheme import Step
-from sepv.simulate import _truncation as bounded
-from sepv.simulate import _wiener as wiener
 from sepv.simulate._batch import CHUNK, Ensemble
 from sepv.simulate._compiled.compile import FEW, CannotCompile, kernel
 from sepv.simulate._compiled.layout import LANES
 from sepv.simulate._ensembles.collectors import InMemory, OnDisk, Reduced, Reducing, Total, run
 from sepv.simulate._ensembles.task import Task, portable
 from sepv.simulate._results.reductions import Functionals, validate
-from sepv.simulate._run_arguments import initial_state, prepared, step_count
+from sepv.simulate._run_arguments import checked, require_drawable
 from sepv.workers import check, run_all
 from sepv.workers import count as threads_of
 
@@ -139,24 +136,11 @@ def ensemble(
     >>> ends.y.shape, float(ends.energy_defect.max()) < 0.1
     ((2, 100), True)
     """
-    problem = load_problem(problem)
-    scheme = load_scheme(scheme, problems=(problem,))
     require_flag("compensated", compensated)
-    count = step_count(h, T, steps)
+    asked = checked(scheme, problem, h, T, steps, y0, truncation, increments)
+    scheme, problem, start, count, k = asked
     raw, paths = _increments(dW, count, problem, paths)
-    start = initial_state(problem, y0)
-    scheme, k = prepared(scheme, truncation, increments)
-    if scheme.asks:
-        raise UsageError(
-            expected="a scheme that sees increments alone: an ensemble draws nothing else",
-            received=f"{scheme.name}, which asks for {scheme.asks}",
-            remedy="sepv.integrate for one path, or sepv.simulate.drawn and the scheme's step for many",
-        )
-    if k is not None:
-        bounded.truncate(np.zeros(1), h, k)  # refuses h and k that Remark 2.1 does not cover
-    wiener.validate(seed, h * count, count, problem.noises, range(paths))
-    wiener.grid(count, refine)
-    ask_once(scheme, problem, start, float(h))
+    require_drawable(asked, h, seed, range(paths), refine)
     compiled, reason = choose(engine, scheme, problem, compensated, LANES if paths > FEW else 1)
     whole = Task(
         scheme=scheme, problem=problem, y0=start, h=float(h), steps=count, first=0, count=paths, seed=int(seed),

@@ -14,15 +14,12 @@ from sepv._arguments import require_flag
 from sepv._journal import interruption_answered
 from sepv.errors import UsageError
 from sepv.problem import Array, Problem
-from sepv.schemes import PointLaw, Scheme, load_problem, load_scheme
-from sepv.schemes._guard import ask_once
+from sepv.schemes import PointLaw, Scheme
 from sepv.schemes._scheme import Step
-from sepv.simulate import _truncation as bounded
-from sepv.simulate import _wiener as wiener
 from sepv.simulate._ensembles.collectors import chunk_of
 from sepv.simulate._ensembles.ensemble import choose
 from sepv.simulate._ensembles.task import Task
-from sepv.simulate._run_arguments import initial_state, prepared, step_count
+from sepv.simulate._run_arguments import checked, require_drawable
 from sepv.solve import Status
 
 # Seconds between two looks at the clock, and steps before the first.
@@ -122,20 +119,14 @@ def long_path(
     UsageError
         As `ensemble`.
     """
-    problem = load_problem(problem)
-    scheme = load_scheme(scheme, problems=(problem,))
     require_flag("compensated", compensated)
-    count = step_count(h, T, steps)
+    asked = checked(scheme, problem, h, T, steps, y0, truncation, increments)
+    scheme, problem, start, count, k = asked
     if every is not None and (not isinstance(every, (int, np.integer)) or every < 1):
         raise UsageError(
             expected="every, an integer ≥ 1", received=repr(every), remedy="say how many steps apart"
         )
-    start = initial_state(problem, y0)
-    scheme, k = prepared(scheme, truncation, increments)
-    if k is not None:
-        bounded.truncate(np.zeros(1), h, k)
-    wiener.validate(seed, h * count, count, problem.noises, range(path, path + 1))
-    ask_once(scheme, problem, start, float(h))
+    require_drawable(asked, h, seed, range(path, path + 1), refine)
     compiled, reason = choose(engine, scheme, problem, compensated, lanes=1)
     task = Task(
         scheme=scheme, problem=problem, y0=start, h=float(h), steps=count, first=path, count=1, seed=int(seed),
