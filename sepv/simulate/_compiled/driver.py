@@ -59,14 +59,17 @@ def _copy(given: Any, first: int, count: int, lane: int, out: Any) -> None:
 @_kernel
 def _add(increments: Any, count: int, W: Any, b: int) -> None:
     """Add the increments to the sums of block b."""
-    for i in range(count):
-        for j in range(W.shape[1]):
-            if W.shape[2] == LANES:
+    for j in range(W.shape[1]):
+        if W.shape[2] == LANES:
+            for i in range(count):
                 for k in range(LANES):
                     W[b, j, k] += increments[i, j, k]
-            else:
-                for k in range(W.shape[2]):
-                    W[b, j, k] += increments[i, j, k]
+        else:
+            for k in range(W.shape[2]):
+                total = W[b, j, k]  # in a register: through memory each sum would wait for the last store
+                for i in range(count):
+                    total += increments[i, j, k]
+                W[b, j, k] = total
 
 
 @_kernel

@@ -89,7 +89,7 @@ class NewtonWriter(Writer):
         """
         code = CodeBuilder(self.parameters)
         y = self.loaded(code, "Y", "y")
-        code.lines += ["busy = I[ALIVE + k] != 0", f"scale = {' + '.join(f'abs({v})' for v in y)}"]
+        code.lines += ["busy = I[ALIVE + k] != 0", self.scale(y)]
         z = self.in_increments(code, y) if self.P is None else self.in_middles(code, y)
         code.lines += self.test(compared=True) if self.steps else ["m = INF", "still = busy"]
         if self.sweeps:
@@ -97,8 +97,6 @@ class NewtonWriter(Writer):
         code.lines += [f"{self.at('Z', i)} = {v}" for i, v in enumerate(z)]
         code.lines += [
             f"{self.at('P')} = m",
-            f"{self.at('X')} = scale",
-            *(f"{self.at('D', i)} = {name}" for i, name in enumerate(self.known)),
             "left += select(still, 1, 0)",
             "I[BUSY + k] = select(still, 1, 0)",
         ]
@@ -172,17 +170,16 @@ class NewtonWriter(Writer):
 
     def iteration(self) -> list[str]:
         """A step of all lanes and its test; a lane in any trouble stays busy, and is left over."""
-        n, d = self.unknowns, self.d
+        n = self.unknowns
         code = CodeBuilder(self.parameters)
-        y, z = [f"y{i}" for i in range(d)], [f"z{i}" for i in range(n)]
-        code.lines += [f"{v} = {self.at('Y', i)}" for i, v in enumerate(y)]
+        code.lines += self.random_step()
+        y, z = self.loaded(code, "Y", "y"), [f"z{i}" for i in range(n)]
         code.lines.append(f"before = {self.at('P')}")
-        code.lines += [f"{name} = {self.at('D', i)}" for i, name in enumerate(self.known)]
         code.lines += [f"{v} = select(before < INF, {self.at('Z', i)}, 0.0)" for i, v in enumerate(z)]
         moved = self.kept_inside(code, y, correct(code, *self.system(code, y, z), z)[0])
         code.lines += [
             "busy = I[BUSY + k] != 0",
-            f"scale = {self.at('X')}",
+            self.scale(y),
             f"{self.at('P')} = m",
             *self.test(compared=False),
         ]

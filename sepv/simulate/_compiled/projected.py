@@ -50,14 +50,14 @@ class ProjectedWriter(Writer):
         found = self.problem.printed_directions(code, end)
         code.lines += [
             "busy = I[ALIVE + k] != 0",
-            f"scale = {' + '.join(f'abs({v})' for v in y)}",
+            self.scale(y),
             "before = INF",
         ]
         for step in range(BLIND):
             code.lines += ["before = m"] if step else []
             z = self.moved(code, y, z, found)
         code.lines += [f"{self.at('Z', i)} = {v}" for i, v in enumerate(z)]
-        code.lines += [f"{self.at('P')} = m", f"{self.at('X')} = scale"]
+        code.lines.append(f"{self.at('P')} = m")
         code.lines += [f"{self.at('Q', i)} = {v}" for i, v in enumerate(found) if v is not None]
         end = self.ending(code, y, z, "0")
         return [*code.lines, *end]
@@ -66,7 +66,7 @@ class ProjectedWriter(Writer):
         """Code of an iteration for a group of lanes: a step of the projection, where lanes are busy."""
         code = CodeBuilder(self.parameters)
         y, z = self.loaded(code, "Y", "y"), self.loaded(code, "Z", "z")
-        code.lines += ["busy = I[BUSY + k] == 1", f"scale = {self.at('X')}", f"before = {self.at('P')}"]
+        code.lines += ["busy = I[BUSY + k] == 1", self.scale(y), f"before = {self.at('P')}"]
         # Zeros are not stored.
         found = self.problem.printed_directions(CodeBuilder(), y)
         moved = self.moved(code, y, z, [v and self.at("Q", i) for i, v in enumerate(found)])

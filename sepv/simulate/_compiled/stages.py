@@ -66,9 +66,9 @@ class StagesWriter(Writer):
         clear, node = self.sums()
         return {
             "first_steps": ([*self.random_step(), *self.first()], "none"),
-            "blind": (self.blind(), "none"),
-            "iteration": (self.iteration(), "left"),
-            "check": (self.check() if self.checked else [], "left"),
+            "blind": ([*self.random_step(), *self.blind()], "none"),
+            "iteration": ([*self.random_step(), *self.iteration()], "left"),
+            "check": ([*self.random_step(), *self.check()] if self.checked else [], "left"),
             "clear": (clear, "none"),
             "add_node": (node, "none"),
         }
@@ -101,10 +101,8 @@ class StagesWriter(Writer):
         return [shown(v) for v in self.formula.sweep(code, self.problem, y, z, "delta", g)]
 
     def lane(self, code: CodeBuilder) -> tuple[list[str], list[str]]:
-        """y, z and Δ of lane k."""
-        y, z = self.loaded(code, "Y", "y"), self.loaded(code, "Z", "z")
-        code.lines.append(f"delta = {self.at('D')}")
-        return y, z
+        """y and z of lane k."""
+        return self.loaded(code, "Y", "y"), self.loaded(code, "Z", "z")
 
     def first(self) -> list[str]:
         """The first sweep from z = 0, where all stages share one evaluation."""
@@ -115,8 +113,6 @@ class StagesWriter(Writer):
         code.lines += [f"{self.at('Z', i)} = {R[i % self.d]}" for i in range(self.unknowns)]
         code.lines += [
             f"{self.at('P')} = INF",
-            f"{self.at('X')} = {' + '.join(f'abs({v})' for v in y)}",
-            f"{self.at('D')} = delta",
             "I[BUSY + k] = I[ALIVE + k]",
         ]
         return code.lines
@@ -137,7 +133,7 @@ class StagesWriter(Writer):
         code.lines += [
             f"m = {' + '.join(f'abs({a} - {b})' for a, b in zip(R, z, strict=True))}",
             "busy = I[BUSY + k] == 1",
-            f"scale = {self.at('X')}",
+            self.scale(y),
             f"before = {self.at('P')}",
             f"{self.at('P')} = m",
             f"done = (m * m <= LEFT * (scale * before)) & (before < INF) | (m <= {self.unknowns} * TINY * scale)",
@@ -161,7 +157,8 @@ class StagesWriter(Writer):
         size = " + ".join(f"abs({v})" for v in z)
         code.lines += [
             f"m = {' + '.join(f'abs({a} - {b})' for a, b in zip(R, z, strict=True))}",
-            f"fine = (m <= {2.0**-48!r} * ({size})) | (m <= {self.unknowns} * TINY * {self.at('X')})",
+            self.scale(y),
+            f"fine = (m <= {2.0**-48!r} * ({size})) | (m <= {self.unknowns} * TINY * scale)",
             "asked = I[BUSY + k] == 4",
             f"{self.at('P')} = INF",
         ]

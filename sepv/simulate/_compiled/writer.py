@@ -35,10 +35,11 @@ class Writer(ABC):
         self.unknowns = formula.stages * d
         self.offset = {}
         base = 0
-        # Rows: state, unknowns of Newton's iteration, rounding of Kahan's sum; data of the step, the last correction,
-        # the size of the state, the energy at the start, the largest defects of energy and Casimirs.
-        rows = {"Y": d, "Z": self.unknowns, "E": d if compensated else 0, "D": len(self.known)}
-        rows |= dict.fromkeys(("P", "X", "H", "WH", "WC"), 1)
+        # Rows: state, unknowns of Newton's iteration, rounding of Kahan's sum; the last correction, the energy at the
+        # start, the largest defects of energy and Casimirs. What few lanes need, they compute again: a store takes as
+        # long as several operations.
+        rows = {"Y": d, "Z": self.unknowns, "E": d if compensated else 0}
+        rows |= dict.fromkeys(("P", "H", "WH", "WC"), 1)
         for name, count in {**rows, **self.more_rows()}.items():
             self.offset[name] = base
             base += count * L
@@ -99,7 +100,12 @@ class Writer(ABC):
         code.lines += [f"{self.at('E', i)} = 0.0" for i in range(self.d) if self.compensated]
         return code.lines
 
+    def scale(self, y: list[str]) -> str:
+        """The line of the size of the state."""
+        return f"scale = {' + '.join(f'abs({v})' for v in y)}"
+
     def random_step(self) -> list[str]:
+        """The lines of the data of the step."""
         lines = ["delta = h", "noise = 0.0"]
         lines += ["span = h"] if "span" in self.known else []
         for j in range(self.noises):
