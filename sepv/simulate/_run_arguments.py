@@ -22,7 +22,7 @@ MOST_STEPS = 2**53
 
 
 class Run(NamedTuple):
-    """What `sepv.integrate`, `sepv.ensemble` and `sepv.long_path` take alike, checked; k is that of the truncation."""
+    """Checked arguments that `integrate`, `ensemble` and `long_path` share; k is that of the truncation."""
 
     scheme: Scheme
     problem: Problem
