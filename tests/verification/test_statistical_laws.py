@@ -178,7 +178,7 @@ def test_noises_that_commute_give_order_one_with_a_drift_that_does_not() -> None
 
 
 def test_a_scheme_for_one_state_is_asked_for_few_steps() -> None:
-    """These laws ask most: 24,300 steps of 28,300, where an early look suffices. More paths lift that."""
+    """These laws and rounding ask most: 21,900 steps of 27,900, where an early look suffices. More paths lift that."""
     asked = 0
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
@@ -189,7 +189,7 @@ def test_a_scheme_for_one_state_is_asked_for_few_steps() -> None:
     alone = replace(schemes.euler_heun, batched=False, solve=None, step=step)
     report = verify(alone, laws=["truncation", "local-mean", *SAMPLED])
     assert {f.verdict for f in report.findings} == {Verdict.HOLDS}
-    assert asked <= 19_000
+    assert asked <= 14_000
     assert setups_for(alone, Effort(paths=16384)) == setups_for(schemes.euler_heun, Effort())
 
 
