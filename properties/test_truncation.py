@@ -39,7 +39,7 @@ from sepv.verification._units import rates_at, units_for
 
 STEPS = tuple(2.0**-n for n in range(1, 21))
 # The step sizes at which each noise is asked, and their range in the unit of time: no two noises have the same ones.
-SIZES, SMALLEST, LARGEST = 9, 2.0**-60, 0.5
+SIZES, SMALLEST, LARGEST = 11, 2.0**-60, 0.5
 PARTS, REACH = 16, 1 / 8
 
 
@@ -115,7 +115,7 @@ def _responses(scheme: Scheme, k: int, seed: int) -> Iterator[tuple[float, str]]
         try:
             for j, share in zip(np.flatnonzero(problem.c), own, strict=True):
                 for posed, h, A in _steps(scheme, problem, int(j), k, share):
-                    size, place = _weakest(scheme, posed, h, A, int(j), int(rng.integers(1, PARTS - 1)))
+                    size, place = _weakest(scheme, posed, h, A, int(j), int(rng.integers(1 - PARTS, PARTS)))
                     text = (
                         f"{problem.name}, h = {h!r}: the step does not respond to ΔW_{j + 1} beyond {place:.3g} √h "
                         f"as elsewhere, and k = {k} lets increments through up to {A:.3g} √h"
@@ -153,9 +153,9 @@ def _steps(
 def _weakest(
     scheme: Scheme, problem: Problem, h: float, A: float, j: int, between: int
 ) -> tuple[float, float]:
-    """½ max/min of |∂y1/∂ΔW_j| over three parts of [0, A] and of [−A, 0], in √h, and the place of the minimum."""
-    edges = {0, 1, between, between + 1, PARTS - 1, PARTS}
-    number = np.array(sorted(edges | {-edge for edge in edges}))
+    """½ max/min of |∂y1/∂ΔW_j| over five parts of [−A, A], in √h, and the place of the minimum."""
+    edges = {-PARTS, 1 - PARTS, -1, 0, 1, PARTS - 1, PARTS, between, between + 1}
+    number = np.array(sorted(edges))
     xi = A * number / PARTS
     y = np.repeat(np.asarray(problem.initial, dtype=np.float64)[:, None], xi.size, axis=1)
     dW = np.zeros((problem.noises, xi.size))
