@@ -35,16 +35,19 @@ def canonical_separable(parts: Parts) -> PolynomialSystem:
 def mechanical(parts: Parts) -> PolynomialSystem:
     """H = ½ pᵀM⁻¹p + V(q) with y = (q, p) and B = J: q̇ = M⁻¹p, ṗ = −∇V.
 
-    M = LDLᵀ with powers of two in D and whole numbers in L, so that both M and M⁻¹ are exact, and momenta have few
-    bits, so that M⁻¹p is. A potential that is bounded below has even powers of the positions alone, with positive
-    coefficients.
+    M⁻¹ = LᵀDL with powers of two in D and halves in L, so that both M and M⁻¹ are exact, and momenta have few bits, so
+    that M⁻¹p is. A full M has |M||M⁻¹| ≤ 16 in each row's sum: a library that keeps velocities makes p = M(M⁻¹p) anew
+    in each step, with that many roundings of p. A potential that is bounded below has even powers of the positions
+    alone, with positive coefficients.
     """
     n, random, scale = parts.d // 2, parts.random, parts.unit**-2
-    weights = [scale * random.choice([1.0, 0.5, 2.0, 0.25, 4.0]) for _ in range(n)]
+    full = parts.levels["mass"].name == "full"
+    sizes = [1.0, 0.5, 2.0] if full else [1.0, 0.5, 2.0, 0.25, 4.0]
+    weights = [scale * random.choice(sizes) for _ in range(n)]
     rows = np.eye(n)
-    if parts.levels["mass"].name == "full":
+    if full:
         for i, j in combinations(range(n), 2):
-            rows[i, j] = random.choice([1.0, -1.0, 2.0] if j == i + 1 else [0.0, 1.0, -1.0])
+            rows[i, j] = random.choice([0.5, -0.5] if j == i + 1 else [0.0, 0.5, -0.5])
     forms = [poly.linear([0.0] * n + row) for row in rows.tolist()]
     kinetic = [poly.scale(w / 2, poly.multiply(v, v)) for w, v in zip(weights, forms, strict=True)]
     if parts.levels["V"].name == "any":
