@@ -129,7 +129,8 @@ through its own library's code, in float64, on random systems of that form with 
 verdict is that of `sepv verify LIBRARY-NAME`, such as `sepv verify mici-leapfrog`. No options are set but those in
 a name. A law that is violated without being claimed is no fault. Libraries of particles have one mass for each, so
 that systems with a full M are left out. Steps lie inside a proved contraction radius, where an explicit method of
-order 8 errs by roundings: there it holds what it loses in longer steps. The extras `samplers` and `simulators`
+order 8 errs by roundings: there it holds what it loses in longer steps. REBOUND's integrators of planetary systems,
+WHFAST to EOS, run on the problem `planets`, a star and two planets. The extras `samplers` and `simulators`
 install the libraries."""
 
 
@@ -140,7 +141,7 @@ READ = """\
 - JAX MD: README, source and history of `simulate`, its tests, pull request 73.
 - mici: source and tests of integrators and solvers, their history since 2018, issue 5; it has no changelog.
 - OpenMM: source of the Reference platform, issues 927, 1677, 2208, 2398.
-- REBOUND: the documentation of each integrator (`sim.integrator.__doc__`) and the changelog."""
+- REBOUND: the documentation of each integrator (`sim.integrator.__doc__`), the changelog, pull requests 804, 822."""
 
 
 @click.command()

@@ -1,4 +1,8 @@
-"""REBOUND's integrators under forces of the problem's own. Needs the extra ``simulators``.
+"""REBOUND's integrators under forces of the problem's own, and those of planetary systems under its own gravity.
+
+Needs the extra ``simulators``. The second kind splits the motion into Kepler's and the rest, so that it takes bodies
+under gravity alone, V = −G Σ m_im_j/|q_i − q_j| in the plane or in space, heaviest first, such as
+`sepv.problems.planets`. A step is one of REBOUND's with `safe_mode=1`, its default: synchronized at the end.
 
 JANUS computes on integers of 64 bits, x/scale and v/scale: its documentation asks for the scale of the problem.
 Here it is 2⁻⁵⁶ times a power of two above the state and its change in a step, below the rounding of binary64.
@@ -6,15 +10,19 @@ Here it is 2⁻⁵⁶ times a power of two above the state and its change in a s
 
 from __future__ import annotations
 
-from functools import partial
+import warnings
+from functools import lru_cache, partial
+from itertools import combinations
 from typing import Any
 
 import numpy as np
 import rebound
 
+from sepv.errors import Skipped
 from sepv.peers._integrator import REVERSIBLE, SYMPLECTIC, integrator, masses
 from sepv.peers.peer import Peer
 from sepv.problem import Array, Mechanics
+from sepv.problem._checks import sample_states
 from sepv.schemes import Scheme
 
 
@@ -44,14 +52,61 @@ def _advance(
         simulation.integrate(h)
     else:
         simulation.steps(1)
-    q1, p1 = np.array([a.x for a in particles]), mass * np.array([a.vx for a in particles])
-    if not np.all(np.isfinite([q1, p1])):
+    return _finite(name, np.array([a.x for a in particles]), mass * np.array([a.vx for a in particles]))
+
+
+def _finite(name: str, q: Array, p: Array) -> tuple[Array, Array]:
+    if not np.all(np.isfinite([q, p])):
         raise ArithmeticError(f"{name} came to values that are not finite")
-    return q1, p1
+    return q, p
 
 
 def _scale(values: Array, changes: Array) -> float:
     return float(2.0 ** (np.frexp(max(np.abs(values).max(), np.abs(changes).max()))[1] - 56))
+
+
+def _gravitate(
+    name: str, options: dict[str, Any], system: Mechanics, q: Array, p: Array, h: float
+) -> tuple[Array, Array]:
+    """One step of bodies under REBOUND's own gravity."""
+    gravity, mass, space = _gravity(system)
+    simulation = rebound.Simulation()
+    simulation.G, simulation.integrator, simulation.dt = gravity, name, h
+    for key, value in options.items():
+        setattr(simulation.integrator, key, value)
+    for m, x, v in zip(mass, _in_space(q, space), _in_space(p, space) / mass[:, None], strict=True):
+        simulation.add(m=m, **dict(zip(("x", "y", "z", "vx", "vy", "vz"), (*x, *v), strict=True)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # of steps longer than a period: the laws see them
+        simulation.steps(1)
+    ends = [(a.xyz[:space], a.vxyz[:space]) for a in simulation.particles]
+    q1, v1 = (np.array(part) for part in zip(*ends, strict=True))
+    return _finite(name, q1.ravel(), (mass[:, None] * v1).ravel())
+
+
+def _in_space(values: Array, space: int) -> Array:
+    """(n·space,) -> (n, 3)."""
+    return np.pad(values.reshape(-1, space), ((0, 0), (0, 3 - space)))
+
+
+@lru_cache(maxsize=64)
+def _gravity(system: Mechanics) -> tuple[float, Array, int]:
+    """G, the masses of the bodies, and 2 or 3 for the plane or space. Raises Skipped for other systems."""
+    mass, places = masses(system), [system.split(y)[0] for y in sample_states(system.problem)]
+    for space in (2, 3):
+        bodies = mass[::space]
+        if bodies.size < 2 or mass.size % space or not np.array_equal(np.repeat(bodies, space), mass):
+            continue
+        found = [-system.potential(q) / _attraction(bodies, q.reshape(-1, space)) for q in places]
+        if found[0] > 0 and np.ptp(found) <= 1e-12 * found[0]:  # roundings of sums of few terms
+            return float(np.median(found)), bodies, space
+    raise Skipped("not bodies under gravity alone, V = −G Σ m_im_j/|q_i − q_j|")
+
+
+def _attraction(mass: Array, q: Array) -> float:
+    """Σ m_im_j/|q_i − q_j| of bodies at q (n, 2 or 3)."""
+    pairs = combinations(range(mass.size), 2)
+    return float(sum(mass[i] * mass[j] / np.linalg.norm(q[i] - q[j]) for i, j in pairs))
 
 
 def _scheme(name: str, order: int | None, source: str, note: str = "") -> Scheme:
@@ -72,10 +127,34 @@ janus = _scheme(
     'JANUS: "a bit-wise time-reversible high-order symplectic integrator"; its default order is 6.',
 )
 
+
+def _planetary(name: str, order: int | None, claims: tuple[str, ...], source: str, **options: Any) -> Scheme:
+    note, advance = (
+        "".join(f", {key}={value}" for key, value in options.items()),
+        partial(_gravitate, name, options),
+    )
+    return integrator(
+        f"rebound {name}{note}", advance, order=order, claims=claims, source=f"REBOUND, {source}", problems=("planets",)
+    )  # fmt: skip
+
+
+_WHFAST = 'WHFAST: "an implementation of the symplectic [Wisdom & Holman (1991)] integrator", "2nd order WH kernel".'
+_SABA = 'SABA: "symplectic integrators".'
+
 PEER = Peer(
     "rebound",
     integrators={
         "leapfrog": leapfrog, "leapfrog4": leapfrog4, "leapfrog6": leapfrog6, "leapfrog8": leapfrog8, "ias15": ias15,
         "janus": janus,
+        "whfast": _planetary("whfast", 2, SYMPLECTIC, _WHFAST),
+        "whfast-corrected": _planetary("whfast", 2, SYMPLECTIC, _WHFAST, corrector=17),
+        "whfast-heliocentric": _planetary("whfast", 2, SYMPLECTIC, _WHFAST, coordinates="democraticheliocentric"),
+        "whfast-whds": _planetary("whfast", 2, SYMPLECTIC, _WHFAST, coordinates="whds"),
+        "whfast-barycentric": _planetary("whfast", 2, SYMPLECTIC, _WHFAST, coordinates="barycentric"),
+        "whfast-lazy": _planetary("whfast", 2, SYMPLECTIC, _WHFAST, kernel="lazy", corrector=17),
+        "saba": _planetary("saba", None, SYMPLECTIC, _SABA),
+        "mercurius": _planetary("mercurius", None, SYMPLECTIC, 'MERCURIUS: "a hybrid symplectic integrator".'),
+        "trace": _planetary("trace", None, (), 'TRACE: "a hybrid (almost) time-reversible integrator".'),
+        "eos": _planetary("eos", None, (), "EOS"),
     },
 )  # fmt: skip

@@ -24,7 +24,7 @@ MOST_BODIES = 16
 
 
 def planets(
-    masses: ArrayLike = (1000.0, 1.0, 0.3),
+    masses: ArrayLike = (50.0, 1.0, 0.3),
     axes: ArrayLike = (1.0, 1.8),
     eccentricities: ArrayLike = (0.05, 0.1),
     noise: ArrayLike = 1.0,
@@ -32,7 +32,8 @@ def planets(
     """A star, the first of the masses, and planets on ellipses about it with these semi-major axes.
 
     Gm_0 = 1: a light planet of axis 1 has the period 2π. Planet k starts at its pericentre, in the direction of 2k
-    radians. With masses of the order of the planets', momenta are of the order of positions.
+    radians. Masses are in units of a planet, so that momenta are of the order of positions, and those of the star are
+    not far larger, so that the roundings of its velocity are not either.
     """
     m, a, e = (np.atleast_1d(np.asarray(part, dtype=np.float64)) for part in (masses, axes, eccentricities))
     shapes = 2 <= m.size <= MOST_BODIES and m.ndim == 1 and a.shape == e.shape == (m.size - 1,)
@@ -46,7 +47,7 @@ def planets(
         raise ProblemError(
             expected=f"2 to {MOST_BODIES} masses > 0, for each but the first an axis > 0 and an eccentricity 0 ≤ e < 1",
             received=f"masses={masses!r:.60}, axes={axes!r:.60}, eccentricities={eccentricities!r:.60}",
-            remedy="masses=(1000.0, 1.0), axes=(1.0,), eccentricities=(0.05,)",
+            remedy="masses=(50.0, 1.0), axes=(1.0,), eccentricities=(0.05,)",
         )  # fmt: skip
     angle = 2.0 * np.arange(a.size)
     direction = np.stack([np.cos(angle), np.sin(angle)], axis=1)

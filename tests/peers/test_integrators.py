@@ -15,7 +15,8 @@ from sepv.errors import Skipped
 from sepv.exact import exact_flow
 from sepv.peers.peer import Peer, names
 from sepv.problem import Problem, mechanics
-from sepv.problems import by_name, henon_heiles, pendulum, rigid_body
+from sepv.problems import by_name, henon_heiles, pendulum, planets, rigid_body
+from sepv.problems._mechanical import positions_first
 from sepv.schemes import Scheme, load_scheme
 from sepv.verification import Effort, verify
 
@@ -49,10 +50,10 @@ def error(scheme: Scheme, problem: Problem, h: float) -> float:
 
 @pytest.mark.parametrize("library", LIBRARIES)
 def test_every_integrator_steps_with_its_order(library: str) -> None:
-    problem = henon_heiles(noise=())
     for name, scheme in peer(library).integrators.items():
         if scheme.order is None or name == "implicit-leapfrog":
             continue
+        problem = planets(noise=()) if scheme.problems else henon_heiles(noise=())
         far, near = error(scheme, problem, 0.4), error(scheme, problem, 0.2)
         # Errors of h^(p+1) with a little of the next power; those of order 8 end in rounding.
         assert far < 1e-2
@@ -85,6 +86,30 @@ def test_systems_that_a_library_cannot_take_are_left_out() -> None:
     scheme = peer("scipy").integrators["dop853"]
     with pytest.raises(Skipped, match="mechanical problem"):
         scheme.step(rigid_body(noise=()), np.ones(3), 0.1, NONE)
+
+
+def orbit_in_space(G: float, tilt: float) -> Problem:
+    """Two bodies, of masses 3 and ½, in space."""
+
+    def hamiltonian(y: np.ndarray) -> np.ndarray:
+        r = np.sqrt(sum((y[i] - y[i + 3]) ** 2 for i in range(3)))
+        kinetic = sum(y[i] ** 2 / 6 + y[i + 3] ** 2 for i in range(6, 9))
+        return kinetic - 1.5 * G / r + tilt * y[0]
+
+    start = (0.1, 0.0, 0.2, 1.1, 0.3, 0.0, 0.1, -0.3, 0.0, -0.1, 0.9, 0.2)
+    return Problem(12, positions_first, hamiltonian, noise=(), initial=start)
+
+
+def test_rebound_finds_bodies_and_their_gravity_and_refuses_what_is_none() -> None:
+    scheme = peer("rebound").integrators["whfast"]
+    problem, h = orbit_in_space(2.5, 0.0), 0.3
+    start = np.array(problem.initial, dtype=np.float64)
+    # The Wisdom-Holman map of two bodies is Kepler's motion.
+    exact = exact_flow(problem, np.array([h])).y[:, 0]
+    assert np.allclose(scheme.step(problem, start, h, NONE), exact, rtol=0, atol=2e-14)
+    for other in (orbit_in_space(2.5, 1e-3), henon_heiles(noise=()), by_name("lennard-jones")):
+        with pytest.raises(Skipped, match="gravity alone"):
+            scheme.step(other, np.array(other.initial, dtype=np.float64), h, np.zeros(other.noises))
 
 
 def test_every_library_has_a_file_and_only_libraries_do() -> None:

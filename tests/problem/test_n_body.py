@@ -11,7 +11,7 @@ from sepv.problem import Problem
 from sepv.record._binary64 import EPS
 
 BODIES = [problems.planets(noise=()), problems.figure_eight(noise=())]
-BODIES += [problems.planets((50.0, 1.0), (2.0,), (0.3,), noise=())]
+BODIES += [problems.planets((1000.0, 1.0), (2.0,), (0.3,), noise=())]
 
 
 def momenta(y: np.ndarray) -> np.ndarray:

@@ -1,0 +1,74 @@
+"""rebound whfast, coordinates=barycentric: symplectic with one planet, but not with two.
+
+Φ′JΦ′ᵀ − J of one step, from differences of fourth order, as the largest entry: in barycentric coordinates it falls
+like h³ and is the same for planets of a hundredth of their mass; in the three others it is that of the differences.
+The reason is in the brackets. Of positions and velocities from the centre of mass {Q_i, V_j} = δ_ij/m_i − 1/M. The
+Kepler step moves each planet by itself, which keeps the first part alone. One planet has no other bracket. Relative
+to 1/m the defect is the mass ratio, 1e-3 for Jupiter, times (h times the frequency)³. The step stays reversible, and
+of order 2; pull request 822 reports small errors of the energy.
+
+Exit code 1 while this is so, 0 where the step with two planets is symplectic.
+"""
+
+import sys
+
+import numpy as np
+import rebound
+
+NOTES = [
+    (
+        "documentation of the integrator WHFAST, 5.2.2 (github.com/hannorein/rebound)",
+        "2026-11-23",
+        "WHFast is an implementation of the symplectic [Wisdom & Holman (1991)] integrator. … The user can choose "
+        "between Jacobi, Democratic Heliocentric, WHDS, and barycentric coordinates.",
+    ),
+    (
+        "pull request 804, which brought them",
+        "2024-11-08",
+        "something similar to Jacobi coordinates, where the first coordinate points to the center of mass and the "
+        "other coordinates are calculated relative to it.",
+    ),
+    (
+        "pull request 822; no issue that we found names it",
+        "2025-03-13",
+        "the energy error is lower than WHDS and Democratic Heliocentric coordinates",
+    ),
+]
+
+
+def step(z, m, h, coordinates):
+    """(q, p) after one step, in the plane."""
+    simulation = rebound.Simulation()
+    simulation.integrator, simulation.dt = "whfast", h
+    simulation.integrator.coordinates = coordinates
+    q, v = z.reshape(2, -1, 2)[0], z.reshape(2, -1, 2)[1] / m[:, None]
+    for mass, x, u in zip(m, q, v, strict=True):
+        simulation.add(m=mass, x=x[0], y=x[1], vx=u[0], vy=u[1])
+    simulation.steps(1)
+    ends = [(a.x, a.y, a.m * a.vx, a.m * a.vy) for a in simulation.particles]
+    return np.array(ends).reshape(-1, 2, 2).transpose(1, 0, 2).ravel()
+
+
+def defect(m, h, coordinates):
+    """The largest entry of Φ′JΦ′ᵀ − J."""
+    n, angle = m.size, np.array([0.0, 0.3, 2.0])[: m.size]
+    q = np.array([0.0, 1.0, 1.8])[:n, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    v = np.array([0.0, 1.05, 0.78])[:n, None] * np.stack([-np.sin(angle), np.cos(angle)], axis=1)
+    z = np.concatenate([q.ravel(), (m[:, None] * v).ravel()])
+    widths = 1e-3 * np.concatenate([np.ones(2 * n), np.repeat(m, 2)])
+
+    def difference(k, width):
+        e = width * np.eye(4 * n)[k]
+        return (step(z + e, m, h, coordinates) - step(z - e, m, h, coordinates)) / (2 * width)
+
+    slopes = [(4 * difference(k, w / 2) - difference(k, w)) / 3 for k, w in enumerate(widths)]
+    derivative, J = np.stack(slopes, axis=1), np.kron([[0.0, 1.0], [-1.0, 0.0]], np.eye(2 * n))
+    return np.abs(derivative @ J @ derivative.T - J).max()
+
+
+for name in ("jacobi", "democraticheliocentric", "whds", "barycentric"):
+    for m in (np.array([1.0, 0.1]), np.array([1.0, 0.1, 0.03]), np.array([1.0, 0.001, 0.0003])):
+        found = [defect(m, h, name) for h in (0.08, 0.04, 0.02)]
+        values = ", ".join(f"{value:.0e}" for value in found)
+        print(f"{rebound.__version__} {name:22} masses {m.tolist()!s:20} h = 0.08, 0.04, 0.02: {values}")
+sys.exit(bool(found[0] > 1e-6))
