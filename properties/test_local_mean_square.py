@@ -63,7 +63,7 @@ law = Law(
     source="(3.9)",
     unit="slope",
     cost=0.1,
-    steps=192,
+    steps=288,
     run=pathwise(run),
     replay=replay,
 )

@@ -40,9 +40,9 @@ from sepv.verification._orders.local_errors import step_sizes, two_noises
 from sepv.verification._orders.local_orders import CLEAR, FLOOR, MARGIN, strong_order
 from sepv.verification._units import units_for
 
-# Pairs of step sizes, one drawn from each of as many equal parts of the range: at most 3.2 octaves are between two, so
+# Pairs of step sizes, one drawn from each of as many equal parts of the range: at most 2.1 octaves are between two, so
 # that no decade is left out. From 2⁻⁴⁰, where an error of order 1 is 1e-12 of y, to 2⁻², where A_h is 1.66 for k = 1.
-PAIRS, SMALLEST, LARGEST = 24, 2.0**-40, 2.0**-2
+PAIRS, SMALLEST, LARGEST = 36, 2.0**-40, 2.0**-2
 # The ratio of the two step sizes of a pair.
 APART = 4.0
 # Factors on c_j, in turn: noises as the problem has them, and large and small ones.
