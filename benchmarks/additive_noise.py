@@ -13,12 +13,11 @@ import numpy as np
 from benchmarks import start
 from sepv import problems, schemes
 from sepv.console import markdown
-from sepv.problem import Array, PolynomialSystem, Problem, vector_field
-from sepv.problem._hamiltonians import noise_vectors
-from sepv.problems._polynomial_system import drift_of_energy
+from sepv.problem import Array, PolynomialSystem, Problem, noise_vectors, vector_field
+from sepv.problems import drift_of_energy
+from sepv.schemes import as_lanes
 from sepv.schemes._drift_preserving import pushed, quiet
 from sepv.schemes._one_step import implicit
-from sepv.schemes._scheme import as_lanes
 
 PAIRS, SEED, T = 10_000, 1, 1.0
 STEPS = (2, 16)

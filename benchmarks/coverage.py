@@ -27,15 +27,9 @@ from benchmarks import over, start
 from sepv import problems, schemes
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme
-from sepv.verification import Verdict
-from sepv.verification._orders.convergence import (
-    StrongErrors,
-    first,
-    join,
-    quantile_slope,
-    slope,
-    strong_errors,
-)
+from sepv.verification import StrongErrors, Verdict
+from sepv.verification import mean_square_slope as slope
+from sepv.verification._orders.convergence import first, join, quantile_slope, strong_errors
 from sepv.verification._orders.means import decay, leading, limit_errors, moment_errors
 from sepv.verification._orders.tilting import tilted_errors
 from sepv.verification._sequential import FIRST_LOOK, Assess, Setup, is_tilted, setups_for

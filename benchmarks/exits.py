@@ -24,9 +24,7 @@ from benchmarks import over, start
 from sepv import exact_flow, problems, schemes
 from sepv.console import markdown
 from sepv.problem import Array, Problem
-from sepv.simulate import _wiener as wiener
-from sepv.simulate import truncate
-from sepv.simulate._batch import advance
+from sepv.simulate import advance, truncate, wiener
 from sepv.solve import Status
 
 LEVELS, PLACES, NODES = 9, 32, 32

@@ -14,8 +14,10 @@ from pathlib import Path
 from rich.console import Console
 
 from benchmarks import over, start
-from sepv.studies._bench import cases, pairs
-from sepv.studies._bench.gate import Change, check
+from sepv.studies import bench_cases as cases
+from sepv.studies import bench_pairs as pairs
+from sepv.studies import check_bench as check
+from sepv.studies._bench.gate import Change
 
 PLAIN = """
 from dataclasses import replace

@@ -18,8 +18,8 @@ from benchmarks import over, start
 from sepv import large
 from sepv.large import LargeProblem
 from sepv.large._schemes import LargeStep
-from sepv.simulate import _truncation as bounded
-from sepv.simulate import _wiener as wiener
+from sepv.simulate import truncation as bounded
+from sepv.simulate import wiener
 from sepv.solve import Status
 
 H, STEPS = 0.01, 20

@@ -28,8 +28,8 @@ from rich.table import Table
 import sepv
 from benchmarks import over, start
 from sepv import problems, schemes
+from sepv.simulate import Task
 from sepv.simulate._compiled.block_run import Chunk
-from sepv.simulate._ensembles.task import Task
 
 PATHS, STEPS, H, ONE = 5008, 100, 0.01, 200_000
 # h, or a quarter of the longest step that a problem states: Lotka-Volterra has steps without solution at h = 0.01.

@@ -15,7 +15,7 @@ from benchmarks import over, start
 from sepv import problems
 from sepv.console import markdown
 from sepv.problem import Problem
-from sepv.problems._matrix_algebras import algebra_of
+from sepv.problems import algebra_of
 
 SCHEMES = ("isospectral-midpoint", "stochastic-midpoint")
 STEPS = (2.0**-3, 2.0**-5, 2.0**-7)

@@ -26,14 +26,12 @@ from benchmarks import over, start
 from sepv import problems, schemes
 from sepv.exact import clipping_error
 from sepv.problem import Array, PolynomialSystem, Problem
-from sepv.record import _polynomial as poly
+from sepv.record import poly
 from sepv.schemes._scheme import truncation_for
 from sepv.statistics import Estimate, jackknife
-from sepv.verification._orders.convergence import (
-    StrongErrors,
-    slope,
-    strong_errors,
-)
+from sepv.verification import StrongErrors
+from sepv.verification import mean_square_slope as slope
+from sepv.verification._orders.convergence import strong_errors
 from sepv.verification._orders.tilting import tilted_errors
 
 ALPHA = 0.01

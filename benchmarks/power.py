@@ -24,8 +24,7 @@ from sepv.reference.faults.saboteurs import SABOTEURS
 from benchmarks import over, start
 from sepv.errors import SchemeFault, SepvError
 from sepv.problem import Array, Problem, Systems
-from sepv.schemes import Scheme, both_invariants, energy_preserving, several_structures
-from sepv.schemes._scheme import Step
+from sepv.schemes import Scheme, Step, both_invariants, energy_preserving, several_structures
 from sepv.verification import load_laws
 from sepv.verification._cases.strata import Space
 

@@ -26,10 +26,10 @@ from sepv.exact import clipping_error, exact_flow
 from sepv.problem import Array, Problem
 from sepv.schemes import Look, Scheme
 from sepv.schemes._explicit_tableaux import TABLEAUX
-from sepv.simulate import _truncation as bounded
-from sepv.simulate import _wiener as wiener
-from sepv.simulate._batch import run_chunk
-from sepv.studies._picture import Axis, content, figure, frame, line
+from sepv.simulate import run_chunk, wiener
+from sepv.simulate import truncation as bounded
+from sepv.studies import Axis, content, figure
+from sepv.studies._picture import frame, line
 
 # (end time, numbers of steps): the coarsest first; powers of two, so that all see one Wiener path.
 GRIDS = {

@@ -17,7 +17,7 @@ from benchmarks import over, start
 from benchmarks.vectors.selection import SCHEMES
 from sepv import problems, schemes
 from sepv.errors import SepvError, StepFailure
-from sepv.record._binary64 import EPS, TINY
+from sepv.record import EPS, TINY
 from sepv.verification import Case, state_ulp
 
 

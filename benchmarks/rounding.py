@@ -25,10 +25,10 @@ import sepv
 from benchmarks import over, start
 from sepv import problems, schemes
 from sepv.problem import Array
-from sepv.record._binary64 import EPS
+from sepv.record import EPS
 from sepv.simulate._compiled import newton
-from sepv.verification import energy_ulp
-from sepv.verification._tolerance import casimir_ulp, rounding_walk
+from sepv.verification import casimir_ulp, energy_ulp
+from sepv.verification._tolerance import rounding_walk
 
 RUNS = (
     ("harmonic-oscillator", 0.01),

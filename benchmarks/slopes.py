@@ -12,7 +12,8 @@ from rich.table import Table
 
 from benchmarks import over, start
 from sepv import problems, schemes
-from sepv.verification._orders.convergence import slope, strong_errors
+from sepv.verification import mean_square_slope as slope
+from sepv.verification._orders.convergence import strong_errors
 
 # (T, numbers of steps). Lotka-Volterra needs h ≤ 2⁻⁷: at coarser steps some have no solution, and explicit
 # schemes leave the octant.

@@ -19,8 +19,7 @@ from sepv.reference.faults.saboteurs.solver import _fixed_point, _iterated
 from benchmarks import over, start
 from sepv import schemes, verify
 from sepv.problem import Array, Problem
-from sepv.schemes import Scheme
-from sepv.schemes._scheme import Step
+from sepv.schemes import Scheme, Step
 from sepv.verification import Effort
 
 LAWS = ("mean-square-order", "weak-order", "right-limit", "rounding")

@@ -10,7 +10,7 @@ import pytest
 import sepv
 from sepv import problems, schemes
 from sepv.problem import Problem
-from sepv.simulate import _wiener as wiener
+from sepv.simulate import wiener
 
 GRIDS = {"rigid-body": (1.0, 32), "pendulum": (1.0, 32), "lotka-volterra": (0.25, 64)}
 

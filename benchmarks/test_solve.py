@@ -9,8 +9,7 @@ import pytest
 
 from sepv import problems, schemes
 from sepv.problem import PolynomialSystem, Problem
-from sepv.record import Polynomial
-from sepv.record import _polynomial as poly
+from sepv.record import Polynomial, poly
 
 
 def chain(n: int) -> Problem:

@@ -14,7 +14,7 @@ from sepv.reference.faults.saboteurs.record import claiming
 from benchmarks import over, start
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme, implicit
-from sepv.schemes._energy_preserving import formula
+from sepv.schemes import energy_preserving_formula as formula
 from sepv.verification import LAWS, Effort, Verdict, verify
 
 # Below an ulp of Δ nothing is left of a fault.

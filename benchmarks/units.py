@@ -19,8 +19,8 @@ import numpy as np
 from benchmarks import over, start
 from sepv import problems, schemes
 from sepv.problem import Problem
-from sepv.problems._polynomial_system import started
-from sepv.record import _polynomial as poly
+from sepv.problems import started
+from sepv.record import poly
 from sepv.schemes import Scheme
 from sepv.verification import Effort, Finding, Verdict, verify
 from sepv.verification._orders.local_errors import five_noises

@@ -15,9 +15,7 @@ import numpy as np
 from sepv.reference.problem import exact_problem
 
 from sepv.problem import PolynomialSystem, Problem, Systems
-from sepv.record import PolynomialMap
-from sepv.record import _polynomial as poly
-from sepv.record._binary64 import EPS, TINY
+from sepv.record import EPS, TINY, PolynomialMap, poly
 from sepv.schemes import Scheme, ask
 from sepv.verification import Case, Cases, Effort, Measurement, require, searched, step_residual
 from sepv.verification._cases.families import of_casimirs

@@ -11,8 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from sepv.problem import Array, Problem, Systems
-from sepv.problem._hamiltonians import noise_vectors
+from sepv.problem import Array, Problem, Systems, noise_vectors
 from sepv.schemes import Scheme
 from sepv.verification import Case, Cases, Effort, Measurement, require, searched
 from sepv.verification._tolerance import casimir_bound, casimir_ulp, pushes

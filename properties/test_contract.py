@@ -22,10 +22,8 @@ import numpy as np
 
 from sepv.errors import SchemeFault, SepvError, StepFailure
 from sepv.problem import Array, PolynomialSystem, Problem
-from sepv.problems._shown_to_schemes import shown
-from sepv.schemes import Scheme, ask
-from sepv.schemes._guard import SchemeCrash, check_answer, raw_answer, require_unchanged
-from sepv.schemes._scheme import takes
+from sepv.problems.shown_to_schemes import shown
+from sepv.schemes import Scheme, SchemeCrash, ask, check_answer, raw_answer, require_unchanged, takes
 from sepv.verification import Case, Effort, Finding, Law, Measurement, Run, Verdict, require, searched
 from sepv.verification._cases.case import taken_by, to_json, to_token
 from sepv.verification._cases.users_problems import may_ask

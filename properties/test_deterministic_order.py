@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from sepv.errors import Skipped
-from sepv.schemes import Scheme
-from sepv.schemes._scheme import OF_SEVERAL
+from sepv.schemes import OF_SEVERAL, Scheme
 from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 from sepv.verification._failed_step import row
 from sepv.verification._orders.without_noise import Order, StepErrors, orders, quiet_problems, step_errors

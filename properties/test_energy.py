@@ -7,8 +7,7 @@ from sepv.reference.problem import exact_problem
 
 from sepv.errors import StepFailure
 from sepv.problem import PolynomialSystem, Systems
-from sepv.schemes import Scheme
-from sepv.schemes._guard import ask_next
+from sepv.schemes import Scheme, ask_next
 from sepv.verification import (
     Case,
     Cases,

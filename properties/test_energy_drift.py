@@ -13,7 +13,7 @@ from functools import partial
 from sepv import problems
 from sepv.errors import Skipped
 from sepv.problem import Array, GivenProblem, HamiltoniansProblem, PolynomialSystem, Problem, Systems
-from sepv.problems._polynomial_system import drift_of_energy
+from sepv.problems import drift_of_energy
 from sepv.record import PolynomialMap
 from sepv.schemes import Scheme
 from sepv.verification import Case, Cases, Effort, Measurement, energy_bound, energy_ulp, require, searched

@@ -7,8 +7,7 @@ import numpy as np
 from sepv import problems
 from sepv.problem import Array, PolynomialSystem
 from sepv.problems import nambu_system
-from sepv.record import Polynomial
-from sepv.record import _polynomial as poly
+from sepv.record import Polynomial, poly
 from sepv.schemes import Scheme, ask
 from sepv.verification import Case, Cases, Effort, Measurement, require, searched, state_ulp, step_residual
 from sepv.verification._contraction import CONTRACTION, contraction_radius, has_majorants

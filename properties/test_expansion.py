@@ -17,11 +17,18 @@ import mpmath
 import numpy as np
 from sepv.reference.taylor import flow_series
 
-from sepv.problem import Array, HamiltoniansProblem, PolynomialSystem, Problem, vector_field
-from sepv.problem._fields import derivative_along
-from sepv.problem._hamiltonians import is_several
-from sepv.problem._structures import combined, combined_slope
-from sepv.record._binary64 import TINY
+from sepv.problem import (
+    Array,
+    HamiltoniansProblem,
+    PolynomialSystem,
+    Problem,
+    combined,
+    combined_slope,
+    derivative_along,
+    is_several,
+    vector_field,
+)
+from sepv.record import TINY
 from sepv.schemes import Scheme, ask
 from sepv.verification import Case, Cases, Effort, Measurement, require, searched, step_residual
 from sepv.verification._cases.random_cases import ORIGIN_SHARE

@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sepv.problem import HamiltoniansProblem, NamedProblem, Systems
-from sepv.problem._hamiltonians import is_several, noise_vectors
+from sepv.problem import HamiltoniansProblem, NamedProblem, Systems, is_several, noise_vectors
 from sepv.schemes import Scheme, ask
 from sepv.verification import Case, Cases, Effort, Measurement, require, searched, state_ulp
 

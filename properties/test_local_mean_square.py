@@ -9,8 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from sepv.schemes import Scheme, Systems
-from sepv.schemes._order_claims import order_of
+from sepv.schemes import Scheme, Systems, order_of
 from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 from sepv.verification._law import pathwise
 from sepv.verification._orders.any_step import lower_order

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from sepv.schemes import Scheme
-from sepv.schemes._order_claims import order_of
+from sepv.schemes import Scheme, order_of
 from sepv.verification import Effort, Finding, Law, Run, require
 from sepv.verification._law import about_noise
 from sepv.verification._orders.local_example import weak_example

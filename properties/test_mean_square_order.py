@@ -10,8 +10,7 @@ import math
 from typing import Any
 
 from sepv.problem import Problem, column
-from sepv.schemes import Scheme
-from sepv.schemes._order_claims import order_of
+from sepv.schemes import Scheme, order_of
 from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 from sepv.verification._law import pathwise
 from sepv.verification._orders.convergence import StrongErrors, above_floor, floors, mean_square_order

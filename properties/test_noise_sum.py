@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from sepv.errors import Skipped
-from sepv.problem import GivenProblem, HamiltoniansProblem, PolynomialSystem
-from sepv.problem._hamiltonians import is_several
+from sepv.problem import GivenProblem, HamiltoniansProblem, PolynomialSystem, is_several
 from sepv.record import Polynomial
 from sepv.schemes import Scheme, ask
 from sepv.verification import Case, Cases, Effort, Measurement, require, searched, state_ulp, step_residual

@@ -11,11 +11,9 @@ from hypothesis import assume
 from hypothesis import strategies as st
 
 from sepv.errors import Skipped, StepFailure
-from sepv.problem import Array, NamedProblem, Systems, vector_field
-from sepv.problem._hamiltonians import noise_field
-from sepv.problems._shown_to_schemes import as_given
-from sepv.schemes import Scheme, by_name, splitting
-from sepv.schemes._guard import guarded
+from sepv.problem import Array, NamedProblem, Systems, noise_field, vector_field
+from sepv.problems.shown_to_schemes import as_given
+from sepv.schemes import Scheme, by_name, guarded, splitting
 from sepv.verification import Case, Cases, Effort, Measurement, require, searched
 from sepv.verification._cases.of_law import only
 from sepv.verification.strategies import coefficients, noises

@@ -8,8 +8,7 @@ import numpy as np
 from sepv.reference.equations_by_class import equation_for
 from sepv.reference.steps import reference_step
 
-from sepv.problem import GivenProblem, PolynomialSystem, StructuresProblem
-from sepv.problem._poisson import derivative_of_structure
+from sepv.problem import GivenProblem, PolynomialSystem, StructuresProblem, derivative_of_structure
 from sepv.schemes import Scheme, Systems, ask
 from sepv.verification import Case, Cases, Effort, Measurement, require, searched
 from sepv.verification._cases.case import with_noise

@@ -23,7 +23,7 @@ from sepv.reference.vector import ReferenceVector, load, schemes_with_vectors
 
 from sepv.errors import StepFailure
 from sepv.problem import Array, GivenProblem
-from sepv.record._binary64 import EPS, TINY
+from sepv.record import EPS, TINY
 from sepv.schemes import Scheme, Systems, ask
 from sepv.verification import (
     Case,

@@ -7,8 +7,7 @@ Integration*, V.1, Theorem 1.5). No step has h < 0.
 
 from __future__ import annotations
 
-from sepv.problem import Systems
-from sepv.problem._reversal import momentum_flip
+from sepv.problem import Systems, momentum_flip
 from sepv.problems import build
 from sepv.schemes import Scheme, ask
 from sepv.verification import Case, Cases, Effort, Measurement, require, searched

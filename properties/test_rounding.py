@@ -25,16 +25,12 @@ from sepv.reference.problem import exact_problem
 
 from sepv import problems
 from sepv.errors import Skipped, UsageError
-from sepv.exact import exact_flow
-from sepv.exact._dense_flow import FlowFailure
-from sepv.problem import Array, HamiltoniansProblem, Problem
-from sepv.problem._damped import damping_of
-from sepv.record._binary64 import EPS, TINY
-from sepv.schemes import Scheme, Systems
-from sepv.schemes._guard import guarded
-from sepv.simulate import _truncation as bounded
-from sepv.simulate import _wiener as wiener
-from sepv.simulate._batch import Carried, advance
+from sepv.exact import FlowFailure, exact_flow
+from sepv.problem import Array, HamiltoniansProblem, Problem, damping_of
+from sepv.record import EPS, TINY
+from sepv.schemes import Scheme, Systems, guarded
+from sepv.simulate import Carried, advance, wiener
+from sepv.simulate import truncation as bounded
 from sepv.solve import Status
 from sepv.statistics import fishers_f, students_t
 from sepv.verification import Effort, Finding, Law, Run, Verdict, energy_ulp, require

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from sepv.errors import SchemeFault, Skipped, StepFailure
 from sepv.problem import Array, Problem
-from sepv.schemes import Scheme, ask
-from sepv.schemes._guard import SchemeCrash
+from sepv.schemes import Scheme, SchemeCrash, ask
 from sepv.verification import Case, Cases, Effort, Measurement, require, searched
 from sepv.verification._way_back import measured
 

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sepv.problem import Systems
-from sepv.problem._poisson import derivative_of_structure
+from sepv.problem import Systems, derivative_of_structure
 from sepv.schemes import Scheme
 from sepv.verification import Case, Cases, Effort, require, searched
 from sepv.verification._contraction import shortened

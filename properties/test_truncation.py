@@ -25,11 +25,10 @@ from sepv.reference.increments import lost_variance, moment, truncated_moment
 
 from sepv.errors import Skipped
 from sepv.problem import Array, PolynomialSystem, Problem
-from sepv.record._binary64 import EPS
-from sepv.schemes import Scheme, ask
-from sepv.schemes._point_distributions import point_law
-from sepv.simulate import _truncation as bounded
-from sepv.simulate import _wiener as wiener
+from sepv.record import EPS
+from sepv.schemes import Scheme, ask, point_law
+from sepv.simulate import truncation as bounded
+from sepv.simulate import wiener
 from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 from sepv.verification._law import about_noise
 from sepv.verification._orders.any_step import scaled

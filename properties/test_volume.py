@@ -11,10 +11,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import lu
 
-from sepv.problem import Array, Problem, Systems
-from sepv.problem._poisson import derivative_of_structure
+from sepv.problem import Array, Problem, Systems, derivative_of_structure
 from sepv.problems import build
-from sepv.record._binary64 import EPS
+from sepv.record import EPS
 from sepv.schemes import Scheme
 from sepv.verification import Case, Cases, Effort, Measurement, require, searched
 from sepv.verification._contraction import shortened

@@ -27,9 +27,7 @@ from typing import Any
 import numpy as np
 
 from sepv.problem import Array, Problem, column
-from sepv.schemes import Scheme
-from sepv.schemes._order_claims import order_of
-from sepv.schemes._point_distributions import point_law
+from sepv.schemes import Scheme, order_of, point_law
 from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 from sepv.verification._law import about_noise
 from sepv.verification._orders import local_orders

@@ -17,8 +17,7 @@ from functools import lru_cache
 from math import factorial
 
 from sepv.problem import PolynomialSystem
-from sepv.record import Polynomial
-from sepv.record._polynomial import Exponents
+from sepv.record import Exponents, Polynomial
 
 Rational = dict[Exponents, Fraction]
 

@@ -24,8 +24,7 @@ from sepv.reference.arithmetic import (
 
 from sepv.errors import UsageError
 from sepv.problem import GivenProblem, NamedProblem, PolynomialSystem
-from sepv.record import Polynomial
-from sepv.record._polynomial import Exponents
+from sepv.record import Exponents, Polynomial
 
 Matrix = list[Vector]
 Description = PolynomialSystem | NamedProblem

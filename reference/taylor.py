@@ -9,7 +9,7 @@ from sepv.reference.problem import context
 
 from sepv.problem import PolynomialSystem
 from sepv.record import Polynomial
-from sepv.record._polynomial import gradient
+from sepv.record import polynomial_gradient as gradient
 
 Series = list[Any]
 

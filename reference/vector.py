@@ -17,7 +17,7 @@ from sepv.reference.problem import Description
 
 from sepv._arguments import hex_float, parse_json
 from sepv.errors import UsageError
-from sepv.problem._json import problem_from_json, problem_to_json
+from sepv.problem import problem_from_json, problem_to_json
 
 FOLDER = Path(__file__).parent / "vectors"
 FORMAT = "sepv-vectors-1"

@@ -48,22 +48,22 @@ if TYPE_CHECKING:
     from sepv.errors import StepFailure as StepFailure
     from sepv.errors import TargetError as TargetError
     from sepv.errors import UsageError as UsageError
-    from sepv.exact._flow import exact_flow as exact_flow
-    from sepv.problem._problem import PolynomialSystem as PolynomialSystem
-    from sepv.problem._problem import Problem as Problem
-    from sepv.schemes._point_distributions import PointLaw as PointLaw
-    from sepv.schemes._scheme import Scheme as Scheme
-    from sepv.schemes._stateful import StatefulStep as StatefulStep
-    from sepv.simulate._batch import Ensemble as Ensemble
-    from sepv.simulate._ensembles.ensemble import ensemble as ensemble
-    from sepv.simulate._ensembles.long_path import long_path as long_path
-    from sepv.simulate._paths import Trajectory as Trajectory
-    from sepv.simulate._paths import integrate as integrate
+    from sepv.exact import exact_flow as exact_flow
+    from sepv.problem import PolynomialSystem as PolynomialSystem
+    from sepv.problem import Problem as Problem
+    from sepv.schemes import PointLaw as PointLaw
+    from sepv.schemes import Scheme as Scheme
+    from sepv.schemes import StatefulStep as StatefulStep
+    from sepv.simulate import Ensemble as Ensemble
+    from sepv.simulate import Trajectory as Trajectory
+    from sepv.simulate import ensemble as ensemble
+    from sepv.simulate import integrate as integrate
+    from sepv.simulate import long_path as long_path
+    from sepv.verification import Effort as Effort
+    from sepv.verification import Report as Report
+    from sepv.verification import Verdict as Verdict
     from sepv.verification import strategies as strategies
-    from sepv.verification._law import Effort as Effort
-    from sepv.verification._law import Verdict as Verdict
-    from sepv.verification._outcome import Report as Report
-    from sepv.verification._verify import verify as verify
+    from sepv.verification import verify as verify
 
 # In a checkout that is on the path itself, `sepv.properties` and `sepv.reference` are the folders beside this one:
 # an installation maps them, but Python finds ./sepv before it.

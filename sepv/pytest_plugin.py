@@ -19,8 +19,7 @@ import pytest
 
 from sepv.errors import SepvError, UsageError
 from sepv.schemes import Scheme
-from sepv.verification import Effort, Expectations, Finding, Law, LawViolated, Run, Verdict
-from sepv.verification._cases.case import has_words
+from sepv.verification import Effort, Expectations, Finding, Law, LawViolated, Run, Verdict, has_words
 
 # The findings, as properties of their tests, which travel from workers of pytest-xdist and into JUnit files.
 _FINDINGS = pytest.StashKey[list[dict[str, str]]]()
@@ -83,7 +82,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def _expectations(config: pytest.Config) -> Expectations:
     from sepv.verification import LAWS
-    from sepv.verification._expected_failures import load
+    from sepv.verification import load_expectations as load
 
     file = config.getoption("sepv_expected") or config.getini("sepv_expected")
     if not file:
@@ -136,9 +135,7 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Any:
     """Make a law's finding the outcome of its test, in its own words and without frames of sepv."""
     if not _is_law(pyfuncitem.module):
         return (yield)
-    from sepv.verification import _law as law
-    from sepv.verification import _verify as suite
-    from sepv.verification._cases.case import require_named
+    from sepv.verification import law, require_named, suite
 
     listed, runs = pyfuncitem.config.stash[_EXPECTED], pyfuncitem.config.stash[_RUNS]
     target = pyfuncitem.callspec.id if hasattr(pyfuncitem, "callspec") else "TARGET"
@@ -178,7 +175,7 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Any:
 
 
 def _conclude(finding: Finding, target: str, pinned: frozenset[str] | None) -> None:
-    from sepv.verification._outcome import fails
+    from sepv.verification import fails
 
     __tracebackhide__ = True
     named = finding.replay and has_words(finding.witness)

@@ -36,8 +36,7 @@ from sepv.peers.peer import load
 from sepv.peers.posing import PathSolver
 from sepv.problem import Problem
 from sepv.schemes import Scheme, energy_preserving
-from sepv.simulate import _wiener as wiener
-from sepv.simulate import ensemble
+from sepv.simulate import ensemble, wiener
 from sepv.verification import LAWS, Effort, Law, Verdict, energy_ulp, load_laws
 from sepv.verification._report import MARKS
 from sepv.verification._sequential import FALSE_ALARM, FIRST_LOOK

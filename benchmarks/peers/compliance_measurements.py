@@ -20,9 +20,10 @@ from sepv.peers.peer import load
 from sepv.peers.posing import PathSolver
 from sepv.problem import Problem
 from sepv.schemes import Scheme
-from sepv.simulate import _wiener as wiener
-from sepv.verification import Effort, Law, Verdict, verify
-from sepv.verification._orders.convergence import StrongErrors, log_decay, slope
+from sepv.simulate import wiener
+from sepv.verification import Effort, Law, StrongErrors, Verdict, verify
+from sepv.verification import mean_square_slope as slope
+from sepv.verification._orders.convergence import log_decay
 from sepv.verification._sequential import FALSE_ALARM, Setup, setups
 
 LIBRARIES = tuple(VERSIONS)

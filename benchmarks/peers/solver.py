@@ -14,8 +14,7 @@ from functools import lru_cache
 from sepv import problems
 from sepv.peers.posing import Path
 from sepv.problem import Problem
-from sepv.schemes import Scheme, Systems
-from sepv.schemes._scheme import Step
+from sepv.schemes import Scheme, Step, Systems
 
 # One system for each kind of noise: polynomial, so that the generator knows its means, and without a symmetry by which
 # an error would vanish that other systems show.

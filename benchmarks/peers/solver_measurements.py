@@ -19,16 +19,14 @@ from benchmarks.peers.compliance_measurements import _text_of, release
 from benchmarks.peers.kept_measurements import Cell
 from benchmarks.peers.solver import KINDS, Solver, problem_of
 from sepv._version import __version__
-from sepv.exact._several_structures import refined
-from sepv.problem import Array, Problem
-from sepv.problem._fields import matvec
-from sepv.problem._hamiltonians import noise_field, noise_slope
+from sepv.exact import rough_reference as refined
+from sepv.problem import Array, Problem, matvec, noise_field
+from sepv.problem._hamiltonians import noise_slope
 from sepv.schemes import Scheme
-from sepv.simulate._areas import RoughPath
-from sepv.simulate._batch import run_chunk
-from sepv.verification import Effort, Verdict, load_laws, verify
-from sepv.verification._orders.convergence import StrongErrors, slope
-from sepv.verification._orders.gaussian import rule_for
+from sepv.simulate import RoughPath, run_chunk
+from sepv.verification import Effort, StrongErrors, Verdict, load_laws, verify
+from sepv.verification import gaussian_rule_for as rule_for
+from sepv.verification import mean_square_slope as slope
 from sepv.verification._orders.local_errors import local_states, one_step, rule_degree
 
 LOCAL = ("local-mean", "local-mean-square", "local-weak")

@@ -16,7 +16,7 @@ from sepv.peers.diffrax import _Given, enable_x64
 from sepv.peers.posing import LANES, Path, in_blocks
 from sepv.peers.posing_fields import Fields, pose_fields
 from sepv.problem import Array, Problem
-from sepv.schemes._scheme import Step
+from sepv.schemes import Step
 
 SOURCE = 'diffrax, "SDE solver table" (docs.kidger.site/diffrax/devdocs/SDE_solver_table)'
 

@@ -16,8 +16,8 @@ from benchmarks.peers.solver import Solver
 from sepv.peers.posing import Path
 from sepv.peers.posing_fields import pose_fields
 from sepv.problem import Array, Problem
+from sepv.schemes import Step
 from sepv.schemes._further_increments import as_matrix, as_rows
-from sepv.schemes._scheme import Step
 
 # What stratKP2iS leaves of its equation: its default, 1e-4, would hide an order.
 _SOLVED = {"stratKP2iS": {"rtol": 1e-12}}

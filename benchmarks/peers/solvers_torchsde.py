@@ -18,8 +18,8 @@ from sepv.peers.posing import LANES, Path, in_blocks
 from sepv.peers.posing_fields import pose_fields
 from sepv.peers.torchsde import Given
 from sepv.problem import Array, Problem
+from sepv.schemes import Step
 from sepv.schemes._further_increments import as_matrix, as_rows
-from sepv.schemes._scheme import Step
 
 NOISE_TYPES = {"general": "general", "commutative": "general", "one": "scalar", "additive": "additive"}
 SOURCE = "torchsde, strong_order and weak_order of the solver for the noise type (_core/methods)"

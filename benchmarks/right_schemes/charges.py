@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from sepv.problem import Array, PolynomialSystem, Problem
-from sepv.record import _polynomial as poly
+from sepv.record import poly
 from sepv.schemes import Scheme
 
 

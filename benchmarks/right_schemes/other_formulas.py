@@ -11,12 +11,17 @@ import numpy as np
 from benchmarks.right_schemes.solved_otherwise import CLAIMED, Refused, like_the_core, of_lanes
 from sepv.errors import Skipped
 from sepv.problem import Array, DampedProblem, Problem, mechanics, vector_field
-from sepv.record._binary64 import EPS
+from sepv.record import EPS
 from sepv.schemes import (
+    Explicit,
     Scheme,
+    StatefulStep,
+    Step,
     Systems,
+    as_lanes,
     collocation,
     conformal,
+    drift_and_noise,
     drift_preserving,
     energy_preserving,
     gauss,
@@ -27,11 +32,7 @@ from sepv.schemes._conformal import undamped
 from sepv.schemes._explicit import end
 from sepv.schemes._explicit_tableaux import TABLEAUX
 from sepv.schemes._leapfrog import KicksAndDrifts, composed
-from sepv.schemes._one_step import Explicit, drift_and_noise
-from sepv.schemes._scheme import Step, as_lanes
-from sepv.schemes._stateful import StatefulStep
-from sepv.solve import Fields
-from sepv.solve._formula import Asked
+from sepv.solve import Asked, Fields
 
 # Of a scheme that is not (2.1) itself but shares its structure.
 _NOT_ITSELF = {"midpoint", "reduction", "reference", "refusal"}

@@ -10,14 +10,10 @@ from typing import Any
 import numpy as np
 
 from sepv.errors import Skipped
-from sepv.problem import Array, Problem
-from sepv.problem._fields import matvec
-from sepv.record import gauss_legendre
-from sepv.record._binary64 import EPS
-from sepv.schemes import Scheme, energy_preserving
+from sepv.problem import Array, Problem, matvec
+from sepv.record import EPS, gauss_legendre
+from sepv.schemes import Implicit, Scheme, Step, as_lanes, energy_preserving
 from sepv.schemes._energy_preserving import jacobian
-from sepv.schemes._one_step import Implicit
-from sepv.schemes._scheme import Step, as_lanes
 from sepv.solve import Increment
 
 CLAIMED = frozenset(energy_preserving.claims)

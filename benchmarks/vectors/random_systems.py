@@ -9,9 +9,7 @@ from itertools import combinations
 from random import Random
 
 from sepv.problem import PolynomialSystem
-from sepv.record import Polynomial
-from sepv.record import _polynomial as poly
-from sepv.record._polynomial import Exponents
+from sepv.record import Exponents, Polynomial, poly
 
 
 class Generator:

@@ -17,7 +17,7 @@ from sepv.reference.vector import FLOW
 
 from benchmarks.vectors.random_systems import Generator
 from sepv.problem import NamedProblem, PolynomialSystem
-from sepv.record import _polynomial as poly
+from sepv.record import poly
 
 
 class Candidate(NamedTuple):

@@ -11,7 +11,8 @@ import numpy as np
 
 import sepv
 from sepv.errors import SepvError
-from sepv.studies._picture import Axis, content, figure, frame
+from sepv.studies import Axis, content, figure
+from sepv.studies._picture import frame
 
 # Steps in a unit of time of the paths of problems and of schemes.
 FINE, COARSE = 64, 32

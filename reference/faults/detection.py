@@ -19,8 +19,7 @@ from rich.text import Text
 
 from sepv.console import Table, columns, fits, print_table
 from sepv.errors import require_one_of
-from sepv.verification import LAWS, Effort, Run, Verdict, load_laws
-from sepv.verification._verify import measure
+from sepv.verification import LAWS, Effort, Run, Verdict, load_laws, measure
 from sepv.workers import ended_at_once
 
 from .saboteurs import SABOTEURS, Saboteur

@@ -17,10 +17,10 @@ import numpy as np
 
 from sepv import problems, schemes
 from sepv.problem import Problem
-from sepv.problems._common import structure
-from sepv.record._binary64 import EPS
-from sepv.simulate import _truncation as bounded
+from sepv.problems import structure
+from sepv.record import EPS
 from sepv.simulate import ensemble
+from sepv.simulate import truncation as bounded
 
 from .judge import decide
 from .record import Statement

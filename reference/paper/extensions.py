@@ -5,16 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from sepv import problems, schemes
-from sepv.exact._several_structures import heun
+from sepv.exact import heun
 from sepv.problem import Array
-from sepv.record._binary64 import EPS
-from sepv.schemes import weakly
-from sepv.schemes._several_stages import step_with_stages
-from sepv.schemes._several_with_areas import step_with_areas
-from sepv.simulate import _wiener as wiener
-from sepv.studies._picture import Axis
-from sepv.verification import Run
-from sepv.verification._orders.local_errors import local_errors
+from sepv.record import EPS
+from sepv.schemes import step_with_areas, step_with_stages, weakly
+from sepv.simulate import wiener
+from sepv.studies import Axis
+from sepv.verification import Run, local_errors
 
 from . import judge
 from .record import Job, Panel, Results, Size, Statement, points

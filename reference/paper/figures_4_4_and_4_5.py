@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from sepv import problems, schemes
-from sepv.studies._energy_growth import DOUBLINGS, LEVEL, Growth, exponent, growth
-from sepv.studies._picture import Axis
+from sepv.studies import DOUBLINGS, LEVEL, Axis, Growth, exponent, growth
 
 from . import judge, order, runs
 from .record import TIME, Job, Panel, Results, Size, Statement, points, series

@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sepv.record._binary64 import EPS
+from sepv.record import EPS
 
 # The verdict on a statement: it holds, it fails, or the measurement does not decide.
 Verdict = Literal["holds", "fails", "open"]

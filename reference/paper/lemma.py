@@ -19,11 +19,10 @@ from typing import Any
 import numpy as np
 
 from sepv import problems, schemes
-from sepv.problem import Array, NamedProblem, Problem, vector_field
-from sepv.problem._fields import derivative_along, matvec, slope_along
-from sepv.schemes._modified_weak_two import structure_curvature, structure_slope
-from sepv.studies._picture import Axis
-from sepv.verification._orders.gaussian import rule
+from sepv.problem import Array, NamedProblem, Problem, derivative_along, matvec, slope_along, vector_field
+from sepv.schemes import structure_curvature, structure_slope
+from sepv.studies import Axis
+from sepv.verification import gaussian_rule as rule
 
 from . import judge
 from .record import Job, Panel, Results, Size, Statement, points

@@ -9,10 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from sepv import problems, schemes
-from sepv.studies._picture import Axis
-from sepv.verification import Run
-from sepv.verification._orders.gaussian import rule
-from sepv.verification._orders.local_errors import local_errors
+from sepv.studies import Axis
+from sepv.verification import Run, local_errors
+from sepv.verification import gaussian_rule as rule
 
 from . import judge
 from .record import SENTENCE, STATED, Job, Panel, Results, Size, Statement, points

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from sepv.record._binary64 import EPS
-from sepv.verification._orders.convergence import StrongErrors, slope
+from sepv.record import EPS
+from sepv.verification import StrongErrors
+from sepv.verification import mean_square_slope as slope
 
 from . import judge, record, runs
 from .record import Job, Panel, Results, Size, Statement, points

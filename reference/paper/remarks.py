@@ -10,17 +10,15 @@ import numpy as np
 from sepv import problems
 from sepv.exact import exact_flow
 from sepv.problem import Array, Problem
-from sepv.problems._common import structure
-from sepv.record._binary64 import EPS
+from sepv.problems import structure
+from sepv.record import EPS
 from sepv.schemes import continued
-from sepv.schemes._energy_preserving import scheme as SCHEME
-from sepv.simulate import Ensemble, ensemble, truncate
-from sepv.simulate import _wiener as wiener
+from sepv.schemes import energy_preserving as SCHEME
+from sepv.simulate import Ensemble, ensemble, truncate, wiener
 from sepv.solve import Status
-from sepv.studies._picture import Axis
-from sepv.verification import Run
-from sepv.verification._orders.convergence import StrongErrors, slope
-from sepv.verification._orders.local_errors import local_errors
+from sepv.studies import Axis
+from sepv.verification import Run, StrongErrors, local_errors
+from sepv.verification import mean_square_slope as slope
 
 from . import judge
 from .order import ALPHA

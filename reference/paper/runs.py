@@ -14,17 +14,14 @@ import numpy as np
 from sepv import problems, schemes
 from sepv.exact import exact_flow
 from sepv.problem import Array, Problem
-from sepv.record._binary64 import EPS
+from sepv.record import EPS
 from sepv.schemes import Scheme
-from sepv.simulate import _truncation as bounded
-from sepv.simulate import _wiener as wiener
-from sepv.simulate import ensemble
-from sepv.simulate._ensembles.collectors import run
-from sepv.simulate._ensembles.ensemble import choose
-from sepv.simulate._ensembles.task import Task
-from sepv.studies._energy_growth import rounding_walk
-from sepv.studies._picture import Series
-from sepv.verification._orders.convergence import StrongErrors
+from sepv.simulate import Task, ensemble, wiener
+from sepv.simulate import choose_engine as choose
+from sepv.simulate import run_task as run
+from sepv.simulate import truncation as bounded
+from sepv.studies import Series, rounding_walk
+from sepv.verification import StrongErrors
 
 from .judge import decide
 from .record import Job, Results, Size, Statement, sentence, series, stated_in

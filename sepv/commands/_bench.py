@@ -53,7 +53,8 @@ def bench(
     sepv bench mymodule:step -p mymodule:problem
     """
     from sepv.console import showing
-    from sepv.studies._bench import cases, store
+    from sepv.studies import bench_cases as cases
+    from sepv.studies import bench_store as store
 
     if against and against_ref:
         raise UsageError(
@@ -95,8 +96,8 @@ def _beside(
     target: str, checkout: str, chosen: list[Case], batches: int, say: Callable[[str, float], None]
 ) -> tuple[dict[str, Any], list[Any]]:
     """Measure this checkout beside another: its record, and the comparison of work, errors and times."""
-    from sepv.studies._bench import pairs
-    from sepv.studies._bench.gate import check
+    from sepv.studies import bench_pairs as pairs
+    from sepv.studies import check_bench as check
 
     where = pairs.head_of(target), Path(checkout).resolve()
     # A tenth of the progress is work and errors, if every batch of times runs.
@@ -116,9 +117,9 @@ def _alone(
     own: cli.Names,
 ) -> tuple[dict[str, Any], list[Any]]:
     """Measure now, in the cases of an earlier record if there is one: the record, and the comparison with that."""
-    from sepv.schemes._load_target import require_trusted
-    from sepv.studies._bench import store
-    from sepv.studies._bench.gate import check
+    from sepv.schemes import require_trusted
+    from sepv.studies import bench_store as store
+    from sepv.studies import check_bench as check
 
     wanted = [c["case"] for c in before["cases"]] if before else chosen
     wanted = [c for c in wanted if not names or c["name"] in names]
@@ -135,7 +136,7 @@ def _show(records: list[dict[str, Any]], checks: list[Any], *, saved: bool) -> N
     from rich.text import Text
 
     from sepv.console import console
-    from sepv.studies._bench import store
+    from sepv.studies import bench_store as store
 
     out = console()
     for record in records:

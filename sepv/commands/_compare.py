@@ -17,7 +17,7 @@ from sepv.errors import SepvError, UsageError
 from sepv.files import write_atomically
 
 if TYPE_CHECKING:
-    from sepv.studies._compare.record import Comparison
+    from sepv.studies import Comparison
 
 # The largest number of steps by default, of five with T = 1. The coarsest step is a quarter of the longest one that the
 # problem states, or of 1/2.
@@ -73,13 +73,11 @@ def compare(
     """
     from sepv.console import showing
     from sepv.schemes import load_problem
-    from sepv.studies._compare import picture as drawing
-    from sepv.studies._compare import table
-    from sepv.studies._compare.method import from_scheme
-    from sepv.studies._compare.run import compare as run
-    from sepv.studies._compare.run import one_core
-    from sepv.studies._picture import require_picture
-    from sepv.verification._cases.case import quiet_problem
+    from sepv.studies import compare as run
+    from sepv.studies import comparison_picture as drawing
+    from sepv.studies import comparison_table as table
+    from sepv.studies import from_scheme, one_core, require_picture
+    from sepv.verification import quiet_problem
 
     require_picture(picture)
     with one_core() as alone, showing(options["quiet"]) as line:
@@ -123,7 +121,7 @@ def compare(
 def _show(comparison: Comparison, *, alone: bool, quiet: bool) -> None:
     """Print all points, the times to errors, and notes."""
     from sepv.console import console
-    from sepv.studies._compare import table
+    from sepv.studies import comparison_table as table
 
     out = console()
     if not quiet:
@@ -150,7 +148,7 @@ def _methods(
     names: list[str], problem: Any, progress: Callable[[str], None]
 ) -> tuple[list[Any], dict[str, SepvError]]:
     """The methods that can be loaded and take a step, and the errors of the others."""
-    from sepv.studies._compare.method import load_method
+    from sepv.studies import load_method
 
     methods, failed = [], {}
     for name in names:

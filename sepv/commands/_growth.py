@@ -46,8 +46,8 @@ def growth(
     from sepv import schemes
     from sepv.console import console, print_sentence, showing
     from sepv.schemes import load_problem
-    from sepv.studies import _energy_growth as study
-    from sepv.studies._picture import require_picture
+    from sepv.studies import energy_growth as study
+    from sepv.studies import require_picture
 
     require_picture(out)
     system = load_problem(problem)

@@ -13,7 +13,7 @@ from sepv.console import Table, columns, counted, print_table
 if TYPE_CHECKING:
     from rich.text import Text
 
-    from sepv.studies._hard_cases import Seen
+    from sepv.studies import Seen
 
 
 @click.command(short_help="A scheme on hard cases: large steps, stiff, near singular.")
@@ -51,7 +51,7 @@ def hard(
     from sepv.console import console, print_sentence
     from sepv.problems.hard import CATALOGUE, by_name
     from sepv.schemes import load_problem
-    from sepv.studies._hard_cases import long_steps
+    from sepv.studies import long_steps
 
     cases = [by_name(name) for name in names] if names else () if own else CATALOGUE
     cases = [*cases, *(long_steps(load_problem(name), name) for name in own)]
@@ -62,7 +62,7 @@ def hard(
             out.print(f"  hard: {case.reason}\n  expected: {case.expected}")
         return
     from sepv.console import showing
-    from sepv.studies._hard_cases import run
+    from sepv.studies import run_hard_cases as run
 
     targets = [target] if target else [] if programs else ["energy-preserving"]
     with showing(quiet) as shown, cli.candidates(targets, programs, shown.update) as chosen:
@@ -111,7 +111,7 @@ def _endings(seen: Seen) -> str:
 
 def _complaint(target: str, seen: Seen) -> str:
     """Describe the unexpected results, with a step that shows one."""
-    from sepv.verification._cases import case as cases
+    from sepv.verification import cases
 
     lines = [f"{seen.case.name}: expected {seen.case.expected}; seen {_endings(seen)}"]
     lines += [

@@ -23,7 +23,7 @@ def list_() -> None:
     """
     from sepv import problems, schemes
     from sepv.console import console
-    from sepv.schemes._tableaux import MAX_STAGES
+    from sepv.schemes import MAX_STAGES
     from sepv.verification import load_laws
 
     out = console()

@@ -12,7 +12,7 @@ from sepv.commands import _shared as cli
 from sepv.console import Column, Table, print_table
 from sepv.errors import UsageError
 from sepv.files import finite
-from sepv.schemes._point_distributions import NAMES
+from sepv.schemes import POINT_LAWS as NAMES
 
 
 @click.command(short_help="One path over many steps.")

@@ -14,8 +14,7 @@ from sepv.console import Table, columns, print_table
 from sepv.files import write_atomically
 
 if TYPE_CHECKING:
-    from sepv.studies._solvability.map import Map
-    from sepv.studies._solvability.paths import Exits
+    from sepv.studies import Exits, Map
 
 STEPS = tuple(2.0**-n for n in range(1, 11))
 # The largest share by which means over all states and over every second one differ, if they are fine enough.
@@ -79,9 +78,7 @@ def solvability(
 
     from sepv.console import console, showing
     from sepv.schemes import load_problem, load_scheme
-    from sepv.studies._picture import require_picture
-    from sepv.studies._solvability.map import solvability_map
-    from sepv.studies._solvability.paths import Exits, follow_paths
+    from sepv.studies import Exits, follow_paths, require_picture, solvability_map
 
     require_picture(picture)
     chosen = load_problem(problem)
@@ -103,7 +100,7 @@ def solvability(
     data = regions.to_json(STEPS, k) | {"paths": [e.to_json() for e in exits]}
     cli.save_json(json_file, "solvability", data, indent=None)
     if picture:
-        from sepv.studies._solvability.picture import draw
+        from sepv.studies import draw_solvability as draw
 
         write_atomically(picture, draw(regions, STEPS, k, Path(picture).suffix.lower(), exits))
     _show(regions, furthest, k, out)
@@ -111,7 +108,7 @@ def solvability(
 
 
 def _show(regions: Map, furthest: float, k: int | None, out: Any) -> None:
-    from sepv.studies._solvability.branch import End
+    from sepv.studies import End
 
     low, high = regions.safe
     limits = f"|Δ| ≤ {furthest:g}, all that was asked"

@@ -42,7 +42,7 @@ def ulps(
     from sepv.console import console, showing
     from sepv.peers.peer import installed
     from sepv.schemes import load_problem
-    from sepv.studies import _ulps as unit
+    from sepv.studies import ulps as unit
 
     others = [f"{peer.library}-{name}" for peer in installed() for name in peer.schemes] if peers else []
     targets_asked = [*(targets or (() if programs else tuple(schemes.PAPER))), *others]

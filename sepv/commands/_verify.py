@@ -110,7 +110,7 @@ def _coverage(targets: cli.Names, laws: cli.Names) -> int:
     from sepv.console import console
     from sepv.schemes import load_scheme
     from sepv.verification import load_laws
-    from sepv.verification._coverage import show
+    from sepv.verification import show_coverage as show
 
     for target in targets:
         show(load_laws(laws or None), load_scheme(target).systems, console())
@@ -119,7 +119,7 @@ def _coverage(targets: cli.Names, laws: cli.Names) -> int:
 
 def _arguments(laws: cli.Names, options: dict[str, Any]) -> dict[str, Any]:
     """The arguments of `sepv.verification.verify`."""
-    from sepv.verification._laws import laws_of
+    from sepv.verification import laws_of
 
     names = [law.name for law in _asked(laws, options)]
     claims = [claim.replace("_", "-") for claim in options["claims"]]
@@ -137,8 +137,7 @@ def _arguments(laws: cli.Names, options: dict[str, Any]) -> dict[str, Any]:
 
 def _asked(laws: cli.Names, options: dict[str, Any]) -> list[Any]:
     """The laws of a run: the named ones, those of the required profiles, or all."""
-    from sepv.verification._laws import laws_of
-    from sepv.verification._profiles import requirements
+    from sepv.verification import laws_of, requirements
 
     return laws_of(laws or None, requirements(options["require"]) if options["require"] else ())
 
@@ -153,9 +152,9 @@ def _effort(**options: Any) -> Any:
 
 def _verify(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any], shown: str = "") -> int:
     from sepv.console import console, print_sentence
-    from sepv.verification import _report as page
+    from sepv.verification import report as page
     from sepv.verification import verify as run
-    from sepv.verification._progress import watching
+    from sepv.verification import watching
 
     quiet, debug = options["quiet"], click.get_current_context().params["debug"]
     if options["token"] is not None:
@@ -200,9 +199,7 @@ def _against(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any])
     from rich.text import Text
 
     from sepv.console import console, print_sentence, showing
-    from sepv.verification._against import against, read_report
-    from sepv.verification._laws import load_laws
-    from sepv.verification._verify import load_in_time
+    from sepv.verification import against, load_in_time, load_laws, read_report
 
     _one_target(targets, "--against")
     report, seconds, out = read_report(options["against"]), options["timeout"], console()
@@ -232,12 +229,11 @@ def _one_target(targets: tuple[Any, ...], option: str) -> None:
 
 def _write(report: Any, files: dict[str, str | None], named: str) -> None:
     """Write the files; an interrupted run writes none that later runs would be compared with."""
-    from sepv.verification._expected_failures import pin, to_toml
-    from sepv.verification._junit_and_badge import badge_json, junit_xml
+    from sepv.verification import badge_json, junit_xml, pin, to_toml
 
     stopped: list[KeyboardInterrupt] = []
     if files["json"] or files["html"]:
-        from sepv.verification._course import with_courses
+        from sepv.verification import with_courses
 
         try:
             data = with_courses(report)
@@ -269,7 +265,7 @@ def _tell_github(report: Any) -> None:
     """In GitHub Actions: a summary of the job's step, and annotations on stderr, which the runner reads too."""
     if not (path := os.environ.get("GITHUB_STEP_SUMMARY")) and os.environ.get("GITHUB_ACTIONS") != "true":
         return
-    from sepv.verification import _github as github
+    from sepv.verification import github
 
     if path:
         try:
@@ -292,7 +288,7 @@ def _page(data: dict[str, Any]) -> str:
 def _no_longer_guarded(path: str, report: Any) -> list[str]:
     """Laws that the pin in the file claims and its replacement will not; none if the file is not a pin."""
     from sepv.verification import LAWS, Verdict
-    from sepv.verification._expected_failures import load
+    from sepv.verification import load_expectations as load
 
     if not Path(path).exists():
         return []
@@ -305,10 +301,8 @@ def _no_longer_guarded(path: str, report: Any) -> list[str]:
 
 def _replay(targets: tuple[Any, ...], laws: cli.Names, token: str, names: cli.Names, debug: bool) -> None:
     from sepv.console import console
-    from sepv.verification import Verdict
-    from sepv.verification import _report as report
-    from sepv.verification._cases import case
-    from sepv.verification._verify import replay
+    from sepv.verification import Verdict, replay, report
+    from sepv.verification import cases as case
 
     if len(targets) != 1 or len(laws) != 1:
         raise UsageError(

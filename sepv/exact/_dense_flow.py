@@ -15,8 +15,7 @@ import numpy as np
 
 from sepv.errors import SepvError
 from sepv.problem import Array
-from sepv.record._binary64 import EPS
-from sepv.record._quadrature import gauss_legendre, legendre_values
+from sepv.record import EPS, gauss_legendre, legendre_values
 
 _MAX_PANELS = 50_000
 _PICARD = 60

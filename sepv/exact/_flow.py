@@ -17,11 +17,10 @@ from sepv._arguments import floats
 from sepv.errors import UsageError
 from sepv.exact._closed_forms import CLOSED_FORMS
 from sepv.exact._dense_flow import solve_dense
-from sepv.problem import Array, NamedProblem, Problem, vector_field
-from sepv.problem._hamiltonians import is_several
-from sepv.record._binary64 import EPS
+from sepv.problem import Array, NamedProblem, Problem, is_several, vector_field
+from sepv.record import EPS
 from sepv.schemes import load_problem
-from sepv.simulate._run_arguments import initial_state
+from sepv.simulate import initial_state
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import mpmath
 import numpy as np
 
 from sepv.problem import Array
-from sepv.record._binary64 import EPS
+from sepv.record import EPS
 
 
 def jacobi(u: Array, m: float) -> tuple[Array, Array, Array, Array]:

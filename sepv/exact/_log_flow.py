@@ -15,11 +15,9 @@ from itertools import combinations
 
 import numpy as np
 
-from sepv.problem import Array, Problem
-from sepv.problem._hamiltonians import bracket, combined_field, drift_bracket
-from sepv.problem._structures import each_noise
-from sepv.record._binary64 import EPS
-from sepv.schemes._explicit_tableaux import CLASSICAL, DORMAND_PRINCE_8, ExplicitTableau
+from sepv.problem import Array, Problem, bracket, combined_field, drift_bracket, each_noise
+from sepv.record import EPS
+from sepv.schemes import CLASSICAL, DORMAND_PRINCE_8, ExplicitTableau
 
 # The number of steps of an explicit method is doubled until the result changes by roundings only.
 FEWEST, MOST = 4, 64

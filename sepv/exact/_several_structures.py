@@ -20,12 +20,8 @@ import numpy as np
 
 from sepv.exact._flow import exact_flow
 from sepv.exact._log_flow import log_flow, path
-from sepv.problem import Array, HamiltoniansProblem, Problem, commutes
-from sepv.problem._hamiltonians import combined_field, is_several
-from sepv.problem._structures import each_noise
-from sepv.simulate import _areas as areas
-from sepv.simulate import _wiener as wiener
-from sepv.simulate._areas import RoughPath
+from sepv.problem import Array, HamiltoniansProblem, Problem, combined_field, commutes, each_noise, is_several
+from sepv.simulate import RoughPath, areas, wiener
 
 # Refinement of a reference path beyond the finest steps of a scheme.
 REFINEMENT = 16

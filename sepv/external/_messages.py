@@ -13,9 +13,9 @@ from sepv._arguments import hex_float, parse_json
 from sepv.errors import Skipped
 from sepv.external._child import Child
 from sepv.external._errors import BadAnswer, NotFinite, NotJson, WrongId, WrongShape, clean, shown
-from sepv.problem import NamedProblem, PolynomialSystem, Problem
-from sepv.problem._json import problem_to_json
-from sepv.schemes._point_distributions import NAMES, NORMAL
+from sepv.problem import NamedProblem, PolynomialSystem, Problem, problem_to_json
+from sepv.schemes import NORMAL
+from sepv.schemes import POINT_LAWS as NAMES
 
 PROTOCOL = 1
 # The most steps in a message, whatever a program accepts.

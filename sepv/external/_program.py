@@ -22,8 +22,7 @@ from sepv.external._errors import StepRefused, clean, shown
 from sepv.external._messages import MOST_STEPS, PROTOCOL, Hello, decode, read_hello, row, states, travelling
 from sepv.problem import Array, Problem
 from sepv.problems import PAPER
-from sepv.schemes import Scheme
-from sepv.schemes._scheme import as_lanes
+from sepv.schemes import Scheme, as_lanes
 
 
 class Program:

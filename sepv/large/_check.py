@@ -6,8 +6,7 @@ import numpy as np
 
 from sepv.errors import ProblemError
 from sepv.large._problem import LargeProblem
-from sepv.problem import Array
-from sepv.problem._fields import slope_along
+from sepv.problem import Array, slope_along
 
 # Central differences of order six with h = 2⁻⁷ of the scale leave 1e-12 for functions that vary on the scale of y; a
 # wrong sign, factor or term differs in the first digit.

@@ -11,9 +11,8 @@ from sepv.errors import StepFailure, UsageError
 from sepv.large._problem import LargeProblem
 from sepv.large._schemes import LargeStep
 from sepv.problem import Array
-from sepv.simulate import _truncation as bounded
-from sepv.simulate import _wiener as wiener
-from sepv.simulate._run_arguments import step_count
+from sepv.simulate import step_count, wiener
+from sepv.simulate import truncation as bounded
 from sepv.solve import Status
 
 

@@ -15,16 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sepv.large._problem import LargeProblem, Sparse
-from sepv.problem import Array
-from sepv.problem._fields import Algebra
+from sepv.problem import Algebra, Array
 from sepv.record import gauss_legendre, mean_nodes
-from sepv.schemes._energy_preserving import formula as _energy_preserving
-from sepv.schemes._midpoint import formula as _midpoint
-from sepv.solve import Increment, Status
-from sepv.solve._formula import Formula
-from sepv.solve._linearised import Tangent
-from sepv.solve._newton import newton
-from sepv.solve._solution import Equations, Evaluation
+from sepv.schemes import energy_preserving_formula as _energy_preserving
+from sepv.schemes import midpoint_formula as _midpoint
+from sepv.solve import Equations, Evaluation, Formula, Increment, Status, Tangent, newton
 
 # The widest band: the band solver touches 2l + u + 1 numbers a row, pivoting included; beyond this SuperLU is faster.
 WIDEST_BAND = 64

@@ -17,8 +17,8 @@ from markupsafe import Markup
 
 from sepv.page._text import name
 from sepv.schemes import Look
-from sepv.studies import _picture as drawing
-from sepv.studies._picture import GRID, GUIDE, SOFT, TEXT, Axis, Series
+from sepv.studies import GRID, GUIDE, SOFT, TEXT, Axis, Series
+from sepv.studies import picture as drawing
 
 # The size of a drawing and of a sample in its legend, in points, at 72 to the inch.
 WIDTH, HEIGHT = 520, 330

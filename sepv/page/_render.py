@@ -15,8 +15,7 @@ from sepv.page import _views as views
 from sepv.page._pictures import Pictures
 from sepv.page._sources import Sources
 from sepv.page._text import plain
-from sepv.verification._course import with_courses
-from sepv.verification._outcome import Report
+from sepv.verification import Report, with_courses
 
 TITLE = "Which structural properties hold?"
 

@@ -14,11 +14,8 @@ from sepv.console import counted
 from sepv.errors import UsageError
 from sepv.page._text import name, number, plain
 from sepv.page._views import View, again, cell, words_of
-from sepv.studies._picture import power
-from sepv.verification import LAWS, Verdict, load_laws
-from sepv.verification._cases.case import has_words
-from sepv.verification._law import verdict_text
-from sepv.verification._report import same_error
+from sepv.studies import power
+from sepv.verification import LAWS, Verdict, has_words, load_laws, same_error, verdict_text
 
 # Characters of counterexamples on a page; the JSON files have them all. A page of up to FEW schemes has room for more
 # of them, and for their pictures.

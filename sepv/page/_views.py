@@ -15,7 +15,7 @@ from sepv.page._sources import Sources
 from sepv.page._text import name, number, plain
 from sepv.reference.paper.record import in_words
 from sepv.schemes import Look
-from sepv.studies._picture import FLOOR, Axis, Series, power
+from sepv.studies import FLOOR, Axis, Series, power
 
 WORDS = {
     "holds": ("✓", "holds"), "violated": ("✗", "violated"), "inconclusive": ("?", "inconclusive"),

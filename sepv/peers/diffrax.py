@@ -33,7 +33,7 @@ from sepv.peers.peer import Peer
 from sepv.peers.posing import LANES, Formulas, PathSolver, in_blocks, pose, size
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.schemes import Scheme
-from sepv.studies._compare.method import Method, from_states
+from sepv.studies import Method, from_states
 
 
 class _Given(diffrax.AbstractPath):

@@ -23,7 +23,7 @@ from sepv._arguments import did_you_mean, optional
 from sepv.errors import TargetError
 from sepv.peers.posing import PathSolver
 from sepv.schemes import Scheme
-from sepv.studies._compare.method import Method
+from sepv.studies import Method
 
 GROUP = "sepv.peers"
 _NO_PEERS = ("peer", "posing", "posing_fields")

@@ -20,14 +20,9 @@ from typing import Any
 import numpy as np
 
 from sepv.errors import Skipped
-from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem
-from sepv.problem._hamiltonians import is_several
-from sepv.problems import EXTENSIONS, PAPER, build
-from sepv.problems._polynomial_system import structure_entries
-from sepv.record import Polynomial, Tape, gradient
-from sepv.record import _polynomial as poly
-from sepv.record._arrays import source
-from sepv.record._functions import FUNCTIONS
+from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem, is_several
+from sepv.problems import EXTENSIONS, PAPER, build, structure_entries
+from sepv.record import FUNCTIONS, Polynomial, Tape, gradient, poly, source
 from sepv.schemes import load_problem
 
 __all__ = ["Formulas", "PathSolver", "field_in", "in_blocks", "pose"]

@@ -14,9 +14,8 @@ from typing import Any
 from sepv.errors import Skipped
 from sepv.peers.posing import Formulas, table
 from sepv.problem import Array, PolynomialSystem, Problem
-from sepv.problems._polynomial_system import structure_entries
-from sepv.record import Polynomial
-from sepv.record import _polynomial as poly
+from sepv.problems import structure_entries
+from sepv.record import Polynomial, poly
 
 
 @dataclass(frozen=True)

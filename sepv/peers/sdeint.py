@@ -15,9 +15,8 @@ import sdeint
 from sepv.peers.peer import Peer
 from sepv.peers.posing import PathSolver
 from sepv.problem import Array, Problem, vector_field
-from sepv.schemes import Scheme
-from sepv.schemes._scheme import Step
-from sepv.studies._compare.method import from_states
+from sepv.schemes import Scheme, Step
+from sepv.studies import from_states
 
 
 def _integrate(

@@ -23,7 +23,7 @@ from sepv.peers.peer import Peer
 from sepv.peers.posing import LANES, PathSolver, in_blocks, pose
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme
-from sepv.studies._compare.method import Method, from_states
+from sepv.studies import Method, from_states
 
 
 class _System(torch.nn.Module):

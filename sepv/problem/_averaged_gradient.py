@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from sepv.problem._fields import summed
 from sepv.problem._problem import Array, Problem
-from sepv.record import gauss_legendre, mean_nodes
-from sepv.record._binary64 import EPS
+from sepv.record import EPS, gauss_legendre, mean_nodes
 
 # Nodes of the adaptive rule: the next is tried until two agree. 128 nodes resolve integrands that are analytic within
 # about a tenth of the segment's length; the error of rougher ones is reported.

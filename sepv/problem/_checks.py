@@ -10,8 +10,7 @@ import numpy as np
 
 from sepv.errors import ProblemError
 from sepv.problem._derived import Array
-from sepv.record import gauss_legendre, mean_nodes
-from sepv.record._binary64 import EPS, TINY
+from sepv.record import EPS, TINY, gauss_legendre, mean_nodes
 
 if TYPE_CHECKING:
     from sepv.problem._problem import Problem

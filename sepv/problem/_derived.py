@@ -11,10 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sepv.errors import ProblemError
-from sepv.record import CannotRecord, NoClosedForm, Tape, degree, evaluator, gradient, hessian, jacobian
-from sepv.record._arrays import Evaluator
-from sepv.record._flows import flow
-from sepv.record._means import mean
+from sepv.record import (
+    CannotRecord,
+    Evaluator,
+    NoClosedForm,
+    Tape,
+    degree,
+    evaluator,
+    flow,
+    gradient,
+    hessian,
+    jacobian,
+    mean,
+)
 
 Array = NDArray[np.float64]
 Function = Callable[[Array], Array]

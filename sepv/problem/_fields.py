@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sepv.problem._problem import Array, Problem
-from sepv.record._binary64 import EPS, TINY
+from sepv.record import EPS, TINY
 
 _ROOT = float(np.sqrt(EPS))
 # The largest number of states for one batch of differences: beyond, memory grows and nothing is gained.

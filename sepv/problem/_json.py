@@ -19,7 +19,7 @@ from sepv.problem._problem import (
     Problem,
     Structure,
 )
-from sepv.record import _polynomial as poly
+from sepv.record import poly
 
 
 def to_json(problem: Problem | PolynomialSystem | NamedProblem) -> dict[str, Any]:

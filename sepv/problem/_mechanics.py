@@ -17,7 +17,7 @@ from sepv.errors import UsageError
 from sepv.problem._checks import sample_states
 from sepv.problem._fields import matvec
 from sepv.problem._problem import Array, PolynomialSystem, Problem
-from sepv.record._binary64 import EPS
+from sepv.record import EPS
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,7 @@ import numpy as np
 
 from sepv.problem._checks import sample_states
 from sepv.problem._problem import Array, PolynomialSystem, Problem
-from sepv.record._binary64 import EPS
-from sepv.record._polynomial import Polynomial
+from sepv.record import EPS, Polynomial
 
 # Roundings that H and B of functions may differ by at ρy and y.
 ROUNDINGS = 64

@@ -34,8 +34,7 @@ from sepv.problem._damped import require_undamped
 from sepv.problem._directions import directions
 from sepv.problem._fields import casimir_gradients, dot, matvec
 from sepv.problem._problem import Array, Function, Problem, require_one_for_each_noise
-from sepv.record._binary64 import EPS, TINY
-from sepv.record._polynomial import majorant
+from sepv.record import EPS, TINY, majorant
 
 # The function of y0 (d,), T and W(T) (m, M) that gives y(T), where the flows commute.
 ClosedForm = Callable[[Array, float, Array], Array]

@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sepv.problem._derived import PartFlow
-from sepv.problem._problem import Array, Flow, Function, NamedProblem, Problem, Structure, coefficients
-from sepv.record import _polynomial as poly
+from sepv.problem import Array, Flow, Function, NamedProblem, PartFlow, Problem, Structure, coefficients
+from sepv.record import poly
 
 # Entries (i, j, k, sign) of hat(y), B_ij = sign · y_k: B(y)v = y × v.
 HAT = ((0, 1, 2, -1.0), (0, 2, 1, 1.0), (1, 2, 0, -1.0))
+# The identity of three dimensions, as data.
+UNIT3 = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 def skew(y: Array, entries: Iterable[tuple[int, int, Any]]) -> Array:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from sepv.problem import PolynomialSystem, Problem
 from sepv.problems._common import hat
 from sepv.problems._polynomial_system import started
-from sepv.record import _polynomial as poly
+from sepv.record import poly
 
 
 def damped_top(

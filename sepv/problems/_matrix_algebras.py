@@ -18,12 +18,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sepv.errors import Skipped
-from sepv.problem import Problem
-from sepv.problem._problem import Array, Matrix, Structure
+from sepv.problem import Array, Matrix, Problem, Structure
 from sepv.problems._common import HAT
-from sepv.record import Polynomial
-from sepv.record import _polynomial as poly
-from sepv.record._binary64 import EPS
+from sepv.record import EPS, Polynomial, poly
 
 
 class MatrixAlgebra(NamedTuple):

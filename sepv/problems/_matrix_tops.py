@@ -22,12 +22,10 @@ from itertools import combinations
 
 import numpy as np
 
-from sepv.problem import PolynomialSystem, Problem
-from sepv.problem._problem import Array
+from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.problems import _matrix_algebras as algebras
 from sepv.problems._polynomial_system import started
-from sepv.record import Polynomial
-from sepv.record import _polynomial as poly
+from sepv.record import Polynomial, poly
 
 
 def matrix_system(

@@ -14,7 +14,7 @@ from sepv.problem import PolynomialSystem, Problem
 from sepv.problems._common import flows
 from sepv.problems._nambu_system import nambu_system
 from sepv.problems._polynomial_system import started
-from sepv.record import _polynomial as poly
+from sepv.record import poly
 
 
 def maxwell_bloch(noise: Sequence[float] = (0.5,)) -> Problem:

@@ -10,12 +10,10 @@ from numpy.typing import ArrayLike
 
 from sepv._arguments import is_number
 from sepv.errors import ProblemError
-from sepv.problem import Array, PolynomialSystem, Problem
-from sepv.problem._fields import dot
-from sepv.problem._problem import Function, coefficients
+from sepv.problem import Array, Function, PolynomialSystem, Problem, coefficients, dot
 from sepv.problems._common import canonical, flows, named, skew
 from sepv.problems._polynomial_system import started
-from sepv.record import _polynomial as poly
+from sepv.record import poly
 
 # The largest number of degrees of freedom: B and H″ are dense.
 MOST = 32

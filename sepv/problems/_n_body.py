@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sepv.errors import ProblemError
-from sepv.problem import Array, Problem
-from sepv.problem._fields import dot
+from sepv.problem import Array, Problem, dot
 from sepv.problems._common import named
 from sepv.problems._kepler import mean_attraction
 from sepv.problems._mechanical import positions_first

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from sepv.errors import ProblemError
-from sepv.problem._problem import PolynomialSystem, Structure
-from sepv.record import _polynomial as poly
+from sepv.problem import PolynomialSystem, Structure
+from sepv.record import poly
 
 
 def nambu_system(

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from sepv.problem import PolynomialSystem, Problem
 from sepv.problems._common import canonical, flows, structure
 from sepv.problems._polynomial_system import started
-from sepv.record import _polynomial as poly
+from sepv.record import poly
 
 
 def noisy_henon_heiles(coupling: float = 0.5, noise: Sequence[float] = (0.5, 0.25)) -> Problem:

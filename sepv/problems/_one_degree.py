@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sepv.problem._problem import Function, Problem
+from sepv.problem import Function, Problem
 from sepv.problems._common import flows, named, structure, total
 
 # The parts ½p² and ½x² of the oscillator, ½p² and −cos q of the pendulum.

@@ -13,17 +13,16 @@ from sepv.errors import ProblemError
 from sepv.problem import (
     DampedProblem,
     HamiltoniansProblem,
+    Matrix,
     Nambu,
     PolynomialSystem,
     Problem,
+    Structure,
     StructuresProblem,
     commuting_hamiltonians,
 )
-from sepv.problem._problem import Matrix, Structure
 from sepv.problems._nambu_system import check_nambu
-from sepv.record import Polynomial, PolynomialMap
-from sepv.record import _polynomial as poly
-from sepv.record._binary64 import EPS
+from sepv.record import EPS, Polynomial, PolynomialMap, poly
 
 # The derivatives of B are d³ polynomials.
 MAX_DIMENSION = 64

@@ -8,13 +8,18 @@ from functools import lru_cache
 
 import numpy as np
 
-from sepv.problem import Array, HamiltoniansProblem, PolynomialSystem, Problem, StructuresProblem
-from sepv.problem._fields import matvec
-from sepv.problem._structures import ClosedForm
+from sepv.problem import (
+    Array,
+    ClosedForm,
+    HamiltoniansProblem,
+    PolynomialSystem,
+    Problem,
+    StructuresProblem,
+    matvec,
+)
 from sepv.problems._common import HAT, planes
 from sepv.problems._polynomial_system import started
-from sepv.record import Polynomial, PolynomialMap
-from sepv.record import _polynomial as poly
+from sepv.record import Polynomial, PolynomialMap, poly
 
 _IN_PLANES = (0.8, 0.3, 0.2, 0.5)
 

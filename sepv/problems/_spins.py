@@ -22,7 +22,7 @@ from sepv.problem import PolynomialSystem, Problem
 from sepv.problems._common import hat
 from sepv.problems._polynomial_system import started
 from sepv.problems._rigid_body import rigid_body
-from sepv.record import _polynomial as poly
+from sepv.record import poly
 
 
 def spin_system(

@@ -7,8 +7,7 @@ from numpy.typing import ArrayLike
 
 from sepv._arguments import is_number
 from sepv.errors import ProblemError
-from sepv.problem import Array, Problem
-from sepv.problem._fields import dot
+from sepv.problem import Array, Problem, dot
 from sepv.problems._common import named, structure
 
 # The largest number of particles: B and H″ are dense.

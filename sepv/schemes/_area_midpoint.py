@@ -13,11 +13,10 @@ from __future__ import annotations
 from itertools import combinations
 
 from sepv.errors import Skipped
-from sepv.problem import Array, HamiltoniansProblem, Problem, Systems, hamiltonian_field
-from sepv.problem._hamiltonians import bracket
+from sepv.problem import Array, HamiltoniansProblem, Problem, Systems, bracket, hamiltonian_field
 from sepv.schemes._one_step import Implicit, noise_and_areas, one_step
 from sepv.schemes._stochastic_midpoint import CLAIMS
-from sepv.solve._solution import Increment, once
+from sepv.solve import Increment, once
 
 
 def require_derivatives(problem: Problem) -> None:

@@ -9,8 +9,7 @@ For quadratic C the average is ∇C at the midpoint, and the scheme is (2.1). Sy
 from __future__ import annotations
 
 from sepv.errors import Skipped
-from sepv.problem import Nambu, Problem, Systems
-from sepv.problem._nambu import cross
+from sepv.problem import Nambu, Problem, Systems, cross
 from sepv.schemes._one_step import ENERGY_PRESERVING, implicit, one_step
 from sepv.solve import Fields, Values
 

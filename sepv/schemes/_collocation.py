@@ -25,15 +25,22 @@ from functools import lru_cache
 import numpy as np
 
 from sepv._arguments import require_whole
-from sepv.problem import Array, Problem, average_gradient
-from sepv.problem._averaged_gradient import argument_rounding
-from sepv.problem._fields import hessian, linear_solve, matmul, matvec, structure_slope
-from sepv.record._binary64 import EPS
+from sepv.problem import (
+    Array,
+    Problem,
+    argument_rounding,
+    average_gradient,
+    hessian,
+    linear_solve,
+    matmul,
+    matvec,
+    structure_slope,
+)
+from sepv.record import EPS
 from sepv.schemes._one_step import ENERGY_PRESERVING, Solved, one_step
 from sepv.schemes._scheme import Scheme
 from sepv.schemes._tableaux import MAX_STAGES, exact_nodes, gauss_tableau, moments
-from sepv.solve._newton import into_domain, iterate
-from sepv.solve._solution import COUNTS, Equations, Evaluation, Increment, Solution, Status, merge
+from sepv.solve import COUNTS, Equations, Evaluation, Increment, Solution, Status, into_domain, iterate, merge
 
 # Nodes of the first rule beyond s, and of the largest rule, for H that is not a polynomial; as in
 # `sepv.problem._averaged_gradient`.

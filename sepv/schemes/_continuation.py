@@ -18,7 +18,7 @@ from sepv.errors import UsageError
 from sepv.problem import Array, Problem
 from sepv.schemes._one_step import resolved
 from sepv.schemes._scheme import Scheme
-from sepv.solve._solution import COUNTS, Solution, Status, merge
+from sepv.solve import COUNTS, Solution, Status, merge
 
 # The first share, where the iteration from y converges if it ever does, and the least growth of a share.
 FIRST, LEAST = 2.0**-8, 2.0**-14

@@ -19,13 +19,11 @@ from dataclasses import replace
 import numpy as np
 
 from sepv.errors import Skipped
-from sepv.problem import Array, Problem, hamiltonian_field
-from sepv.problem._checks import sample_states
-from sepv.problem._structures import each_noise
+from sepv.problem import Array, Problem, each_noise, hamiltonian_field, sample_states
 from sepv.schemes._one_step import EVERY, Solved, no_jacobian, one_step
 from sepv.schemes._order_claims import Orders
+from sepv.solve import Increment, Solution, Status, once
 from sepv.solve import solve as solve_implicit
-from sepv.solve._solution import Increment, Solution, Status, once
 
 PROBLEMS = ("lotka-volterra", "random-lotka-volterra")
 

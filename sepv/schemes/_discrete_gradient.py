@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sepv.problem._fields import matvec
+from sepv.problem import matvec
 from sepv.schemes._one_step import EVERY, drift_and_noise, implicit, one_step
 from sepv.schemes._picture_look import Look
 from sepv.solve import Fields, Values

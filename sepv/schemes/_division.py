@@ -17,7 +17,7 @@ from sepv.errors import UsageError
 from sepv.problem import Array, Problem
 from sepv.schemes._one_step import resolved
 from sepv.schemes._scheme import Scheme
-from sepv.solve._solution import Solution, Status, merge
+from sepv.solve import Solution, Status, merge
 
 MAX_DEPTH = 20
 

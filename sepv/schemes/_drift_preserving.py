@@ -18,8 +18,7 @@ from __future__ import annotations
 import numpy as np
 
 from sepv.errors import Skipped
-from sepv.problem import Array, HamiltoniansProblem, Problem, Systems, column
-from sepv.problem._hamiltonians import noise_field
+from sepv.problem import Array, HamiltoniansProblem, Problem, Systems, column, noise_field
 from sepv.schemes._energy_preserving import formula, jacobian
 from sepv.schemes._one_step import EVERY, implicit, one_step
 from sepv.schemes._scheme import as_lanes

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from sepv.schemes._one_step import ENERGY_PRESERVING, implicit, one_step
 from sepv.schemes._picture_look import Look
-from sepv.solve import Fields, Values
-from sepv.solve._linearised import derivative
+from sepv.solve import Fields, Values, derivative
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sepv.problem._fields import dot, matvec
+from sepv.problem import dot, matvec
 from sepv.schemes._one_step import SYMMETRIC, implicit, one_step
 from sepv.solve import Fields, Values
 

@@ -13,9 +13,8 @@ import numpy as np
 
 from sepv._journal import note_step
 from sepv.errors import SchemeFault, SepvError, StepFailure, UsageError
-from sepv.problem import Array, Problem
-from sepv.problem._hamiltonians import is_several
-from sepv.problems._shown_to_schemes import shown
+from sepv.problem import Array, Problem, is_several
+from sepv.problems.shown_to_schemes import shown
 from sepv.schemes._further_increments import answer, carry, joined
 from sepv.schemes._scheme import REFUSALS, Scheme, Step
 from sepv.schemes._stateful import StatefulStep

@@ -24,14 +24,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from sepv.problem import Array, Problem, Systems
-from sepv.problem._hamiltonians import combined_gradient
-from sepv.problem._structures import each_noise
-from sepv.problems._matrix_algebras import MatrixAlgebra, algebra_of, product
+from sepv.problem import Array, Problem, Systems, combined_gradient, each_noise
+from sepv.problems import MatrixAlgebra, algebra_of, product
 from sepv.schemes._one_step import EVERY, Solved, no_jacobian, one_step
 from sepv.schemes._order_claims import Orders
+from sepv.solve import Increment, Solution, once
 from sepv.solve import solve as solve_implicit
-from sepv.solve._solution import Increment, Solution, once
 
 
 def parts(algebra: MatrixAlgebra, problem: Problem, x: Array, step: Array) -> tuple[Array, Array]:

@@ -10,7 +10,7 @@ quadratic Casimirs. For quadratic H it is the midpoint rule. It goes along the c
 
 from __future__ import annotations
 
-from sepv.problem._fields import matvec
+from sepv.problem import matvec
 from sepv.schemes._discrete_gradient import symmetrised
 from sepv.schemes._one_step import SYMMETRIC, implicit, one_step
 from sepv.solve import Fields, Values

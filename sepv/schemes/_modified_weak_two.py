@@ -31,8 +31,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sepv.problem import Array, Problem, average_gradient
-from sepv.problem._fields import dot, matmul, matvec, slope_along, turned_along
+from sepv.problem import Array, Problem, average_gradient, dot, matmul, matvec, slope_along, turned_along
 from sepv.schemes._one_step import EVERY, Implicit, one_step
 from sepv.solve import Increment
 

@@ -10,14 +10,20 @@ from typing import Any
 
 import numpy as np
 
-from sepv.problem import Array, Problem
-from sepv.problem._structures import each_noise
+from sepv.problem import Array, Problem, each_noise
 from sepv.schemes._further_increments import as_rows
 from sepv.schemes._scheme import Scheme, Solve, as_lanes, truncation_for
+from sepv.solve import (
+    Asked,
+    Formula,
+    IncrementFunction,
+    JacobianFunction,
+    Solution,
+    corrections,
+    counted,
+    require_converged,
+)
 from sepv.solve import solve as solve_implicit
-from sepv.solve._formula import Asked, Formula, counted
-from sepv.solve._from_record import corrections
-from sepv.solve._solution import IncrementFunction, JacobianFunction, Solution, require_converged
 
 # A function (problem, h, noise) -> (k, M) of the data that a formula takes of a step; some schemes have more arguments.
 Parts = Callable[..., Array]

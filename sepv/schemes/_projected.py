@@ -19,16 +19,12 @@ from functools import lru_cache
 
 import numpy as np
 
-from sepv.problem import Array, Problem, average_gradient, casimir_gradients
-from sepv.problem._directions import directions
-from sepv.problem._fields import Algebra, dot
+from sepv.problem import Algebra, Array, Problem, average_gradient, casimir_gradients, directions, dot
 from sepv.schemes._explicit import end, explicit
 from sepv.schemes._explicit_tableaux import TABLEAUX
 from sepv.schemes._one_step import Solved, one_step
 from sepv.schemes._scheme import Scheme
-from sepv.solve._formula import Asked
-from sepv.solve._newton import newton
-from sepv.solve._solution import Equations, Evaluation, Increment, Lanes, Solution, Status
+from sepv.solve import Asked, Equations, Evaluation, Increment, Lanes, Solution, Status, newton
 
 # The correction is z − R itself: its matrix is in R.
 SIMPLIFIED = Algebra(lambda _, F: F, lambda K: np.ones(K.shape[-1], dtype=bool), lambda _, size: 0 * size)

@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike
 from sepv._arguments import floats, is_number, is_whole
 from sepv.errors import UsageError, require_one_of
 from sepv.problem import Array, Problem, Systems
-from sepv.record._binary64 import EPS
+from sepv.record import EPS
 from sepv.schemes._picture_look import Look
 from sepv.schemes._point_distributions import PointLaw, point_law
-from sepv.solve._solution import Solution
+from sepv.solve import Solution
 
 # Kinds of further argument of a step: none, or one of three.
 ASKS = ("", "areas", "halves", "space-time")

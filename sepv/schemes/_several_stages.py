@@ -14,8 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from sepv.problem import Array, Problem
-from sepv.problem._structures import combined, combined_slope, each_noise
+from sepv.problem import Array, Problem, combined, combined_slope, each_noise
 from sepv.schemes._collocation import collocation
 from sepv.schemes._scheme import as_lanes
 

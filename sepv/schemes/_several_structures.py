@@ -14,12 +14,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from sepv.problem import Array, CommutingStructure, Problem, Systems, average_gradient
-from sepv.problem._structures import combined, each_noise, noise_structures, undefined
+from sepv.problem import (
+    Array,
+    CommutingStructure,
+    Problem,
+    Systems,
+    average_gradient,
+    combined,
+    each_noise,
+    noise_structures,
+    undefined,
+)
 from sepv.schemes._one_step import ENERGY_PRESERVING, implicit, one_step
-from sepv.solve import Fields, Status, Values
-from sepv.solve._linearised import derivative
-from sepv.solve._solution import Solution
+from sepv.solve import Fields, Solution, Status, Values, derivative
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:

@@ -21,9 +21,17 @@ from itertools import combinations
 import numpy as np
 
 from sepv.errors import UsageError
-from sepv.problem import Array, Problem, StructuresProblem, average_gradient
-from sepv.problem._fields import hessian, matmul, matvec, turned_along
-from sepv.problem._structures import combined
+from sepv.problem import (
+    Array,
+    Problem,
+    StructuresProblem,
+    average_gradient,
+    combined,
+    hessian,
+    matmul,
+    matvec,
+    turned_along,
+)
 from sepv.schemes._one_step import Implicit, noise_and_areas
 from sepv.solve import Increment
 

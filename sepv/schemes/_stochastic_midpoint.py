@@ -12,12 +12,10 @@ brackets of the noises: mean-square order ½ in general, 1 where the noises comm
 
 from __future__ import annotations
 
-from sepv.problem import Systems
-from sepv.problem._structures import each_noise
+from sepv.problem import Systems, each_noise
 from sepv.schemes._one_step import RANDOM_STEP, implicit, one_step
 from sepv.schemes._order_claims import Orders
-from sepv.solve import Fields, Values
-from sepv.solve._linearised import derivative
+from sepv.solve import Fields, Values, derivative
 
 CLAIMS = (RANDOM_STEP - {"random-step"}) | {"casimir", "symplecticity", "symmetry"}
 

@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 
 from sepv.problem import Array
-from sepv.record._quadrature import gauss_legendre, legendre_values
+from sepv.record import gauss_legendre, legendre_values
 
 MAX_STAGES = 6
 

@@ -10,12 +10,8 @@ import numpy as np
 
 from sepv._arguments import optional
 from sepv.errors import UsageError
-from sepv.problem import Array, Problem
-from sepv.problem._fields import invariants
-from sepv.schemes import Scheme
-from sepv.schemes._further_increments import carry
-from sepv.schemes._scheme import REFUSALS
-from sepv.schemes._stateful import StatefulStep, joined_lanes, lanes
+from sepv.problem import Array, Problem, invariants
+from sepv.schemes import REFUSALS, Scheme, StatefulStep, carry, joined_lanes, lanes
 from sepv.simulate import _truncation as bounded
 from sepv.simulate._results.reductions import Summary
 from sepv.solve import Status

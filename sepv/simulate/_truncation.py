@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike
 
 from sepv.errors import UsageError
 from sepv.problem import Array
-from sepv.schemes import PointLaw
-from sepv.schemes._point_distributions import point_law
+from sepv.schemes import PointLaw, point_law
 
 
 def truncation_bound(h: float, k: int) -> float:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sepv.problem import Array
-from sepv.problem._fields import linear_solve
+from sepv.problem import Array, linear_solve
 from sepv.solve._differences import slopes
 from sepv.solve._solution import Equations, Flags, Lanes, Solution, Status
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sepv.problem import Array, Problem
-from sepv.problem._fields import forward_differences
+from sepv.problem import Array, Problem, forward_differences
 from sepv.solve._solution import Equations, IncrementFunction, Lanes
 
 

@@ -12,11 +12,16 @@ from typing import Any, Protocol, cast
 
 import numpy as np
 
-from sepv.problem import Array, Problem, average_gradient
-from sepv.problem._averaged_gradient import Average
-from sepv.problem._fields import derivative_along, matvec
-from sepv.problem._hamiltonians import combined_gradient
-from sepv.problem._structures import combined
+from sepv.problem import (
+    Array,
+    Average,
+    Problem,
+    average_gradient,
+    combined,
+    combined_gradient,
+    derivative_along,
+    matvec,
+)
 from sepv.solve._solution import Increment
 
 # Arrays (d, M) or symbols (d,).

@@ -12,10 +12,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sepv.problem import Array, NamedProblem, Problem
-from sepv.problem._fields import cramer
-from sepv.record import CannotRecord, NoClosedForm
-from sepv.record._arrays import Source, source
+from sepv.problem import Array, NamedProblem, Problem, cramer
+from sepv.record import CannotRecord, NoClosedForm, Source, source
 from sepv.solve._formula import Formula
 from sepv.solve._recorded import Recorded
 from sepv.solve._solution import Flags, Lanes

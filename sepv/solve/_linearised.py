@@ -11,10 +11,18 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
-from sepv.problem import Array, Problem, average_gradient, average_hessian
-from sepv.problem._fields import matmul, matvec
-from sepv.problem._hamiltonians import combined_gradient, combined_hessian
-from sepv.problem._structures import combined, combined_slope
+from sepv.problem import (
+    Array,
+    Problem,
+    average_gradient,
+    average_hessian,
+    combined,
+    combined_gradient,
+    combined_hessian,
+    combined_slope,
+    matmul,
+    matvec,
+)
 from sepv.solve._formula import Formula
 from sepv.solve._solution import JacobianFunction
 

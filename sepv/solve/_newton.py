@@ -14,10 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from sepv.problem import Array, Problem
-from sepv.problem._fields import Algebra, matvec
-from sepv.record._binary64 import EPS
-from sepv.record._polynomial import majorant
+from sepv.problem import Algebra, Array, Problem, matvec
+from sepv.record import EPS, majorant
 from sepv.solve import _stop_rule as stop
 from sepv.solve._damped import approach
 from sepv.solve._differences import difference_jacobian, slopes

@@ -7,16 +7,23 @@ from functools import cached_property
 from math import prod
 from typing import Any, NamedTuple
 
-from sepv.problem import HamiltoniansProblem, Nambu, PolynomialSystem, Problem
-from sepv.problem._fields import matvec
-from sepv.problem._structures import combined
-from sepv.record import CannotRecord, NoClosedForm, Polynomial, Tape, degree, gradient, jacobian
-from sepv.record import _polynomial as poly
-from sepv.record._derivative import reachable
-from sepv.record._expand import expand
-from sepv.record._means import Mean, mean
-from sepv.record._replay import substitute
-from sepv.record._symbols import array
+from sepv.problem import HamiltoniansProblem, Nambu, PolynomialSystem, Problem, combined, matvec
+from sepv.record import (
+    CannotRecord,
+    Mean,
+    NoClosedForm,
+    Polynomial,
+    Tape,
+    degree,
+    expand,
+    gradient,
+    jacobian,
+    mean,
+    poly,
+    reachable,
+    substitute,
+)
+from sepv.record import symbol_array as array
 from sepv.solve._formula import Fields, Formula
 
 

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sepv.errors import StepFailure
-from sepv.problem import Array, Problem
-from sepv.problem._fields import DENSE, Algebra
+from sepv.problem import DENSE, Algebra, Array, Problem
 
 # Numbers of lanes (M,), flags and counts of lanes.
 Lanes = NDArray[np.intp]

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from sepv.record._binary64 import EPS, TINY
+from sepv.record import EPS, TINY
 
 # Residuals of a few of the smallest positive numbers count as zero.
 QUANTA = 4 * float(np.finfo(np.float64).smallest_subnormal)

@@ -8,29 +8,67 @@ are in `sepv.reference.paper`.
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from sepv._lazy import lazily
 
 if TYPE_CHECKING:
-    from sepv.studies._compare.method import Method as Method
-    from sepv.studies._compare.run import compare as compare
-    from sepv.studies._hard_cases import run as run_hard_cases  # noqa: F401  (named here, found by __getattr__)
-    from sepv.studies._solvability.map import solvability_map as solvability_map
+    from sepv.studies import _energy_growth as energy_growth
+    from sepv.studies import _picture as picture
+    from sepv.studies import _ulps as ulps
+    from sepv.studies._bench import cases as bench_cases
+    from sepv.studies._bench import pairs as bench_pairs
+    from sepv.studies._bench import store as bench_store
+    from sepv.studies._bench.gate import check as check_bench
+    from sepv.studies._compare import picture as comparison_picture
+    from sepv.studies._compare import table as comparison_table
+    from sepv.studies._compare.method import Method, from_scheme, from_states, load_method
+    from sepv.studies._compare.record import Comparison
+    from sepv.studies._compare.run import compare, one_core
+    from sepv.studies._energy_growth import DOUBLINGS, LEVEL, Growth, exponent, growth, rounding_walk
+    from sepv.studies._hard_cases import Seen, long_steps
+    from sepv.studies._hard_cases import run as run_hard_cases
+    from sepv.studies._picture import (
+        FLOOR,
+        GRID,
+        GUIDE,
+        SOFT,
+        TEXT,
+        Axis,
+        Series,
+        content,
+        draw_curves,
+        figure,
+        looks,
+        power,
+        require_matplotlib,
+        require_picture,
+    )
+    from sepv.studies._solvability.branch import End
+    from sepv.studies._solvability.map import Map, solvability_map
+    from sepv.studies._solvability.paths import Exits, follow_paths
+    from sepv.studies._solvability.picture import draw as draw_solvability
 
-_HOME = {
-    "Method": ("_compare.method", "Method"),
-    "compare": ("_compare.run", "compare"),
-    "run_hard_cases": ("_hard_cases", "run"),
-    "solvability_map": ("_solvability.map", "solvability_map"),
-}
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module 'sepv.studies' has no attribute {name!r}")
-    module, attribute = _HOME[name]
-    return getattr(import_module(f"sepv.studies.{module}"), attribute)
-
-
-def __dir__() -> list[str]:
-    return sorted(_HOME)
+__getattr__, __dir__ = lazily(
+    __name__,
+    {
+        "_bench.cases": "*bench_cases",
+        "_bench.gate": "check_bench=check",
+        "_bench.pairs": "*bench_pairs",
+        "_bench.store": "*bench_store",
+        "_compare.method": "Method from_scheme from_states load_method",
+        "_compare.picture": "*comparison_picture",
+        "_compare.record": "Comparison",
+        "_compare.run": "compare one_core",
+        "_compare.table": "*comparison_table",
+        "_energy_growth": "*energy_growth DOUBLINGS Growth LEVEL exponent growth rounding_walk",
+        "_hard_cases": "Seen long_steps run_hard_cases=run",
+        "_picture": "*picture Axis FLOOR GRID GUIDE SOFT Series TEXT content draw_curves figure looks power "
+        "require_matplotlib require_picture",
+        "_solvability.branch": "End",
+        "_solvability.map": "Map solvability_map",
+        "_solvability.paths": "Exits follow_paths",
+        "_solvability.picture": "draw_solvability=draw",
+        "_ulps": "*ulps",
+    },
+)

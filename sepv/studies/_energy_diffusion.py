@@ -32,11 +32,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sepv.exact import exact_flow
-from sepv.exact._dense_flow import FlowFailure
+from sepv.exact import FlowFailure, exact_flow
 from sepv.problem import Array, Problem, vector_field
 from sepv.schemes import Scheme, ask
-from sepv.verification._orders.gaussian import rule_for
+from sepv.verification import gaussian_rule_for as rule_for
 
 # Phases of an orbit: harmonics of u up to half of it.
 PHASES = 64

@@ -24,7 +24,7 @@ import numpy as np
 from sepv.errors import UsageError
 from sepv.files import finite
 from sepv.problem import Array, Problem
-from sepv.record._binary64 import EPS
+from sepv.record import EPS
 from sepv.schemes import Look, Scheme
 from sepv.simulate import ensemble
 from sepv.statistics import jackknife_half, students_t

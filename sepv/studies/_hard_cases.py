@@ -14,14 +14,13 @@ from typing import Any
 import numpy as np
 
 from sepv.errors import SepvError, StepFailure
-from sepv.problem import Array, Description, GivenProblem, Problem
-from sepv.problem._fields import matvec
+from sepv.problem import Array, Description, GivenProblem, Problem, matvec
 from sepv.problems.hard import CATALOGUE, HardCase, Sample
 from sepv.reference.exact_energy import exact_energy
 from sepv.reference.problem import exact_problem
 from sepv.schemes import Scheme
-from sepv.schemes._tableaux import amplification
-from sepv.simulate._run_arguments import initial_state
+from sepv.schemes import gauss_amplification as amplification
+from sepv.simulate import initial_state
 from sepv.solve import Status
 from sepv.verification import Case, energy_bound, energy_ulp, step_residual
 
@@ -74,7 +73,7 @@ class Seen:
 
     def to_json(self) -> dict[str, Any]:
         """The row of the table, every number of it."""
-        from sepv.verification._cases import case as cases
+        from sepv.verification import cases
 
         return {
             "case": self.case.name,
@@ -173,8 +172,7 @@ def long_steps(problem: Problem, text: str = "") -> HardCase:
 
     Whatever is solved must be right; what is not may be refused.
     """
-    from sepv.verification._cases.from_problem import describe
-    from sepv.verification._units import units_of
+    from sepv.verification import describe, units_of
 
     start = initial_state(problem, None)
     longest = 10 * units_of(problem).time / 8  # an eighth of that time is what the slopes allow
@@ -210,7 +208,7 @@ def ask_each(scheme: Scheme, problem: Problem, sample: Sample) -> tuple[Array, n
         solution = scheme.solve(problem, y, h, dW)
         names = np.array([Status(int(s)).name for s in solution.status])
         return solution.value, names, solution.residual, solution.iterations
-    from sepv.schemes._guard import raw_answer
+    from sepv.schemes import raw_answer
 
     value, names = np.full_like(y, np.nan), np.full(y.shape[1], "CONVERGED", dtype="<U16")
     for lane in range(y.shape[1]):
@@ -261,8 +259,7 @@ def _laws(scheme: Scheme, case: HardCase, sample: Sample, count: int) -> dict[st
 
     Where the case allows refusals, a law says something of the steps that were solved only.
     """
-    from sepv.verification import Verdict, load_laws
-    from sepv.verification._cases import case as cases
+    from sepv.verification import Verdict, cases, load_laws
 
     wanted = [law for law in load_laws(case.laws) if law.claimed_by(scheme)] if case.laws else []
     witnesses = [w for lane in range(count) if (w := _as_case(case, sample, lane)) is not None]

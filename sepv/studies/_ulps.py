@@ -17,11 +17,9 @@ from sepv.problems import EXTENSIONS
 from sepv.problems.hard import Sample
 from sepv.reference.problem import exact_problem
 from sepv.schemes import Scheme
-from sepv.simulate import _truncation as bounded
+from sepv.simulate import truncation as bounded
 from sepv.studies._hard_cases import ask_each, energy_defects
-from sepv.verification import energy_ulp
-from sepv.verification._cases.from_problem import describe
-from sepv.verification._tolerance import casimir_ulp
+from sepv.verification import casimir_ulp, describe, energy_ulp
 
 # The usual step, or a quarter of the longest that a problem states: every state of the orbit then has a solution.
 USUAL_STEP = 2.0**-5

@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from sepv.problem import Array, HamiltoniansProblem, PolynomialSystem, Problem
-from sepv.problem._fields import matmul, matvec
+from sepv.problem import Array, HamiltoniansProblem, PolynomialSystem, Problem, matmul, matvec
 from sepv.problems import build
 from sepv.record import PolynomialMap
 from sepv.verification._cases.case import Case

@@ -16,9 +16,7 @@ from sepv._journal import attempted
 from sepv.errors import SepvError
 from sepv.exact import exact_flow
 from sepv.files import finite
-from sepv.problem import Array, Problem, casimir_gradients
-from sepv.problem._fields import invariants
-from sepv.problem._hamiltonians import is_several
+from sepv.problem import Array, Problem, casimir_gradients, invariants, is_several
 from sepv.schemes import Scheme, ask
 from sepv.verification._cases.case import from_json
 from sepv.verification._cases.users_problems import objects_of

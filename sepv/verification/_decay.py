@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 
 from sepv.errors import Skipped
-from sepv.problem import Array, PolynomialSystem, Problem
-from sepv.problem._damped import damping_of
-from sepv.record._binary64 import EPS
+from sepv.problem import Array, PolynomialSystem, Problem, damping_of
+from sepv.record import EPS
 from sepv.schemes import Scheme
 from sepv.verification._cases.case import Case
 from sepv.verification._tolerance import step_residual

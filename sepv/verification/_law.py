@@ -11,9 +11,8 @@ from enum import Enum
 from typing import TYPE_CHECKING, Any
 
 from sepv._arguments import require_whole
-from sepv.record._binary64 import EPS
-from sepv.schemes import Scheme
-from sepv.schemes._point_distributions import point_law
+from sepv.record import EPS
+from sepv.schemes import Scheme, point_law
 
 if TYPE_CHECKING:
     from sepv.verification._cases.of_law import Cases

@@ -10,8 +10,7 @@ from sepv._arguments import did_you_mean
 from sepv._version import __version__
 from sepv.errors import UsageError, require_one_of
 from sepv.files import finite
-from sepv.schemes import Scheme
-from sepv.schemes._point_distributions import NORMAL, point_law
+from sepv.schemes import NORMAL, Scheme, point_law
 from sepv.verification._cases.case import has_words
 from sepv.verification._law import Effort, Finding, Verdict
 from sepv.verification._laws import load_laws

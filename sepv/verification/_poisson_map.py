@@ -17,10 +17,8 @@ from typing import NamedTuple
 import numpy as np
 
 from sepv.errors import Skipped
-from sepv.problem import Array, Problem
-from sepv.problem import _poisson as poisson
-from sepv.record import PolynomialMap
-from sepv.record._binary64 import EPS, TINY
+from sepv.problem import Array, Problem, poisson
+from sepv.record import EPS, TINY, PolynomialMap
 from sepv.schemes import Scheme, ask
 from sepv.verification._amplification import amplification
 from sepv.verification._cases.case import Case

@@ -27,9 +27,8 @@ from sepv._patches import without_local_constants
 from sepv.console import counted
 from sepv.errors import SchemeFault, SepvError, Skipped, StepFailure, UsageError
 from sepv.problem import PolynomialSystem
-from sepv.record._binary64 import EPS
-from sepv.schemes import Scheme
-from sepv.schemes._scheme import takes
+from sepv.record import EPS
+from sepv.schemes import Scheme, takes
 from sepv.verification import _corpus as corpus
 from sepv.verification._cases import case as cases_of
 from sepv.verification._cases.case import Case

@@ -17,8 +17,7 @@ import numpy as np
 from sepv import problems
 from sepv.errors import Skipped
 from sepv.problem import NamedProblem, Problem, Systems
-from sepv.schemes import Scheme
-from sepv.schemes._guard import guarded
+from sepv.schemes import Scheme, guarded
 from sepv.verification._cases.users_problems import problems_of
 from sepv.verification._failed_step import row
 from sepv.verification._law import Effort, Finding, Law, Run, Verdict, sparing

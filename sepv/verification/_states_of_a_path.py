@@ -12,11 +12,9 @@ import numpy as np
 
 from sepv.errors import SchemeFault, UsageError
 from sepv.problem import Array, Problem
-from sepv.problems._shown_to_schemes import shown
-from sepv.schemes import Scheme
-from sepv.schemes._further_increments import answer
-from sepv.schemes._guard import check_answer, require_unchanged, translated
-from sepv.schemes._stateful import StatefulStep, lanes
+from sepv.problems.shown_to_schemes import shown
+from sepv.schemes import Scheme, StatefulStep, check_answer, lanes, require_unchanged, translated
+from sepv.schemes import answer_of as answer
 
 
 def keeps_states(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, apart: float) -> None:

@@ -37,15 +37,19 @@ from typing import Any
 
 import numpy as np
 
-from sepv.problem import Array, HamiltoniansProblem, Problem, StructuresProblem
-from sepv.problem._fields import matmul, matvec
-from sepv.problem._hamiltonians import noise_vectors
-from sepv.problem._problem import Function
-from sepv.record import PolynomialMap
-from sepv.record._binary64 import EPS, TINY
-from sepv.record._polynomial import majorant
-from sepv.schemes import Scheme
-from sepv.schemes._tableaux import amplification, exact_nodes
+from sepv.problem import (
+    Array,
+    Function,
+    HamiltoniansProblem,
+    Problem,
+    StructuresProblem,
+    matmul,
+    matvec,
+    noise_vectors,
+)
+from sepv.record import EPS, TINY, PolynomialMap, majorant
+from sepv.schemes import Scheme, exact_nodes
+from sepv.schemes import gauss_amplification as amplification
 
 
 def gradient_majorant(problem: Problem, *states: Array) -> Array:

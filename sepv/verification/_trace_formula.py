@@ -18,8 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sepv.problem import Array, Problem
-from sepv.record import PolynomialMap
-from sepv.record._binary64 import EPS, TINY
+from sepv.record import EPS, TINY, PolynomialMap
 from sepv.schemes import Scheme, ask
 from sepv.verification._cases.case import Case
 from sepv.verification._cases.from_problem import measured_radius

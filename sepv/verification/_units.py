@@ -12,9 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sepv.problem import Array, Problem
-from sepv.problem._checks import sample_states
-from sepv.problem._damped import damping_of
+from sepv.problem import Array, Problem, damping_of, sample_states
 from sepv.schemes import Scheme
 from sepv.verification._cases.from_problem import sizes_at
 

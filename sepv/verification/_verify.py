@@ -15,9 +15,7 @@ from typing import Any
 from sepv._arguments import is_number, require_whole
 from sepv._journal import Crashed, attempted, interruption_answered
 from sepv.errors import ClusterFailure, SepvError, Skipped, TargetError, UsageError
-from sepv.schemes import Scheme, load_scheme
-from sepv.schemes._load_target import require_trusted, words_for
-from sepv.schemes._scheme import Step
+from sepv.schemes import Scheme, Step, load_scheme, require_trusted, words_for
 from sepv.verification import _side_by_side as side_by_side
 from sepv.verification._cases import case as cases
 from sepv.verification._cases.users_problems import items

@@ -15,8 +15,7 @@ from typing import TypeVar
 from hypothesis import strategies as st
 
 from sepv import problems
-from sepv.problem import NamedProblem, PolynomialSystem, Systems
-from sepv.problem._problem import Structure
+from sepv.problem import NamedProblem, PolynomialSystem, Structure, Systems
 from sepv.record import Polynomial
 from sepv.verification._cases import random_parts as parts
 from sepv.verification._cases.case import Case

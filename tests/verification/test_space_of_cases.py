@@ -12,7 +12,7 @@ from sepv import problems
 from sepv.errors import UsageError
 from sepv.problem import NamedProblem, PolynomialSystem, Systems
 from sepv.problem import Problem as ProblemRecord
-from sepv.problems._shown_to_schemes import GIVEN, shown
+from sepv.problems.shown_to_schemes import GIVEN, shown
 from sepv.schemes import Scheme, ask, energy_preserving, milstein
 from sepv.verification import Case, Cases, Effort, Verdict, load_laws, verify
 from sepv.verification import _corpus as corpus

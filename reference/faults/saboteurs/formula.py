@@ -10,16 +10,14 @@ from typing import Any
 import numpy as np
 
 from sepv import schemes
-from sepv.problem import Array, Problem, vector_field
-from sepv.problem._fields import matvec
+from sepv.problem import Array, Problem, matvec, vector_field
 from sepv.record import gauss_legendre
 from sepv.schemes import _one_step as one_step
 from sepv.schemes import energy_preserving as original
 from sepv.schemes._discrete_gradient import coordinate_increments, symmetrised
 from sepv.schemes._energy_preserving import formula
 from sepv.schemes._scheme import Step
-from sepv.solve import Fields
-from sepv.solve._formula import Formula
+from sepv.solve import Fields, Formula
 
 from .record import Family, claiming, explicit, explicit_step, implicit, middle
 

@@ -7,14 +7,12 @@ from typing import Any
 import numpy as np
 
 from sepv import schemes
-from sepv.problem import Array, Problem, hamiltonian_field
-from sepv.problem._structures import each_noise
-from sepv.problems._matrix_algebras import algebra_of
+from sepv.problem import Array, Problem, each_noise, hamiltonian_field
+from sepv.problems import algebra_of
 from sepv.schemes._drift_preserving import pushed, quiet
 from sepv.schemes._one_step import Implicit, implicit
 from sepv.schemes._scheme import as_lanes
-from sepv.solve import Increment
-from sepv.solve._solution import once
+from sepv.solve import Increment, once
 
 from .record import Family, imitating
 

@@ -14,10 +14,7 @@ import numpy as np
 
 from sepv import schemes
 from sepv.errors import StepFailure
-from sepv.problem import Array, Problem, mechanics
-from sepv.problem._fields import matvec
-from sepv.problem._nambu import cross
-from sepv.problem._structures import each_noise, noise_structures
+from sepv.problem import Array, Problem, cross, each_noise, matvec, mechanics, noise_structures
 from sepv.schemes import PointLaw, Scheme, implicit, weakly
 from sepv.schemes._both_invariants import required
 from sepv.schemes._leapfrog import composed, yoshida
@@ -25,8 +22,7 @@ from sepv.schemes._leapfrog import scheme as leapfrog
 from sepv.schemes._one_step import Explicit
 from sepv.schemes._scheme import Step, as_lanes
 from sepv.schemes._tableaux import exact_nodes, gauss_tableau, moments
-from sepv.solve import Fields
-from sepv.solve._formula import Formula
+from sepv.solve import Fields, Formula
 
 from .record import Family, imitating, middle
 

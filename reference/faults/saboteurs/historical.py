@@ -14,8 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from sepv.problem import Array, Problem, vector_field
-from sepv.problem._fields import derivative_along
+from sepv.problem import Array, Problem, derivative_along, vector_field
 from sepv.schemes import RANDOM_STEP, Scheme, euler_heun, milstein
 from sepv.schemes._scheme import as_lanes
 

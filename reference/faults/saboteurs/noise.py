@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from sepv.problem import Array, Problem
-from sepv.problem._fields import matvec
+from sepv.problem import Array, Problem, matvec
 from sepv.schemes import Scheme
 from sepv.schemes import energy_preserving as original
 from sepv.schemes._energy_preserving import formula

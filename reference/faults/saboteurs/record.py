@@ -16,7 +16,7 @@ from sepv.schemes import energy_preserving as original
 from sepv.schemes._energy_preserving import formula
 from sepv.schemes._one_step import Parts, random_step
 from sepv.schemes._scheme import Step, as_lanes
-from sepv.solve._formula import Formula, counted
+from sepv.solve import Formula, counted
 
 Laws = tuple[str, ...]
 # A function (problem, y0 (d, M), Δ (1, M)) -> y1.

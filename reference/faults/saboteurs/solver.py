@@ -8,15 +8,14 @@ from dataclasses import replace
 import numpy as np
 
 from sepv.errors import StepFailure
-from sepv.problem import Array, Problem, vector_field
-from sepv.problem._fields import linear_solve
-from sepv.record._binary64 import EPS
+from sepv.problem import Array, Problem, linear_solve, vector_field
+from sepv.record import EPS
 from sepv.schemes import Scheme, energy_preserving
 from sepv.schemes._energy_preserving import jacobian
 from sepv.schemes._energy_preserving import step as right
 from sepv.schemes._one_step import random_step
 from sepv.schemes._scheme import Step, as_lanes
-from sepv.solve._differences import difference_jacobian
+from sepv.solve import difference_jacobian
 
 from .record import Family, claiming, explicit, right_side
 

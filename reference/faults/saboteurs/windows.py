@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from sepv.problem import Array, Problem, vector_field
-from sepv.problem._fields import matvec
+from sepv.problem import Array, Problem, matvec, vector_field
 from sepv.schemes import energy_preserving
 from sepv.schemes._energy_preserving import formula
 from sepv.schemes._scheme import Step

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from sepv.problem import Array, PolynomialSystem
-from sepv.problems._common import canonical, hat
-from sepv.problems.hard._hard_case import UNIT3, HardCase, box, sizes, steps
-from sepv.record import _polynomial as poly
+from sepv.problems._common import UNIT3, canonical, hat
+from sepv.problems.hard._hard_case import HardCase, box, sizes, steps
+from sepv.record import poly
 
 _RESTING = PolynomialSystem(
     4,

@@ -101,6 +101,3 @@ def steps(
 def box(d: int, low: float, high: float) -> Sampler:
     """Sampler of steps from states in ±1.5, with Δ as in `split`."""
     return steps(low, high, lambda rng, lanes: rng.uniform(-1.5, 1.5, (d, lanes)))
-
-
-UNIT3 = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

@@ -10,7 +10,8 @@ import numpy as np
 from sepv.problem import Array, NamedProblem, PolynomialSystem
 from sepv.problems._common import canonical
 from sepv.problems.hard._hard_case import REFUSALS, HardCase, sizes, steps
-from sepv.record._polynomial import add, polynomial, squares
+from sepv.record import add_polynomials as add
+from sepv.record import polynomial, squares
 
 _HENON = PolynomialSystem(
     4, add(squares((1.0,) * 4), polynomial(4, {(0, 0, 2, 1): 1.0, (0, 0, 0, 3): -1 / 3})), canonical(4)

@@ -9,7 +9,7 @@ import numpy as np
 from sepv.problem import PolynomialSystem
 from sepv.problems._common import canonical
 from sepv.problems.hard._hard_case import HardCase, box, sizes, steps
-from sepv.record._polynomial import polynomial, squares
+from sepv.record import polynomial, squares
 
 # ½p² + (q − 1)^10, expanded: coefficients up to 252 that cancel to nothing at q = 1.
 _CANCELLING = polynomial(2, {(2, 0): 0.5, **{(0, k): float((-1) ** k * comb(10, k)) for k in range(11)}})

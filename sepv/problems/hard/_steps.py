@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from sepv.problem import NamedProblem, PolynomialSystem
-from sepv.problems._common import canonical, hat
-from sepv.problems.hard._hard_case import UNIT3, HardCase, Sample, sizes
-from sepv.record._polynomial import polynomial, squares
+from sepv.problems._common import UNIT3, canonical, hat
+from sepv.problems.hard._hard_case import HardCase, Sample, sizes
+from sepv.record import polynomial, squares
 
 _QUARTIC = polynomial(2, {(2, 0): 0.5, (0, 4): 0.25, (0, 2): -0.5, (1, 3): 0.125})
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from sepv.problem import Array, Problem
-from sepv.schemes._point_distributions import point_law
+from sepv.schemes import point_law
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._batch import Ensemble

@@ -10,9 +10,16 @@ from types import ModuleType
 import numpy as np
 
 from sepv.errors import Skipped
-from sepv.problem import Array, CommutingStructure, HamiltoniansProblem, Problem, StructuresProblem
-from sepv.problem._damped import damping_of
-from sepv.problem._structures import each_noise, noise_structures
+from sepv.problem import (
+    Array,
+    CommutingStructure,
+    HamiltoniansProblem,
+    Problem,
+    StructuresProblem,
+    damping_of,
+    each_noise,
+    noise_structures,
+)
 from sepv.record import CannotRecord, NoClosedForm
 from sepv.schemes import Scheme, Systems
 from sepv.simulate._compiled.layout import LANES

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from sepv.solve import Status
-from sepv.solve._stop_rule import LEFT, ROUNDING
+from sepv.solve import LEFT, ROUNDING, Status
 
 # Paths side by side: sixteen registers of eight doubles hide latencies, and the data still fit into L1.
 LANES = 128

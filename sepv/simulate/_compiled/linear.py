@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from sepv.problem._fields import cramer
+from sepv.problem import cramer
 from sepv.record import Tape
 from sepv.simulate._compiled.code_builder import CodeBuilder, Expression, Table, shown
 from sepv.simulate._compiled.recorded import emit

@@ -18,14 +18,14 @@ from collections.abc import Sequence
 from typing import Any
 
 from sepv.record import Polynomial
-from sepv.record._polynomial import gradient as slopes_of
+from sepv.record import polynomial_gradient as slopes_of
 from sepv.simulate._compiled.code_builder import CodeBuilder, Expression, Table, shown
 from sepv.simulate._compiled.layout import GROUP
 from sepv.simulate._compiled.linear import contraction, correct
 from sepv.simulate._compiled.recorded import RecordedProblem
 from sepv.simulate._compiled.schemes import Formula, middle, scaled_field
 from sepv.simulate._compiled.writer import Writer
-from sepv.solve._stop_rule import LEFT
+from sepv.solve import LEFT
 
 # Sweeps z ← Δ f(ȳ) before Newton's iteration. Where H is at most quadratic, sweeps solve the equation itself: four
 # leave O(Δ⁵) at the cost of a Newton step, which leaves O(Δ³), as two sweeps do elsewhere. Sweeps of ȳ cost less: one

@@ -11,14 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from sepv.problem._directions import Directions, directions
-from sepv.problem._fields import casimir_gradients, dot
-from sepv.record import NoClosedForm, Symbol, Tape, jacobian
-from sepv.record._derivative import reachable
-from sepv.record._symbols import array
+from sepv.problem import Directions, casimir_gradients, directions, dot
+from sepv.record import NoClosedForm, Symbol, Tape, jacobian, reachable
+from sepv.record import symbol_array as array
 from sepv.simulate._compiled.code_builder import CodeBuilder, Expression, Table, shown
-from sepv.solve._formula import Formula
-from sepv.solve._recorded import Recorded
+from sepv.solve import Formula, Recorded
 
 # Functions in lanes: the call for a value, and its place in the result if that is a tuple.
 _CALLS: dict[str, tuple[str, int | None]] = {

@@ -11,14 +11,22 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 from sepv import schemes
-from sepv.schemes import Scheme, explicit
-from sepv.schemes import _one_step as one_step
-from sepv.schemes._energy_preserving import formula as energy_preserving
-from sepv.schemes._midpoint import formula as midpoint
-from sepv.schemes._tableaux import MAX_STAGES, gauss_tableau
+from sepv.schemes import (
+    MAX_STAGES,
+    Explicit,
+    Implicit,
+    Parts,
+    Scheme,
+    drift_and_noise,
+    explicit,
+    gauss_tableau,
+    random_step,
+)
+from sepv.schemes import energy_preserving_formula as energy_preserving
+from sepv.schemes import midpoint_formula as midpoint
 from sepv.simulate._compiled.code_builder import CodeBuilder, Expression, Table
 from sepv.simulate._compiled.recorded import RecordedProblem
-from sepv.solve import _formula as formula
+from sepv.solve import formula
 
 
 @dataclass(frozen=True)
@@ -33,7 +41,7 @@ class Formula:
 
     recorded: formula.Formula
     implicit: bool = True
-    parts: one_step.Parts = one_step.random_step
+    parts: Parts = random_step
     stages: int = 1
     projected: bool = False
 
@@ -50,9 +58,9 @@ class Formula:
         return [[code.let(f"{a} + {b}") for a, b in zip(y, z, strict=True)]]
 
 
-_NAMES: dict[one_step.Parts, list[str]] = {
-    one_step.random_step: ["delta"],
-    one_step.drift_and_noise: ["span", "noise"],
+_NAMES: dict[Parts, list[str]] = {
+    random_step: ["delta"],
+    drift_and_noise: ["span", "noise"],
 }
 
 
@@ -135,10 +143,7 @@ class Collocation(Formula):
 
 # Schemes with their own solver.
 FORMULAS: dict[str, Formula] = {
-    **{
-        f"projected-{p}": Formula(cast(one_step.Explicit, explicit(p).step).formula, projected=True)
-        for p in (4, 8)
-    },
+    **{f"projected-{p}": Formula(cast(Explicit, explicit(p).step).formula, projected=True) for p in (4, 8)},
     "collocation-1": Formula(energy_preserving),
     "gauss-1": Formula(midpoint),
     **{
@@ -155,9 +160,9 @@ def formula_of(scheme: Scheme) -> Formula | None:
     A scheme is its step: a wrapped step is another scheme.
     """
     rule = scheme.step
-    if isinstance(rule, one_step.Explicit):
+    if isinstance(rule, Explicit):
         return Formula(rule.formula, False, rule.parts)
-    if isinstance(rule, one_step.Implicit):
+    if isinstance(rule, Implicit):
         known = rule.formula is not None and scheme.solve in (None, rule.solve)
         return Formula(cast(formula.Formula, rule.formula), True, rule.parts) if known else None
     found = FORMULAS.get(scheme.name)

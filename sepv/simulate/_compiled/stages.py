@@ -17,8 +17,7 @@ from typing import Any
 import numpy as np
 
 from sepv.problem import Array
-from sepv.schemes._collocation import FIRST_NODES, MAX_NODES
-from sepv.schemes._tableaux import exact_nodes, moments
+from sepv.schemes import FIRST_NODES, MAX_NODES, exact_nodes, moments
 from sepv.simulate._compiled.code_builder import CodeBuilder, shown
 from sepv.simulate._compiled.schemes import Collocation, at
 from sepv.simulate._compiled.writer import Writer

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sepv.errors import UsageError
-from sepv.record._binary64 import TINY
+from sepv.record import TINY
 
 # Relative error of a quantile. The counts of a normal variable then take some 100 kB, for any number of values.
 ACCURACY = 1e-3

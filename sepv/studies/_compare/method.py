@@ -15,16 +15,12 @@ import numpy as np
 
 from sepv.errors import SchemeFault, SepvError, TargetError
 from sepv.exact import ExactFlow, exact_flow
-from sepv.problem import Array, Problem
-from sepv.problem._fields import invariants
-from sepv.schemes import Look, Scheme, ask, load_scheme
-from sepv.schemes._guard import SchemeCrash
-from sepv.schemes._load_target import load_object
-from sepv.simulate import Ensemble
-from sepv.simulate._batch import CHUNK, judged, run_chunk
-from sepv.simulate._ensembles.ensemble import choose
+from sepv.problem import Array, Problem, invariants
+from sepv.schemes import Look, Scheme, SchemeCrash, ask, load_object, load_scheme
+from sepv.simulate import CHUNK, Ensemble, judged, run_chunk
+from sepv.simulate import choose_engine as choose
 from sepv.studies._evaluation_count import Work, counted
-from sepv.verification._cases.case import quiet_problem
+from sepv.verification import quiet_problem
 
 
 class Ends(NamedTuple):

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from sepv.files import finite
-from sepv.record._binary64 import TINY
+from sepv.record import TINY
 from sepv.schemes import Look
 from sepv.statistics import Estimate
 

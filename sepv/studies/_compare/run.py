@@ -15,13 +15,12 @@ import numpy as np
 from sepv.errors import SepvError, TargetError, UsageError
 from sepv.exact import clipping_error, exact_flow
 from sepv.problem import Array, Problem
-from sepv.simulate import _wiener as wiener
-from sepv.simulate._run_arguments import step_count
+from sepv.simulate import step_count, wiener
 from sepv.solve import Status
 from sepv.statistics import GROUPS, Estimate, jackknife
 from sepv.studies._compare.method import Ends, Followed, Method
 from sepv.studies._compare.record import Comparison, Point, Seconds
-from sepv.verification._cases.case import quiet_problem
+from sepv.verification import quiet_problem
 from sepv.workers import run_all
 
 # Intervals are two-sided at this level, for each point alone.

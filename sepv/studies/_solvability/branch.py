@@ -15,15 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from sepv.errors import UsageError
-from sepv.problem import Array, Problem
-from sepv.problem._fields import linear_solve
-from sepv.record._binary64 import TINY
-from sepv.schemes import Scheme
-from sepv.schemes._both_invariants import scheme as both_invariants
-from sepv.schemes._energy_preserving import scheme as energy_preserving
-from sepv.schemes._midpoint import scheme as midpoint
-from sepv.schemes._one_step import Implicit
-from sepv.solve._solution import IncrementFunction, JacobianFunction, Worded
+from sepv.problem import Array, Problem, linear_solve
+from sepv.record import TINY
+from sepv.schemes import BY_FILE, Implicit, Scheme, energy_preserving
+from sepv.solve import IncrementFunction, JacobianFunction, Worded
 
 MOST_STEPS = 4000
 # Arclengths, the longest beside 1 + |z|: a branch that escapes to infinity gets there.
@@ -42,7 +37,7 @@ WIDTH = 6e-6
 # R of each scheme whose right side is linear in one Δ, and ∂R/∂y1.
 EQUATIONS: dict[str, tuple[IncrementFunction, JacobianFunction]] = {
     scheme.name: (step.increment, step.jacobian)
-    for scheme in (energy_preserving, midpoint, both_invariants)
+    for scheme in map(BY_FILE.__getitem__, ("energy_preserving", "midpoint", "both_invariants"))
     if isinstance(step := scheme.step, Implicit)
 }
 

@@ -14,8 +14,7 @@ from sepv.problem import Array, Problem
 from sepv.record import gauss_legendre
 from sepv.schemes import Scheme, energy_preserving
 from sepv.simulate import truncation_bound
-from sepv.solve import Status, solve
-from sepv.solve._solution import Worded
+from sepv.solve import Status, Worded, solve
 from sepv.studies._solvability.branch import EQUATIONS, Branch, End, follow
 
 # A solution is the connected one where it agrees with it to this share of |y0| and the distance moved: both are known

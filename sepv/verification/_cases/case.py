@@ -16,12 +16,19 @@ from sepv import problems
 from sepv._arguments import double, parse_json
 from sepv.errors import UsageError, require_one_of
 from sepv.files import fault, schema
-from sepv.problem import Array, Description, GivenProblem, NamedProblem, PolynomialSystem, Problem
-from sepv.problem._hamiltonians import is_several
-from sepv.problem._json import problem_from_json, problem_to_json
-from sepv.problems._shown_to_schemes import GIVEN, as_given
-from sepv.schemes import Scheme, load_problem
-from sepv.schemes._load_target import require_trusted
+from sepv.problem import (
+    Array,
+    Description,
+    GivenProblem,
+    NamedProblem,
+    PolynomialSystem,
+    Problem,
+    is_several,
+    problem_from_json,
+    problem_to_json,
+)
+from sepv.problems.shown_to_schemes import GIVEN, as_given
+from sepv.schemes import Scheme, load_problem, require_trusted
 
 # The largest token, ten times a witness of sixty-four dimensions.
 MOST_BYTES = 2**24
@@ -34,7 +41,7 @@ class Case:
     Attributes
     ----------
     given : str
-        The view of the problem for the scheme: one of `sepv.problems._shown_to_schemes.GIVEN`.
+        The view of the problem for the scheme: one of `sepv.problems.shown_to_schemes.GIVEN`.
     batch : int
         For laws about batches: the number of states stepped together. 0 leaves it to the law.
     times : int

@@ -8,9 +8,8 @@ import numpy as np
 
 from sepv import problems
 from sepv.problem import Array, Problem, StructuresProblem
-from sepv.problems._several import commuting_actions
-from sepv.record import Polynomial
-from sepv.record import _polynomial as poly
+from sepv.problems import commuting_actions
+from sepv.record import Polynomial, poly
 from sepv.verification._cases.case import Case
 from sepv.verification._cases.random_parts import coefficient, hamiltonian
 from sepv.verification._cases.strata import monomials

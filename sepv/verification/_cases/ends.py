@@ -9,10 +9,8 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 
-from sepv.problem import PolynomialSystem
-from sepv.problem._problem import Structure
-from sepv.record import Polynomial
-from sepv.record import _polynomial as poly
+from sepv.problem import PolynomialSystem, Structure
+from sepv.record import Polynomial, poly
 from sepv.verification._cases.case import Case
 from sepv.verification._cases.strata import FAR, SIZE, STEP, Levels, Stratum
 

@@ -9,12 +9,9 @@ from random import Random
 
 import numpy as np
 
-from sepv.problem import PolynomialSystem
-from sepv.problem._problem import Matrix, Structure
-from sepv.problems._common import HAT, canonical
-from sepv.problems._matrix_tops import matrix_system
-from sepv.record import Polynomial
-from sepv.record import _polynomial as poly
+from sepv.problem import Matrix, PolynomialSystem, Structure
+from sepv.problems import HAT, canonical, matrix_system
+from sepv.record import Polynomial, poly
 from sepv.verification._cases import random_parts as some
 from sepv.verification._cases.case import Case
 from sepv.verification._cases.random_cases import Parts, general, maker

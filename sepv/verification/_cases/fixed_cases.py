@@ -14,10 +14,8 @@ import numpy as np
 
 from sepv import problems
 from sepv.problem import NamedProblem, PolynomialSystem
-from sepv.problems._common import hat, planes
-from sepv.problems.hard._hard_case import UNIT3
-from sepv.record import Polynomial
-from sepv.record import _polynomial as poly
+from sepv.problems import UNIT3, hat, planes
+from sepv.record import Polynomial, poly
 from sepv.verification._cases.case import Case
 from sepv.verification._contraction import CONTRACTION, contraction_radius
 

@@ -22,9 +22,9 @@ from sepv.problem import (
     NamedProblem,
     PolynomialSystem,
     Problem,
+    noise_hessian,
+    sample_states,
 )
-from sepv.problem._checks import sample_states
-from sepv.problem._hamiltonians import noise_hessian
 from sepv.verification._cases.case import Case
 from sepv.verification._contraction import CONTRACTION, contraction_radius
 from sepv.verification._tolerance import pushes, slopes

@@ -20,8 +20,8 @@ from sepv.problem import (
     Problem,
     StructuresProblem,
     Systems,
+    damping_of,
 )
-from sepv.problem._damped import damping_of
 from sepv.verification._cases import strata
 from sepv.verification._cases.case import Case, quiet
 from sepv.verification._cases.classes import CLASSES

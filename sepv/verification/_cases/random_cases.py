@@ -14,10 +14,16 @@ from random import Random
 import numpy as np
 
 from sepv import problems
-from sepv.problem import Array, HamiltoniansProblem, PolynomialSystem, Problem, vector_field
-from sepv.problem._problem import Matrix, Structure
-from sepv.record import Polynomial
-from sepv.record import _polynomial as poly
+from sepv.problem import (
+    Array,
+    HamiltoniansProblem,
+    Matrix,
+    PolynomialSystem,
+    Problem,
+    Structure,
+    vector_field,
+)
+from sepv.record import Polynomial, poly
 from sepv.verification._cases import random_parts as some
 from sepv.verification._cases.case import Case
 from sepv.verification._cases.ends import at_the_end, usual

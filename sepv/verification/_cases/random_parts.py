@@ -14,12 +14,9 @@ from random import Random
 
 import numpy as np
 
-from sepv.problem._problem import Matrix, Structure
-from sepv.problems import nambu_system
-from sepv.problems._common import planes
-from sepv.record import Polynomial
-from sepv.record import _polynomial as poly
-from sepv.record._polynomial import Exponents
+from sepv.problem import Matrix, Structure
+from sepv.problems import nambu_system, planes
+from sepv.record import Exponents, Polynomial, poly
 from sepv.verification._cases.strata import Levels, Stratum, monomials
 
 # The most monomials for which a table is worth making.

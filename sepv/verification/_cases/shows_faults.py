@@ -6,9 +6,7 @@ from typing import cast
 
 import numpy as np
 
-from sepv.problem import Array, Problem, average_gradient
-from sepv.problem._fields import matvec
-from sepv.problem._structures import combined
+from sepv.problem import Array, Problem, average_gradient, combined, matvec
 from sepv.verification._cases.case import Case
 from sepv.verification._cases.strata import Levels
 from sepv.verification._tolerance import casimir_bound, energy_bound, step_residual

@@ -14,10 +14,8 @@ import numpy as np
 
 from sepv import problems
 from sepv.errors import SepvError
-from sepv.problem import PolynomialSystem
-from sepv.problem._problem import Structure
-from sepv.record import Polynomial
-from sepv.record import _polynomial as poly
+from sepv.problem import PolynomialSystem, Structure
+from sepv.record import Polynomial, poly
 from sepv.verification._cases.case import Case
 from sepv.verification._contraction import contraction_radius
 

@@ -19,10 +19,8 @@ from hypothesis import strategies as st
 from sepv import problems as named
 from sepv._arguments import did_you_mean
 from sepv.errors import Skipped, UsageError
-from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem, Systems
-from sepv.problem._hamiltonians import is_several
-from sepv.schemes import load_problem
-from sepv.schemes._load_target import load_object
+from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem, Systems, is_several
+from sepv.schemes import load_object, load_problem
 from sepv.verification._cases.case import Case, quiet_problem
 from sepv.verification._cases.classes import FAMILIES
 from sepv.verification._cases.from_problem import describe, of_case, start_of

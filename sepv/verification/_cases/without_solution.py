@@ -26,11 +26,9 @@ from fractions import Fraction
 from math import sqrt
 from random import Random
 
-from sepv.problem import PolynomialSystem, Systems
-from sepv.problem._problem import Structure
+from sepv.problem import PolynomialSystem, Structure, Systems
 from sepv.problems import nambu_system
-from sepv.record import Polynomial
-from sepv.record import _polynomial as poly
+from sepv.record import Polynomial, poly
 from sepv.verification._cases import random_parts as parts
 from sepv.verification._cases.case import Case
 from sepv.verification._cases.strata import Stratum

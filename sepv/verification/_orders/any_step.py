@@ -14,8 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sepv.errors import Skipped
-from sepv.exact import exact_flow
-from sepv.exact._dense_flow import FlowFailure
+from sepv.exact import FlowFailure, exact_flow
 from sepv.problem import (
     Array,
     HamiltoniansProblem,
@@ -24,14 +23,12 @@ from sepv.problem import (
     StructuresProblem,
     Systems,
     column,
+    damping_of,
 )
-from sepv.problem._damped import damping_of
-from sepv.problems._polynomial_system import started
-from sepv.record import _polynomial as poly
-from sepv.record._binary64 import EPS
-from sepv.schemes import Scheme
-from sepv.schemes._guard import guarded
-from sepv.simulate._batch import advance
+from sepv.problems import started
+from sepv.record import EPS, poly
+from sepv.schemes import Scheme, guarded
+from sepv.simulate import advance
 from sepv.solve import Status
 from sepv.verification._cases.users_problems import problems_of
 from sepv.verification._failed_step import row

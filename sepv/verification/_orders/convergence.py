@@ -19,15 +19,13 @@ from typing import Any
 
 import numpy as np
 
-from sepv.exact._several_structures import ends as exact_ends
-from sepv.exact._several_structures import finer, refined
+from sepv.exact import exact_ends
+from sepv.exact import finer_increments as finer
+from sepv.exact import rough_reference as refined
 from sepv.problem import Array, HamiltoniansProblem, Problem
-from sepv.record._binary64 import EPS
+from sepv.record import EPS
 from sepv.schemes import Scheme
-from sepv.simulate import _areas as areas
-from sepv.simulate import _wiener as wiener
-from sepv.simulate._batch import Ensemble, run_chunk
-from sepv.simulate._truncation import seen
+from sepv.simulate import Ensemble, areas, run_chunk, seen, wiener
 from sepv.solve import Status
 from sepv.statistics import Estimate, binomial, jackknife
 from sepv.verification._failed_step import failed_step

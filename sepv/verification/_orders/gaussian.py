@@ -22,8 +22,8 @@ import numpy as np
 from sepv.problem import Array, HamiltoniansProblem, Problem, column
 from sepv.record import gauss_legendre
 from sepv.schemes import PointLaw, Scheme
-from sepv.simulate import _areas as areas
-from sepv.simulate import _truncation as bounded
+from sepv.simulate import areas
+from sepv.simulate import truncation as bounded
 
 # Nodes of the discretised weight on a panel, from which its Gauss rule is made: n ≤ 24 of them are exact to rounding.
 _FINE = 96

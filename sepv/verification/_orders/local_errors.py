@@ -23,9 +23,8 @@ import numpy as np
 
 from sepv import problems
 from sepv.errors import Skipped
-from sepv.exact import exact_flow, log_flow
-from sepv.exact._dense_flow import FlowFailure
-from sepv.exact._log_flow import field, runge_kutta
+from sepv.exact import FlowFailure, exact_flow, log_flow, runge_kutta
+from sepv.exact import log_flow_field as field
 from sepv.problem import (
     Array,
     HamiltoniansProblem,
@@ -35,18 +34,13 @@ from sepv.problem import (
     Systems,
     column,
     commutes,
+    damping_of,
+    sample_states,
 )
-from sepv.problem._checks import sample_states
-from sepv.problem._damped import damping_of
-from sepv.problems._polynomial_system import started
-from sepv.record import _polynomial as poly
-from sepv.record._binary64 import EPS
-from sepv.schemes import Scheme
-from sepv.schemes._explicit_tableaux import CLASSICAL
-from sepv.schemes._guard import guarded
-from sepv.schemes._order_claims import order_of
-from sepv.schemes._point_distributions import point_law
-from sepv.simulate._batch import advance
+from sepv.problems import started
+from sepv.record import EPS, poly
+from sepv.schemes import CLASSICAL, Scheme, guarded, order_of, point_law
+from sepv.simulate import advance
 from sepv.verification._cases.users_problems import as_taken, problems_of
 from sepv.verification._failed_step import first_failed
 from sepv.verification._law import Run, sparing

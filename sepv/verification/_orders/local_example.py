@@ -7,9 +7,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 
 from sepv.problem import Array, Problem
-from sepv.schemes import Scheme
-from sepv.schemes._guard import guarded
-from sepv.schemes._point_distributions import point_law
+from sepv.schemes import Scheme, guarded, point_law
 from sepv.verification._failed_step import row
 from sepv.verification._orders import local_errors as local
 from sepv.verification._orders.gaussian import point_rule

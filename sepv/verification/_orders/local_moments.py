@@ -20,12 +20,11 @@ from itertools import combinations_with_replacement, product
 import numpy as np
 
 from sepv.errors import Skipped
-from sepv.exact._log_flow import runge_kutta
-from sepv.problem import Array, HamiltoniansProblem, PolynomialSystem, Problem, vector_field
-from sepv.problem._hamiltonians import noise_field
-from sepv.record._binary64 import EPS
+from sepv.exact import runge_kutta
+from sepv.problem import Array, HamiltoniansProblem, PolynomialSystem, Problem, noise_field, vector_field
+from sepv.record import EPS
 from sepv.reference.generator import is_linear, moments
-from sepv.schemes._explicit_tableaux import DORMAND_PRINCE_8
+from sepv.schemes import DORMAND_PRINCE_8
 
 # All monomials up to this degree are tested; beyond it powers of a few linear forms, which are small where these are.
 FULL_DEGREE = 3

@@ -17,9 +17,8 @@ import numpy as np
 from sepv.errors import Skipped
 from sepv.files import finite
 from sepv.problem import Array, Problem
-from sepv.record._binary64 import EPS
-from sepv.schemes import Scheme
-from sepv.schemes._order_claims import order_of
+from sepv.record import EPS
+from sepv.schemes import Scheme, order_of
 from sepv.verification._law import Finding, Law, Run, Verdict
 from sepv.verification._orders.local_errors import LEVELS, LocalErrors, local_errors, problems_for
 

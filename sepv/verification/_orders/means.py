@@ -17,8 +17,7 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 
-from sepv.problem import Array, Problem
-from sepv.problem._hamiltonians import combined_field
+from sepv.problem import Array, Problem, combined_field
 from sepv.statistics import students_t
 from sepv.verification._orders.convergence import StrongErrors
 

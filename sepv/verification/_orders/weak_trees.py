@@ -12,10 +12,8 @@ import numpy as np
 
 from sepv.errors import Skipped
 from sepv.problem import Array, PolynomialSystem, Problem
-from sepv.schemes import PointLaw, Scheme
-from sepv.schemes._guard import guarded
-from sepv.schemes._point_distributions import point_law
-from sepv.simulate._batch import advance
+from sepv.schemes import PointLaw, Scheme, guarded, point_law
+from sepv.simulate import advance
 from sepv.verification._failed_step import first_failed
 from sepv.verification._law import Run
 from sepv.verification._orders import local_errors as local

@@ -25,15 +25,11 @@ from functools import lru_cache
 import numpy as np
 
 from sepv.errors import Skipped
-from sepv.exact import exact_flow
-from sepv.exact._dense_flow import FlowFailure
-from sepv.problem import Array, Problem
-from sepv.problem._checks import sample_states
-from sepv.problem._hamiltonians import is_several
-from sepv.record._binary64 import EPS
-from sepv.schemes import Scheme
-from sepv.schemes._guard import guarded
-from sepv.simulate._batch import advance
+from sepv.exact import FlowFailure, exact_flow
+from sepv.problem import Array, Problem, is_several, sample_states
+from sepv.record import EPS
+from sepv.schemes import Scheme, guarded
+from sepv.simulate import advance
 from sepv.verification._cases.case import quiet, quiet_problem
 from sepv.verification._cases.users_problems import items, sources
 from sepv.verification._failed_step import first_failed
