@@ -15,6 +15,8 @@ from sepv.verification import LAWS, Effort, load_laws, verify
 from sepv.verification._expected_failures import pin
 
 pytest_plugins = ["pytester"]
+# Runs in this process forget what they imported, and NumPy's extensions load once in a process.
+load_laws()
 
 ROOT = Path(__file__).resolve().parents[1]
 DOOR = ("-p", "sepv.pytest_plugin", "-p", "no:cacheprovider", "--sepv-examples", "8", "--sepv-paths", "256")
