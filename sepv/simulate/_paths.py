@@ -11,15 +11,12 @@ from numpy.typing import ArrayLike
 from sepv._arguments import floats
 from sepv.errors import UsageError
 from sepv.problem import Array, Problem
-from sepv.schemes import PointLaw, Scheme
-from sepv.schemes._further_increments import further_rows
-from sepv.schemes._guard import ask_next
-from sepv.schemes._scheme import Step
+from sepv.schemes import PointLaw, Scheme, Step, ask_next, further_rows
 from sepv.simulate import _areas as areas
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._run_arguments import checked
-from sepv.solve._solution import require_converged
+from sepv.solve import require_converged
 
 
 @dataclass(frozen=True)

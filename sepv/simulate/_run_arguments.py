@@ -11,9 +11,7 @@ from numpy.typing import ArrayLike
 from sepv._arguments import floats, is_number, require_whole
 from sepv.errors import TruncationWarning, UsageError
 from sepv.problem import Array, Problem
-from sepv.schemes import PointLaw, Scheme, load_problem, load_scheme, weakly
-from sepv.schemes._guard import ask_once
-from sepv.schemes._scheme import Step
+from sepv.schemes import PointLaw, Scheme, Step, ask_once, load_problem, load_scheme, weakly
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 

@@ -16,15 +16,7 @@ from sepv._arguments import floats, require_flag, require_whole
 from sepv._version import __version__
 from sepv.errors import ChunkFailure, Interrupted, UsageError, require_one_of
 from sepv.problem import Problem
-<<<<<<< HEAD
-from sepv.schemes import PointLaw, Scheme
-from sepv.schemes._point_distributions import point_law
-from sepv.schemes._scheme import Step
-=======
-from sepv.schemes import PointLaw, Scheme, Step, ask_once, load_problem, load_scheme, point_law
-from sepv.simulate import _truncation as bounded
-from sepv.simulate import _wiener as wiener
->>>>>>> 64f17b2 (Names that rooms take from each other come from the room's __init__, and a test holds that)
+from sepv.schemes import PointLaw, Scheme, Step, point_law
 from sepv.simulate._batch import CHUNK, Ensemble
 from sepv.simulate._compiled.compile import FEW, CannotCompile, kernel
 from sepv.simulate._compiled.layout import LANES

@@ -14,14 +14,7 @@ from sepv._arguments import require_flag
 from sepv._journal import interruption_answered
 from sepv.errors import UsageError
 from sepv.problem import Array, Problem
-<<<<<<< HEAD
-from sepv.schemes import PointLaw, Scheme
-from sepv.schemes._scheme import Step
-=======
-from sepv.schemes import PointLaw, Scheme, Step, ask_once, load_problem, load_scheme
-from sepv.simulate import _truncation as bounded
-from sepv.simulate import _wiener as wiener
->>>>>>> 64f17b2 (Names that rooms take from each other come from the room's __init__, and a test holds that)
+from sepv.schemes import PointLaw, Scheme, Step
 from sepv.simulate._ensembles.collectors import chunk_of
 from sepv.simulate._ensembles.ensemble import choose
 from sepv.simulate._ensembles.task import Task
