@@ -21,8 +21,7 @@ import rebound
 from sepv.errors import Skipped
 from sepv.peers._integrator import REVERSIBLE, SYMPLECTIC, integrator, masses
 from sepv.peers.peer import Peer
-from sepv.problem import Array, Mechanics
-from sepv.problem._checks import sample_states
+from sepv.problem import Array, Mechanics, sample_states
 from sepv.schemes import Scheme
 
 
