@@ -168,7 +168,7 @@ def _pairs(scheme: Scheme, problem: Problem, seed: int) -> Iterator[Pair]:
     start = np.asarray(problem.initial, dtype=np.float64)
     top = FINER * float(step_sizes(order)[0])
     made = []
-    given = bool(scheme.problems)
+    given = bool(scheme.problems) or scaled(problem, 0.5) is None
     largest = top * units.time if given else LARGEST
     for n, h in enumerate(drawn(rng, SMALLEST * largest / LARGEST, largest, PAIRS)):
         louder = 1.0 if given else LOUDER[n % len(LOUDER)]
