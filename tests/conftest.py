@@ -5,8 +5,6 @@ And two fixtures: an alarm, and a reader who types what documents show.
 ``--hypothesis-profile fresh`` draws new ones, ``--hypothesis-profile deep`` many of them.
 """
 
-from __future__ import annotations
-
 import os
 import shlex
 import signal

@@ -1,7 +1,5 @@
 """The doors of sepv as tests go through them: verdicts, a command, a fresh process, a file and its schema."""
 
-from __future__ import annotations
-
 import shlex
 import subprocess
 import sys

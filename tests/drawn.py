@@ -1,7 +1,5 @@
 """Systems for tests: random ones as the laws draw them, and one by hand."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

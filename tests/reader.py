@@ -1,7 +1,5 @@
 """What documents show is typed by a reader, in a folder of their own."""
 
-from __future__ import annotations
-
 import contextlib
 import importlib
 import io

@@ -1,7 +1,5 @@
 """What a user hands over: names, functions and records alike, and words for everything else."""
 
-from __future__ import annotations
-
 import html
 import re
 from typing import Any

@@ -4,8 +4,6 @@ A row is a call of a function of sepv; test_bad_commands.py has files, programs 
 rings after some seconds.
 """
 
-from __future__ import annotations
-
 import signal
 import sys
 import time
@@ -115,7 +113,7 @@ def bomb() -> str:
     return urlsafe_b64encode(packed).decode()
 
 
-TOKEN = cases.to_token(cases.Case(BODY.data, tuple(Y), 0.1, tuple(DW)))  # type: ignore[arg-type]
+TOKEN = cases.to_token(cases.Case(BODY.data, tuple(Y), 0.1, tuple(DW)))
 DEEP = urlsafe_b64encode(zlib.compress(b"[" * 100_000)).decode()
 SYSTEM = {"dimension": 2, "hamiltonian": [[[2, 0], 0.5]], "structure": [[0, 1, [[[0, 0], -1.0]]]]}
 
@@ -314,16 +312,14 @@ CHECKS: dict[str, Check] = {
     "laws: a number": verified("names of laws", laws=5),
     "timeout: NaN": verified("timeout=600", laws="identity", timeout=np.nan),
     "effort: no examples": refused(lambda: Effort(examples=0)),
-    "effort: NaN": refused(lambda: Effort(paths=np.nan), "paths, an integer"),  # type: ignore[arg-type]
-    "target: a number": refused(lambda: sepv.verify(3)),  # type: ignore[arg-type]
+    "effort: NaN": refused(lambda: Effort(paths=np.nan), "paths, an integer"),
+    "target: a number": refused(lambda: sepv.verify(3)),
 }  # fmt: skip
 
 
 @pytest.mark.usefixtures("alarm")
 @pytest.mark.parametrize("name", CHECKS)
-def test_bad_input_ends_in_an_error_of_ours_or_a_right_result(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_bad_input_ends_in_an_error_of_ours_or_a_right_result(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with np.errstate():
         CHECKS[name]()

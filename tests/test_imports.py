@@ -1,7 +1,5 @@
 """Imports run one way, and nothing heavy is loaded before it is used."""
 
-from __future__ import annotations
-
 import ast
 import re
 from graphlib import CycleError, TopologicalSorter

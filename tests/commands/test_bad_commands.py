@@ -5,8 +5,6 @@ a traceback from inside, or leave half a file. What problem files, tokens and re
 programs on their pipes are in test_external.py, functions of sepv in test_bad_input.py.
 """
 
-from __future__ import annotations
-
 import shlex
 import signal
 import subprocess
@@ -171,6 +169,13 @@ CHECKS: dict[str, Check] = {
     "verify: no problem file": cli("verify midpoint -p no.json", 2, "no.json: No such file"),
     "step: h NaN": cli("step energy-preserving rigid-body --h nan", 2, "finite numbers after --h"),
     "step: two h": cli("step energy-preserving rigid-body --h 1,2", 2, "1 number after --h"),
+    "step: h a word": cli("step midpoint pendulum --h x", 2, "numbers separated by commas", "Remedy"),
+    "step: y too short": cli("step midpoint pendulum --h 0.1 --y 1", 2, "2 numbers after --y", "Remedy"),
+    "step: y outside": cli("step midpoint lotka-volterra --h 0.1 --y=-1,1,1", 2, "domain", "Remedy"),
+    "step: unknown scheme": cli("step nosuch pendulum --h 1", 2, "nosuch", "Remedy"),
+    "exact: unknown problem": cli("exact nosuch --theta 1", 2, "nosuch", "Remedy"),
+    "exact: no digits": cli("exact pendulum --theta 1 --digits 0", 2, "between 1 and 2000", "Remedy"),
+    "exact: theta infinite": cli("exact pendulum --theta inf", 2, "finite", "Remedy"),
     "bench: no scheme": cli("bench", 2, "a scheme, or a program"),
     "bench: unknown scheme": cli("bench nosuch", 3, "built-in scheme"),
     "bench: unknown case": cli("bench energy-preserving --case nosuch", 2, "a case, one of"),
@@ -214,9 +219,7 @@ CHECKS: dict[str, Check] = {
 
 @pytest.mark.usefixtures("alarm")
 @pytest.mark.parametrize("name", CHECKS)
-def test_bad_input_ends_in_an_error_of_ours_or_a_right_result(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_bad_input_ends_in_an_error_of_ours_or_a_right_result(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
     monkeypatch.syspath_prepend(str(tmp_path))

@@ -1,7 +1,5 @@
 """What a user sees: tables, counterexamples, files, exit codes, and one clear message for each mistake."""
 
-from __future__ import annotations
-
 import json
 import re
 from pathlib import Path
@@ -57,9 +55,7 @@ def test_a_claim_that_would_not_be_measured_is_refused(call) -> None:
 def test_a_pin_says_which_command_guards_and_what_it_guards_no_more(call) -> None:
     few = "--examples 2 --pin p.toml -q"
     first = call(f"verify midpoint --law identity,casimir {few}")
-    assert first.output.strip().endswith(
-        "From now on: sepv verify midpoint --law identity,casimir --expected p.toml"
-    )
+    assert first.output.strip().endswith("sepv verify midpoint --law identity,casimir --expected p.toml")
     second = call(f"verify euler-heun --law identity,casimir {few}")
     assert "The pin before guarded casimir, identity too." in " ".join(second.output.split())
 
@@ -108,9 +104,7 @@ def test_arguments_in_another_order_are_named_before_anything_is_measured(call) 
 @pytest.mark.parametrize(
     ("arguments", "raised"), [("u, system, dt, xi", "Attribute"), ("system, u, xi, dt", "Type")]
 )
-def test_other_names_in_another_order_end_in_an_error_that_says_what_was_called(
-    call, arguments: str, raised: str
-) -> None:
+def test_other_names_in_another_order_end_in_an_error_that_says_what_was_called(call, arguments, raised):
     code = f"def step({arguments}):\n    return u + system.random_step(dt, xi) * system.gradient(u)\n"
     said = call("verify mine:step --law energy --examples 2", code).output
     assert f"The scheme raised {raised}Error" in said

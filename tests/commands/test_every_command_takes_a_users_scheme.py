@@ -1,7 +1,5 @@
 """Every command takes a user's scheme, a user's problem and a program, and one that fails stops no other."""
 
-from __future__ import annotations
-
 import json
 import shlex
 import sys
@@ -82,9 +80,7 @@ FEW = "--steps 8,16 --paths 32 --repeats 1"
     ],
     ids=lambda text: " ".join(text.split()[:2]),
 )
-def test_it_takes_a_scheme_and_a_problem_of_a_module_and_a_program(
-    folder: Path, line: str, word: str
-) -> None:
+def test_it_takes_a_scheme_and_a_problem_of_a_module_and_a_program(folder, line, word):
     assert word in command(line).output.lower()
 
 

@@ -5,8 +5,6 @@ A row is a file's content. A module called canary leaves a file when it is impor
 outside reaches a terminal.
 """
 
-from __future__ import annotations
-
 import base64
 import json
 import re
@@ -283,7 +281,7 @@ def test_a_tolerance_is_advised_only_where_the_defect_is_no_power_of_the_step() 
     short = {"problem": quartic, "y": [1, 0.5], "h": 2.0**-13, "dW": [0.0]}
     found = replay("euler-heun", "energy", short)
     assert found.verdict is Verdict.VIOLATED
-    assert found.defect * 2.0**-52 < 1e-7  # type: ignore[operator]
+    assert found.defect * 2.0**-52 < 1e-7
     assert "solver_tolerance" not in found.message
 
 
@@ -293,9 +291,7 @@ def test_a_run_that_pins_does_not_ask_for_a_pin() -> None:
     assert "--pin FILE" not in run(line, "From now on: .*--expected", 0)
 
 
-def test_a_user_without_a_name_or_a_home_has_a_private_folder(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_a_user_without_a_name_or_a_home_has_a_private_folder(monkeypatch, tmp_path):
     monkeypatch.delenv("SEPV_CACHE_DIR", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     place = cache_folder("hypothesis")

@@ -1,7 +1,5 @@
 """Narrow terminals lose columns, never digits."""
 
-from __future__ import annotations
-
 import io
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Four doors onto one list of laws: the same scheme gets the same verdicts at each. And Ctrl-C at any time."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex

@@ -1,24 +1,27 @@
-"""Terminal manners: colour on terminals only, tables that fit, plain lines in pipes, completion, examples in help.
+"""Terminal manners: colour on terminals only, tables that fit, plain lines in pipes, completion, help with examples.
 
 And what a terminal cannot encode is said in ASCII: never a traceback, and never exit code 1 for a crash.
 """
 
-from __future__ import annotations
-
+import doctest
+import importlib
+import inspect
 import io
 import os
 import pty
 import re
 import subprocess
 import sys
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 from doors import ROOT, command
 from rich.cells import cell_len
 from sepv.reference.faults import detection as fault_detection
 
+import sepv
 from sepv.commands._cli import COMMANDS, main
 from sepv.commands._shared import CRASH
 from sepv.console import ascii_text, console, print_table
@@ -98,7 +101,7 @@ def test_tables_of_80_columns_hide_nothing(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 @pytest.mark.parametrize(
-    "line", ["hard --case rank-0 --steps 5", "run energy-preserving --steps 100", "bench midpoint"]
+    "line", ["hard --case rank-0 --steps 5", "run midpoint --steps 100", "bench midpoint"]
 )
 def test_quiet_is_one_line(line: str) -> None:
     assert len(command(f"{line} --quiet").output.splitlines()) == 1
@@ -165,3 +168,43 @@ def test_a_reader_that_goes_away_is_no_verdict() -> None:
     done = subprocess.run(["bash", "-c", line], capture_output=True, text=True, check=False)
     assert done.stdout.strip() == "141", done.stderr
     assert "Traceback" not in done.stderr
+
+
+FUNCTIONS = ("verify", "integrate", "ensemble", "exact_flow")
+RECORDS = ("Problem", "Scheme", "Report", "Trajectory", "Ensemble", "Effort")
+WITH_EXAMPLES = ("Problem", "Scheme", "verify", "integrate", "ensemble", "exact_flow", "peers.posing:pose",
+                 "peers.posing:field_in")  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_a_functions_help_names_every_argument_and_what_it_returns(name: str) -> None:
+    function = getattr(sepv, name)
+    text = inspect.getdoc(function) or ""
+    for argument in inspect.signature(function).parameters:
+        assert argument in text.split("Returns\n")[0].replace(",", " ").split(), argument
+    assert "Returns\n-------\n" in text
+
+
+@pytest.mark.parametrize("name", RECORDS)
+def test_a_records_help_names_every_field(name: str) -> None:
+    record = getattr(sepv, name)
+    words = (inspect.getdoc(record) or "").replace(",", " ").split()
+    for field in inspect.signature(record).parameters:
+        assert field in words, field
+
+
+@pytest.mark.parametrize("name", WITH_EXAMPLES)
+def test_examples_run(name: str) -> None:
+    module, _, attribute = name.rpartition(":")
+    value = getattr(importlib.import_module(f"sepv.{module}") if module else sepv, attribute)
+    found = [t for t in doctest.DocTestFinder(recurse=False).find(value, attribute) if t.examples]
+    assert found, "no example"
+    for example in found:
+        assert doctest.DocTestRunner().run(example).failed == 0
+
+
+def test_the_help_of_verify_states_the_usual_effort() -> None:
+    asked = CliRunner().invoke(main, ["verify", "--help"], terminal_width=200).output
+    said = dict(re.findall(r"--([a-z-]+) .*\[default: (\d+)\]", asked))
+    usual = {field.name.replace("_", "-"): str(field.default) for field in fields(sepv.Effort)}
+    assert all(said[name] == usual[name] for name in ("examples", "paths", "shrink-checks"))

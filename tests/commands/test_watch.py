@@ -1,7 +1,5 @@
 """Whatever happens to the process of a command, it ends with a word: Ctrl-C at any moment, a crash in compiled code."""
 
-from __future__ import annotations
-
 import json
 import os
 import random
@@ -222,9 +220,7 @@ def test_a_violation_before_a_segmentation_fault_is_not_lost(folder: Path) -> No
          ["midpoint: 2 laws: 2 hold", "mine:falls: 2 laws: 1 holds, 1 error"]),
     ],
 )  # fmt: skip
-def test_a_step_that_ends_the_process_has_a_word_and_is_no_success(
-    command: str, once: list[str], folder: Path
-) -> None:
+def test_a_step_that_ends_the_process_has_a_word_and_is_no_success(command, once, folder):
     shown = crashed(folder, command)
     assert [shown.count(words) for words in once] == [1] * len(once)
 

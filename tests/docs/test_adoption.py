@@ -4,8 +4,6 @@ Each project is built, and the step of its workflow run as the action runs it, g
 beside the action (checkout, interpreters, `pip install .`) is the runner's; here the folder is on the path instead.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import os

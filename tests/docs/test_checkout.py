@@ -1,14 +1,10 @@
 """A checkout works where it stands, installed or not, and the sdist carries all that the tests read."""
 
-from __future__ import annotations
-
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from doors import ROOT, python
 
-ROOT = Path(__file__).resolve().parents[2]
 # An editable installation maps sepv.properties and sepv.reference; here nothing does.
 BARE = "import sys; sys.meta_path = [f for f in sys.meta_path if 'editable' not in str(f).lower()]; "
 
@@ -16,8 +12,7 @@ BARE = "import sys; sys.meta_path = [f for f in sys.meta_path if 'editable' not 
 @pytest.mark.parametrize("name", ["sepv.reference", "sepv.properties", "sepv.reference.witnesses"])
 def test_the_folders_at_the_top_are_found_from_a_bare_checkout(name: str) -> None:
     asked = f"{BARE}sys.path.insert(0, {str(ROOT)!r}); import {name}; print(*{name}.__path__)"
-    done = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, check=True)
-    assert Path(done.stdout.strip()) == ROOT.joinpath(*name.split(".")[1:])
+    assert Path(python(asked)) == ROOT.joinpath(*name.split(".")[1:])
 
 
 def test_the_sdist_carries_every_folder_of_the_checkout() -> None:

@@ -1,7 +1,5 @@
 """The code of docs/clusters.md runs where its library is installed."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess
@@ -10,10 +8,10 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+from doors import doc
 from reader import Reader
 
-PAGE = (Path(__file__).resolve().parents[2] / "docs" / "clusters.md").read_text(encoding="utf-8")
-BLOCKS = re.findall(r"^```python\n(.*?)^```$", PAGE, flags=re.MULTILINE | re.DOTALL)
+BLOCKS = re.findall(r"^```python\n(.*?)^```$", doc("clusters.md"), flags=re.MULTILINE | re.DOTALL)
 LIBRARIES = ("distributed", "joblib", "ray")
 NEEDS = [
     next((name for name in LIBRARIES if re.search(rf"^(import|from) {name}\b", b, re.MULTILINE)), "zarr")

@@ -1,7 +1,5 @@
 """Every code block of the pages under docs/ runs, and what they say of commands, files and laws is so."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import os
@@ -11,39 +9,25 @@ import shutil
 import subprocess
 import tomllib
 from itertools import pairwise
-from pathlib import Path
 
 import click
 import pytest
+from doors import ROOT
 from reader import Reader, shape
 
 from benchmarks import law_pages
 from sepv.commands._cli import main
 from sepv.verification import load_laws
 
-ROOT = Path(__file__).resolve().parents[2]
 ALL = sorted(
     str(p.relative_to(ROOT / "docs").with_suffix(""))
     for folder in ("docs", "docs/laws")
     for p in (ROOT / folder).glob("*.md")
 )
 PAGES = (
-    "samplers",
-    "rigid-bodies",
-    "vortices",
-    "maintainers",
-    "ten-minutes",
-    "teeth",
-    "choosing",
-    "ci",
-    "adapting",
-    "extending",
-    "beyond",
-    "higher-order",
-    "hard-cases",
-    "solvability",
-    "speed",
-)
+    "samplers", "rigid-bodies", "vortices", "maintainers", "ten-minutes", "teeth", "choosing", "ci", "adapting",
+    "extending", "beyond", "higher-order", "hard-cases", "solvability", "speed",
+)  # fmt: skip
 
 
 # Pages whose blocks are run elsewhere, by what; or are output, and shown to be so.
@@ -176,9 +160,8 @@ def check_pyproject(body: str, reader: Reader) -> None:
     (project / "test_own.py").write_text("def test_own(): pass\n")
     with pytest.MonkeyPatch.context() as there:
         there.chdir(project)
-        shown = reader.pytest(
-            "-k", "(own or test_casimir or test_identity) and not drift", "--sepv-examples", "2"
-        )
+        few = "(own or test_casimir or test_identity) and not drift"
+        shown = reader.pytest("-k", few, "--sepv-examples", "2")
     assert "1 passed, 2 skipped" in shown
 
 
@@ -194,9 +177,7 @@ def steps_of(workflow: str) -> list[tuple[str, str]]:
     return found
 
 
-def test_the_blocks_of_the_page_about_ci_and_the_steps_of_its_workflows_run(
-    reader: Reader, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_blocks_of_the_page_about_ci_and_the_steps_of_its_workflows_run(reader, monkeypatch):
     """As a runner does, job by job, in a folder with the files that the page says to commit."""
     monkeypatch.setenv("SEPV", str(ROOT))
     assert run_blocks("ci", reader) > 0
@@ -238,17 +219,12 @@ def commands() -> list[tuple[str, str]]:
     """Every command line of ours in README and docs, whatever block or sentence it stands in."""
     found = []
     for page in ("README", *ALL):
-        content = (ROOT / "README.md").read_text(encoding="utf-8") if page == "README" else text(page)
-        fenced = "\n".join(
-            re.findall(r"^```(?:sh|yaml|text)\n(.*?)^```$", content, flags=re.MULTILINE | re.DOTALL)
-        )
+        content = text("../README" if page == "README" else page)
+        fenced = "\n".join(re.findall(r"^```(?:sh|yaml|text)\n(.*?)^```$", content, re.MULTILINE | re.DOTALL))
         spoken = re.findall(r"`(sepv [a-z]+ [^`…]*)`", content)
         printed = re.findall(r"^(?:\s*(?:- )?(?:run: )?)(sepv [a-z].*)$", fenced, flags=re.MULTILINE)
-        found += [
-            (page, line.split("  #")[0].split(" || ")[0].strip())
-            for line in (*printed, *spoken)
-            if "…" not in line
-        ]
+        lines = (line for line in (*printed, *spoken) if "…" not in line)
+        found += [(page, line.split("  #")[0].split(" || ")[0].strip()) for line in lines]
     return found
 
 
@@ -285,7 +261,7 @@ def test_pages_of_laws_have_the_data_of_their_records_and_all_parts() -> None:
     assert text("laws") == law_pages.index(laws, text("laws")), "python -m benchmarks.law_pages"
 
 
-@pytest.mark.parametrize("page", ALL)
+@pytest.mark.parametrize("page", ["../README", *ALL])
 def test_links_lead_somewhere(page: str) -> None:
     for target in re.findall(r"\]\(([^)#\s]+)[^)]*\)", text(page)):
         assert "://" in target or ((ROOT / "docs" / page).parent / target).exists(), target

@@ -1,7 +1,5 @@
 """Docstrings and comments on constants can be read alone."""
 
-from __future__ import annotations
-
 import ast
 import re
 from collections.abc import Iterator
@@ -10,9 +8,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-ROOMS = sorted(
-    {p.parent for room in ("properties", "reference", "sepv") for p in (ROOT / room).rglob("*.py")}
-)
+FOLDERS = ("properties", "reference", "sepv")
+ROOMS = sorted({p.parent for folder in FOLDERS for p in (ROOT / folder).rglob("*.py")})
 # A first line that begins so is a part of a sentence whose rest the reader has to guess.
 RIDDLE = re.compile(r"(What|Whether|Those|Of|As|The same|Its|That|This one|How|Who|Which|Where|When|Such)\b")
 # A first line or a comment of one or two plain words, such as "One path.", names nothing. A formula does.

@@ -1,25 +1,21 @@
 """The programs in examples/, by their laws and by the protocol, and the conversation printed in docs/protocol.md."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from doors import ROOT, python, verdicts
 
 from sepv import external, problems, schemes
 from sepv.external import Program, check_protocol, load_program
 from sepv.external._errors import StepRefused
 from sepv.problem import PolynomialSystem
 from sepv.record import polynomial
-from sepv.verification import LAWS, Effort, verify
-
-ROOT = Path(__file__).resolve().parents[2]
+from sepv.verification import LAWS
 
 
 @pytest.fixture(scope="session")
@@ -39,37 +35,31 @@ def euler_heun_plain():
     return shlex.join([sys.executable, "-I", "-S", str(ROOT / "examples" / "euler_heun_plain.py")])
 
 
-SMALL = Effort(examples=2, paths=1024, shrink_checks=10)
-
-
-def verdicts(command: str, laws: list[str]) -> dict[str, str]:
+def found(command: str, laws: list[str]) -> dict[str, str]:
     with load_program(command) as scheme:
-        report = verify(scheme, laws=laws, effort=SMALL)
-    return {f.law: f.verdict.value for f in report.findings}
+        return verdicts(scheme, laws, examples=2, paths=1024, shrink_checks=10)
 
 
 def test_the_midpoint_rule_in_c_obeys_what_theory_says_and_no_more(midpoint_c):
     holds = ["contract", "identity", "casimir", "midpoint", "symmetry", "mean-square-order", "right-limit"]
-    assert verdicts(midpoint_c, [*holds, "energy"]) == {**dict.fromkeys(holds, "holds"), "energy": "violated"}
+    assert found(midpoint_c, [*holds, "energy"]) == {**dict.fromkeys(holds, "holds"), "energy": "violated"}
 
 
 def test_the_plain_python_example_has_the_order_that_it_claims_and_keeps_no_invariant(euler_heun_plain):
     # *contract* and the others are asked in test_same_verdicts_at_every_door.py.
     holds, broken = ["mean-square-order", "right-limit"], ["energy", "casimir", "symmetry"]
     expected = {**dict.fromkeys(holds, "holds"), **dict.fromkeys(broken, "violated")}
-    assert verdicts(euler_heun_plain, [*holds, *broken]) == expected
+    assert found(euler_heun_plain, [*holds, *broken]) == expected
 
 
 @pytest.mark.parametrize("name", ["harmonic-oscillator", "rigid-body", "pendulum"])
 def test_the_examples_agree_with_the_schemes_of_sepv(midpoint_c, euler_heun_plain, name):
     problem = problems.by_name(name)
     y = np.asarray(problem.initial)[:, None] * np.linspace(0.5, 1.5, 600)
-    dW = np.random.default_rng(2).standard_normal((problem.noises, 600)) / 8
+    step = problem, y, 0.0625, np.random.default_rng(2).standard_normal((problem.noises, 600)) / 8
     for command, own in ((midpoint_c, schemes.midpoint), (euler_heun_plain, schemes.euler_heun)):
         with load_program(command) as scheme:
-            np.testing.assert_allclose(
-                scheme.step(problem, y, 0.0625, dW), own.step(problem, y, 0.0625, dW), rtol=1e-14, atol=1e-15
-            )
+            np.testing.assert_allclose(scheme.step(*step), own.step(*step), rtol=1e-14, atol=1e-15)
 
 
 @pytest.mark.parametrize("example", ["midpoint_c", "euler_heun_plain"])
@@ -98,9 +88,8 @@ def conversation() -> list[tuple[str, str | None]]:
 
 def test_the_sample_of_the_page_is_what_the_program_in_c_answers(midpoint_c):
     turns = conversation()
-    done = subprocess.run(
-        [midpoint_c], input="\n".join(line for line, _ in turns), capture_output=True, text=True, check=True
-    )
+    asked = "\n".join(line for line, _ in turns)
+    done = subprocess.run([midpoint_c], input=asked, capture_output=True, text=True, check=True)
     assert done.stdout.splitlines() == [answer for _, answer in turns if answer is not None]
 
 
@@ -117,9 +106,8 @@ asked.write(sys.stdin.readline())
 """)
     program = Program(shlex.join([sys.executable, "-I", "-S", str(tmp_path / "recorder.py")]))
     scheme = program.scheme()
-    y = scheme.step(
-        problems.harmonic_oscillator(), np.array([[1.0, 1.0], [0.5, 0.5]]), 1.0, np.array([[1.0, -1.0]])
-    )
+    y = np.array([[1.0, 1.0], [0.5, 0.5]])
+    y = scheme.step(problems.harmonic_oscillator(), y, 1.0, np.array([[1.0, -1.0]]))
     assert y.tolist() == [[-0.5, 1.0], [1.0, 0.5]]
     square = ((0, 1, polynomial(2, [((0, 0), 1.0), ((2, 0), 1.0)])),)
     unsolvable = problems.build(PolynomialSystem(2, polynomial(2, [((0, 1), 1.0)]), square, ()))
@@ -133,8 +121,7 @@ asked.write(sys.stdin.readline())
 
 
 def test_energy_and_two_casimirs_in_four_dimensions_are_kept_to_rounding():
-    program = ROOT / "examples" / "casimirs_in_four_dimensions.py"
-    out = subprocess.run([sys.executable, program], capture_output=True, text=True, check=True).stdout
+    out = python((ROOT / "examples" / "casimirs_in_four_dimensions.py").read_text(encoding="utf-8"))
     kept, lost = ([float(v) for v in re.findall(r"[HCD] (\S+?)(?:,|$)", line)] for line in out.splitlines())
     # 1000 steps round y ~ 1 by eps each: 8 eps √1000 as in `sepv.reference.paper.runs.rounding_bound`.
     assert max(kept) < 8 * 2.0**-52 * 1000**0.5

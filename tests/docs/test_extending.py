@@ -1,17 +1,13 @@
 """docs/extending.md, followed to the letter in a copy of the tree: a scheme, a problem and a law are shipped."""
 
-from __future__ import annotations
-
 import re
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from doors import ROOT, doc, python
 
-ROOT = Path(__file__).resolve().parents[2]
-PAGE = (ROOT / "docs" / "extending.md").read_text(encoding="utf-8")
+PAGE = doc("extending.md")
 BLOCKS = re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL)
 
 
@@ -68,11 +64,7 @@ def add(file: Path, before: str, line: str) -> None:
 
 def sepv(tree: Path, words: str) -> str:
     """What the command prints in the tree."""
-    done = subprocess.run(
-        [sys.executable, "-m", "sepv", *words.split()], cwd=tree, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
+    return python("from sepv.commands import main; main()", *words.split(), folder=tree)
 
 
 def test_the_list_shows_what_was_added(tree: Path) -> None:
@@ -83,25 +75,15 @@ def test_the_list_shows_what_was_added(tree: Path) -> None:
 
 def test_the_scheme_is_judged_by_name_and_compiled(tree: Path) -> None:
     assert re.search(r"random-step +yes +holds", sepv(tree, "verify heun --law random-step --examples 8"))
-    code = (
-        "import sepv; print(sepv.ensemble('heun', 'heisenberg', h=0.01, T=0.1, paths=4, engine='compiled').y.shape, "
-        "sepv.schemes.heun.name)"
-    )
-    done = subprocess.run([sys.executable, "-c", code], cwd=tree, capture_output=True, text=True, check=False)
-    assert done.stdout.split() == ["(3,", "4)", "heun"], done.stderr
+    run = "sepv.ensemble('heun', 'heisenberg', h=0.01, T=0.1, paths=4, engine='compiled')"
+    assert python(f"import sepv; print({run}.y.shape, sepv.schemes.heun.name)", folder=tree) == "(3, 4) heun"
 
 
-@pytest.mark.parametrize(
-    "asked",
-    [
-        "energy-preserving",
-        "both-invariants",
-        "several-structures",
-        "stochastic-midpoint",
-        "midpoint -p heisenberg -p canonical-separable",
-        "stochastic-midpoint -p random-inertia",
-    ],
-)
+CLASSES = ("energy-preserving", "both-invariants", "several-structures", "stochastic-midpoint")
+NAMED = ("midpoint -p heisenberg -p canonical-separable", "stochastic-midpoint -p random-inertia")
+
+
+@pytest.mark.parametrize("asked", [*CLASSES, *NAMED])
 def test_the_law_is_measured_for_every_class_and_for_problems_of_a_user(tree: Path, asked: str) -> None:
     shown = sepv(tree, f"verify {asked} --law noise-scale --examples 8")
     assert re.search(r"noise-scale +(no|yes)? +holds", shown), shown
@@ -112,16 +94,14 @@ def test_the_law_is_measured_for_every_class_and_for_problems_of_a_user(tree: Pa
 
 def test_the_law_finds_a_wrong_noise_in_every_class(tree: Path) -> None:
     """c² in place of c: each class of systems has a scheme that is wrong so, and the law says it."""
-    code = """
-from dataclasses import replace
+    code = f"""
 import sepv
 from sepv.schemes import by_name
-for name in ("energy-preserving", "both-invariants", "several-structures", "stochastic-midpoint"):
+for name in {CLASSES}:
     right = by_name(name)
     def step(problem, y, h, dW, right=right):
         return right.step(problem, y, h, dW * (1 + 1e-6 * problem.c[0]))
     wrong = sepv.Scheme("wrong", step, systems=right.systems)
     print(sepv.verify(wrong, laws=["noise-scale"]).findings[0].verdict.text)
 """
-    done = subprocess.run([sys.executable, "-c", code], cwd=tree, capture_output=True, text=True, check=False)
-    assert done.stdout.split() == ["violated"] * 4, done.stdout + done.stderr
+    assert python(code, folder=tree).split() == ["violated"] * 4

@@ -1,7 +1,5 @@
 """Names in prose: each path and each dotted name that a page, a docstring or a comment has is there."""
 
-from __future__ import annotations
-
 import ast
 import re
 from collections.abc import Iterator

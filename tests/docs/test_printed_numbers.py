@@ -1,7 +1,6 @@
-"""Numbers that stand in the prose of docs/, computed again."""
+"""Numbers that stand in the prose of docs/, computed again; and docs/class.md, which benchmarks.hamiltonians prints."""
 
-from __future__ import annotations
-
+import re
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -9,8 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 from sepv.properties.test_energy_drift import quantity
+from sepv.reference.faults.saboteurs import SABOTEURS
 from sepv.reference.paper.remarks import _solvable
 
+import sepv
+from benchmarks.hamiltonians import CLAIMS, DIFFERENCES, SCHEMES, TITLE, slopes, table, verdicts
 from sepv import exact_flow, integrate, problems, schemes
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.problems._common import hat
@@ -107,7 +109,7 @@ def test_a_refused_step_counts_as_solvable_where_continuation_solves_it() -> Non
         refused = np.full(7, -1)
         refused[path] = step
         found = SimpleNamespace(failed_step=refused, y=states)
-        assert _solvable(found, problems.lotka_volterra(), 2.0**-5, 1024, 0) == solvable  # type: ignore[arg-type]
+        assert _solvable(found, problems.lotka_volterra(), 2.0**-5, 1024, 0) == solvable
 
 
 def test_the_midpoint_rule_keeps_the_impulse_of_vortices_and_two_one_their_energy() -> None:
@@ -127,3 +129,36 @@ def test_the_midpoint_rule_keeps_the_impulse_of_vortices_and_two_one_their_energ
         seen = problem.hamiltonian(y), strength @ (y[::2] ** 2 + y[1::2] ** 2)
         assert [float(f"{np.ptp(v):.0e}") for v in seen] == pytest.approx(moved, abs=1e-12)
         assert np.ptp(strength @ y[::2]) < 1e-12
+
+
+PAGE = (Path(__file__).resolve().parents[2] / "docs" / "class.md").read_text(encoding="utf-8")
+
+
+def test_the_page_has_the_text_of_the_command_and_all_names() -> None:
+    assert TITLE in PAGE
+    assert DIFFERENCES in PAGE
+    assert table(["scheme", "source", "claimed there", "claimed here besides"], CLAIMS) in PAGE
+    assert set(SCHEMES) == set(schemes.HAMILTONIANS) == {row[0] for row in CLAIMS}
+    for saboteur in SABOTEURS.values():
+        if saboteur.family == "hamiltonians":
+            assert f"| {saboteur.name} | {saboteur.broken} | {saboteur.caught_by[0]} |" in PAGE
+    assert "kills it with 10 of 10 seeds" in PAGE
+
+
+def test_the_page_says_what_is_measured_now() -> None:
+    """Slopes by quadrature, and one verdict, of the quickest scheme."""
+    laws = "poisson-map,energy-drift,local-mean-square,local-weak"
+    report = sepv.verify("isospectral-midpoint", laws=laws)
+    now = slopes({"isospectral-midpoint": report}).splitlines()[-1]
+    (shown,) = [
+        row
+        for row in PAGE.partition("## Slopes")[2].splitlines()
+        if row.startswith("| isospectral-midpoint ")
+    ]
+    assert numbers(now) == pytest.approx(numbers(shown), abs=0.02)
+    assert len(numbers(now)) == 6
+    assert verdicts({"isospectral-midpoint": report}).splitlines()[-1] in PAGE
+
+
+def numbers(row: str) -> list[float]:
+    return [float(number) for number in re.findall(r"\d\.\d+", row)]

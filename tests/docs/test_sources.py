@@ -1,7 +1,5 @@
 """docs/sources.md says of every work that the pages name what was read."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What clipped increments cost: the closed form against integrals and simulation, and beside the errors of schemes."""
 
-from __future__ import annotations
-
 import math
 
 import mpmath

@@ -1,7 +1,5 @@
 """The dense solve: its tables and series by hand, polynomials, which it follows exactly, and where it ends."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 

@@ -1,6 +1,4 @@
-"""The exact flow: printed values, independent methods, and an error that is not an empty promise."""
-
-from __future__ import annotations
+"""The exact flow: printed values, independent methods, Jacobi's functions, and an error that is no empty promise."""
 
 from dataclasses import replace
 from itertools import permutations
@@ -16,9 +14,10 @@ from sepv.exact import _flow as exact
 from sepv.exact import exact_flow
 from sepv.exact._closed_forms import SEPARATRIX
 from sepv.exact._dense_flow import FlowFailure, solve_dense
+from sepv.exact._jacobi import argument, jacobi
 from sepv.problem import vector_field
+from sepv.record._binary64 import EPS
 
-EPS = 2.0**-52
 DENSE, JACOBI = "Gauss collocation in panels", "Jacobi elliptic functions"
 
 # φ_8(y0) to 27 digits, from Taylor series at 50 digits by another program.
@@ -93,9 +92,8 @@ def test_special_states() -> None:
 
 def test_a_flow_that_blows_up_says_where() -> None:
     # y1' = y1² in the plane: H = y1² y2, blows up at θ = 1/y1.
-    data = problems.from_json(
-        {"dimension": 2, "hamiltonian": [[[2, 1], 1.0]], "structure": [[0, 1, [[[0, 0], 1.0]]]]}
-    )
+    parts = {"hamiltonian": [[[2, 1], 1.0]], "structure": [[0, 1, [[[0, 0], 1.0]]]]}
+    data = problems.from_json({"dimension": 2, **parts})
     problem = problems.polynomial_problem(data)
     near = exact_flow(problem, 0.9, np.array([1.0, 0.0]))
     assert abs(near.y[0] - 10.0) <= near.error < 1e-11
@@ -233,3 +231,27 @@ def test_energy_and_casimir_are_constant_along_the_exact_solution(name: str) -> 
         size = np.sum(np.abs(slope(found.y)), axis=0)
         terms = np.sum(np.abs(slope(found.y) * found.y), axis=0) + np.abs(invariant(y0)) + 1.0
         assert np.all(change <= size * found.error + 16 * np.finfo(np.float64).eps * terms)
+
+
+@pytest.mark.parametrize("m", [0.0, 1e-300, 1e-9, 0.3, 0.99, 1 - 1e-4])
+@pytest.mark.parametrize("size", [1.0, 50.0, 1000.0])
+def test_functions_to_a_few_roundings(m: float, size: float) -> None:
+    """A rounding of the argument each, and of dn a few of its own size."""
+    u = np.random.default_rng(int(size)).uniform(-size, size, 12)
+    found = jacobi(u, m)
+    with mpmath.workdps(40):
+        for name, values in zip(("sn", "cn", "dn"), found[:3], strict=True):
+            exact = [mpmath.ellipfun(name, mpmath.mpf(float(x)), m=mpmath.mpf(m)) for x in u]
+            off = max(float(abs(v - float(e))) for v, e in zip(values, exact, strict=True))
+            assert off <= 4 * EPS * size, name
+            if name == "dn":
+                relative = max(float(abs(v / e - 1)) for v, e in zip(values, exact, strict=True))
+                assert relative <= 8 * EPS * size
+
+
+@pytest.mark.parametrize("m", [0.0, 0.3, 1 - 1e-4])
+@pytest.mark.parametrize("amplitude", [-3.1, -1.0, 0.0, 0.5, 3.1])
+def test_the_amplitude_of_its_argument_is_the_amplitude(m: float, amplitude: float) -> None:
+    u = argument(amplitude, m)
+    # Near a quarter period dn is √(1 − m): what is a rounding of u is that of the amplitude and more.
+    assert jacobi(np.array([u]), m)[3][0] == pytest.approx(amplitude, abs=8 * EPS * max(1.0, abs(u)))

@@ -1,8 +1,6 @@
 """The door for other languages: real children, well-behaved and not. Whatever one does, it ends as an error
 of its own, soon, and no process is left."""
 
-from __future__ import annotations
-
 import shlex
 import signal
 import subprocess

@@ -1,7 +1,5 @@
 """Large sparse problems: the same steps as the dense core makes, invariants at rounding, failures marked."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -214,7 +212,7 @@ def test_parts_that_contradict_each_other_are_found(change: dict[str, Any], word
     [
         (lambda: large.volterra_lattice(2), "≥ 3"),
         (lambda: large.toda_chain(1), "≥ 2"),
-        (lambda: large.spin_chain(2.5), "2.5"),  # type: ignore[arg-type]
+        (lambda: large.spin_chain(2.5), "2.5"),
         (lambda: large.nonlinear_schroedinger(4, spacing=0.0), "spacing"),
         (lambda: large.toda_chain(4, noise=(-1.0,)), "c_j"),
         (lambda: replace(large.toda_chain(4), degree=2), "both"),

@@ -1,7 +1,5 @@
 """What strangers may write into the files of a page, the pages that are made of it, and a reader of pages."""
 
-from __future__ import annotations
-
 from functools import cache
 from html.parser import HTMLParser
 from itertools import product

@@ -1,7 +1,5 @@
 """The HTML page: complete, accessible, small, and inert whatever strangers put into the files."""
 
-from __future__ import annotations
-
 import base64
 import copy
 import hashlib

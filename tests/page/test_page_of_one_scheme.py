@@ -1,7 +1,5 @@
 """The page of one scheme: verdicts on the scale of their bounds, and counterexamples drawn by the scheme itself."""
 
-from __future__ import annotations
-
 import html
 import re
 import time
@@ -65,9 +63,8 @@ def test_a_course_begins_with_the_counterexample_beside_the_exact_solution(repor
     assert moved is not None
     assert found["drift"][1] == pytest.approx(float(moved[1]), rel=1e-3)
     theta = float(problem.random_step(h, dW)) * STEPS
-    assert [c[-1] for c in found["exact"]] == pytest.approx(
-        exact_flow(problem, [theta], y).y[one, 0], rel=1e-4
-    )
+    end = exact_flow(problem, [theta], y).y[one, 0]
+    assert [c[-1] for c in found["exact"]] == pytest.approx(end, rel=1e-4)
 
 
 def _on_energy(step: Any, report: sepv.Report) -> dict[str, Any]:
@@ -89,9 +86,7 @@ def test_a_course_ends_where_the_scheme_does(report: sepv.Report) -> None:
     assert "course" not in law
 
 
-def test_a_course_that_cannot_be_drawn_is_left_out(
-    report: sepv.Report, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_course_that_cannot_be_drawn_is_left_out(report, monkeypatch):
     def pendulum(hamiltonian: Any = None) -> sepv.Problem:
         known = sepv.problems.pendulum()
         return replace(
@@ -197,6 +192,4 @@ def test_a_share_and_memory_are_said_as_the_table_says_them(report: sepv.Report)
 
 def test_a_page_is_made_without_a_folder_of_its_own(report: sepv.Report, tmp_path: Path) -> None:
     (tmp_path / "page.html").write_text(report.html(), encoding="utf-8")
-    assert report.html() == (tmp_path / "page.html").read_text(
-        encoding="utf-8"
-    )  # the same report, the same page
+    assert report.html() == (tmp_path / "page.html").read_text(encoding="utf-8")

@@ -1,7 +1,5 @@
 """The drivers of other libraries: fast, and still the library's own method. Each is skipped where it is missing."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -45,9 +43,7 @@ def ends(method: Method, problem: Problem) -> Array:
         ("torchsde", "heun", "heun"), ("torchsde", "midpoint", "midpoint"), ("sdeint", "heun", "strat-heun"),
     ],
 )  # fmt: skip
-def test_a_driver_makes_the_steps_that_the_library_makes_one_by_one(
-    library: str, driven: str, stepped: str, name: str
-) -> None:
+def test_a_driver_makes_the_steps_that_the_library_makes_one_by_one(library, driven, stepped, name):
     problem = problems.by_name(name)
     method, step = peer(library).methods[driven], peer(library).schemes[stepped].step
     y0, h, dW = given(problem)

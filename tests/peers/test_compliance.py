@@ -1,7 +1,5 @@
 """The compliance table of other libraries' solvers, and the scripts that show their deviations."""
 
-from __future__ import annotations
-
 import ast
 import subprocess
 import sys
@@ -35,7 +33,7 @@ def _row(**changes: object) -> compliance.Row:
         "library": "lib", "release": "1.0", "solver": "heun", "source": "its manual", "claimed": "1 / 1",
         "orders": ("1.0", "1.1"), "energy": ("5", "6"), "verdicts": {"energy": "–", "contract": "holds +"},
     }  # fmt: skip
-    return compliance.Row(**{**given, **changes})  # type: ignore[arg-type]
+    return compliance.Row(**{**given, **changes})
 
 
 def test_the_page_groups_solvers_by_their_verdicts_and_marks_what_is_contradicted() -> None:
@@ -69,9 +67,7 @@ def test_a_missing_library_is_left_out_and_said_so(monkeypatch: pytest.MonkeyPat
     assert "torchsde left out" in result.stderr
 
 
-def test_an_interrupted_table_goes_on_where_it_was_and_is_the_same(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_interrupted_table_goes_on_where_it_was_and_is_the_same(tmp_path, monkeypatch):
     laws = ("identity", "truncation", "mean-square-order")
     measured: list[str] = []
     original = measurements._finding

@@ -1,7 +1,5 @@
 """Integrators of samplers and simulators through their own code. Each library is skipped where it is missing."""
 
-from __future__ import annotations
-
 import ast
 from importlib import import_module
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Other libraries' solvers through their own code. Each library is skipped where missing."""
 
-from __future__ import annotations
-
 from importlib import import_module
 from importlib.metadata import EntryPoint
 from pathlib import Path
@@ -181,7 +179,7 @@ def test_torchsde_steps_as_sdeint_with_a_brownian_interval_does() -> None:
     import torch
     import torchsde
 
-    class Oscillator(torch.nn.Module):  # type: ignore[misc]
+    class Oscillator(torch.nn.Module):
         noise_type, sde_type = "scalar", "stratonovich"
 
         def f(self, _t: torch.Tensor, y: torch.Tensor) -> torch.Tensor:

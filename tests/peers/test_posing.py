@@ -1,7 +1,5 @@
 """A problem posed in another library's arrays is the same system, and compiled steps are verified with it."""
 
-from __future__ import annotations
-
 import importlib.util
 import re
 import subprocess
@@ -120,9 +118,7 @@ def verified(folder: Path, module: str, laws: str) -> subprocess.CompletedProces
         ),
     ],
 )
-def test_a_step_of_another_library_goes_from_refused_to_green(
-    library: str, double: str, single: str, words: str, laws: str, tmp_path: Path
-) -> None:
+def test_a_step_of_another_library_goes_from_refused_to_green(library, double, single, words, laws, tmp_path):
     body = program(library)
     (tmp_path / "single.py").write_text(body.replace(double, single))
     (tmp_path / f"mine_{library}.py").write_text(body)

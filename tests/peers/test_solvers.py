@@ -1,7 +1,5 @@
 """Other libraries' solvers for general noise, and the table of their orders. Each library is skipped where missing."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from importlib import import_module
@@ -55,9 +53,7 @@ def test_a_problem_without_data_is_not_posed() -> None:
     ("library", "name"),
     [("diffrax", "SlowRK"), ("torchsde", "srk"), ("torchsde", "log_ode"), ("sdeint", "itoSRI2")],
 )
-def test_a_solver_follows_the_path_of_the_reference(
-    library: str, name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_solver_follows_the_path_of_the_reference(library, name, monkeypatch):
     """Of another path, or of areas of another path, the error would stay."""
     monkeypatch.setattr(measurements, "STEPS", (4, 32))
     monkeypatch.setattr(measurements, "PATHS", 64)
@@ -121,14 +117,14 @@ def _found(solver: Solver, **changes: object) -> dict[tuple[str, str], object]:
 
 
 def test_a_line_says_where_less_was_measured_than_documented() -> None:
-    asked = Solver("lib heun", {"one": (1.0, 1.0)}, "its manual", lambda _: lambda *_: None)  # type: ignore[arg-type]
+    asked = Solver("lib heun", {"one": (1.0, 1.0)}, "its manual", lambda _: lambda *_: None)
     good = solvers.line(asked, "one", _found(asked))
     assert good.short == ()
     assert good.cells[2:9] == ("1", "1.00", "1.00 [0.90, 1.10]", "1", "1.00", "Stratonovich", "Stratonovich")
     slow, away = {law: {"slope": 1.5} for law in LOCAL}, {"share": 0.0, "left": 0.0}
     bad = solvers.line(asked, "one", _found(asked, **{"one step": slow, "limit": away}))
     assert len(bad.short) == 3
-    handed_on = replace(asked, path=lambda _: lambda *_: None)  # type: ignore[arg-type, return-value]
+    handed_on = replace(asked, path=lambda _: lambda *_: None)
     late = {"order": (0.5, 0.4, 0.6), "failed": 2}
     found = solvers.line(handed_on, "one", _found(asked, **{"one step": slow, "paths": late}))
     assert found.short == ("strong order 0.50 [0.40, 0.60], 2 failed over paths, where 1 is documented",)

@@ -1,7 +1,5 @@
 """Records of versions: append-only, compared, shown; and a real environment, where a library needs no index for it."""
 
-from __future__ import annotations
-
 import json
 import os
 from copy import deepcopy
@@ -164,9 +162,7 @@ def test_peers_lists_its_records_and_leaves_alone_what_is_recorded(tmp_path: Pat
     assert CliRunner().invoke(releases, ["numpy", "2.0"]).exit_code == 2
 
 
-def test_a_version_that_cannot_be_installed_is_said_so_without_an_address(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_version_that_cannot_be_installed_is_said_so_without_an_address(tmp_path, monkeypatch):
     """A program in uv's place that fails as uv does where it has no index, and prints an address."""
     uv = tmp_path / "uv"
     uv.write_text("#!/bin/sh\necho 'error: no solution found: https://index.example/sdeint/' >&2\nexit 1\n")
@@ -188,9 +184,7 @@ def test_without_uv_the_remedy_is_its_installation(tmp_path: Path, monkeypatch: 
     assert "Remedy: pip install uv" in done.stderr
 
 
-def test_a_library_that_is_installed_here_is_recorded_as_the_schema_says(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_library_that_is_installed_here_is_recorded_as_the_schema_says(tmp_path, monkeypatch):
     sdeint = pytest.importorskip("sdeint", reason="sdeint is not installed")
     whole = load("sdeint")
     few = replace(whole, schemes={"strat-heun": whole.schemes["strat-heun"]}, paths=())

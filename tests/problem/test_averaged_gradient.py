@@ -1,7 +1,5 @@
 """The averaged gradient: its rules correctly rounded, exact to their degree, and what each reports of itself."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import mpmath

@@ -1,7 +1,5 @@
 """Damped systems: decay along exact solutions, the order of *conformal*, and what is refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

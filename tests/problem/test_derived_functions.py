@@ -1,7 +1,5 @@
 """B and H are enough: what is derived from their records, held against what is written by hand."""
 
-from __future__ import annotations
-
 import pickle
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The generator's series of moments, exactly: against quadrature of solutions that are known, and by hand."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import numpy as np

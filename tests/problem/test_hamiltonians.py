@@ -1,7 +1,5 @@
 """Several Hamiltonians: the record, its brackets and Itô form, data, areas, references, and the orders of schemes."""
 
-from __future__ import annotations
-
 import pickle
 from dataclasses import replace
 from functools import partial
@@ -215,9 +213,7 @@ def test_the_reference_agrees_with_another_one_to_what_it_says() -> None:
         ("drift-preserving", "noisy-henon-heiles", (3.0, 1.5, 3.0)),
     ],
 )
-def test_local_errors_have_the_slopes_of_the_theory(
-    name: str, problem: str, slopes: tuple[float, float, float]
-) -> None:
+def test_local_errors_have_the_slopes_of_the_theory(name, problem, slopes):
     found = local_errors(schemes.by_name(name), problems.by_name(problem), Run())
     # Above rounding, at fine steps: a slope within 0.1.
     for errors, expected in zip((found.mean, found.rms, found.weak), slopes, strict=True):
@@ -305,9 +301,7 @@ STRONG, WEAK = Orders(0.5, commutative=1.0), Orders(1.0, additive=2.0)
     ],
     ids=["explicit-midpoint", "heun", "one-sided", "without cross terms"],
 )  # fmt: skip
-def test_default_problems_show_errors_that_symmetric_ones_hide(
-    step: Any, orders: dict[str, Any], law: str, verdict: str, hiding: tuple[str, ...]
-) -> None:
+def test_default_problems_show_errors_that_symmetric_ones_hide(step, orders, law, verdict, hiding):
     """Of pushed momenta, of linear noise fields, and of noises apart, the wrong claims would seem right."""
     scheme = Scheme("own", step, systems=Systems.HAMILTONIANS, truncation=None, batched=True, **orders)
     assert sepv.verify(scheme, laws=[law]).finding(law).verdict.value == verdict

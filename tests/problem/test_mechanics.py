@@ -1,7 +1,5 @@
 """Mechanical systems: parts of a problem as libraries want them, and the named ones."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from drawn import J
@@ -68,7 +66,7 @@ def test_every_member_of_the_family_comes_apart_as_data_and_as_functions() -> No
 def test_a_potential_bounded_below_is_so() -> None:
     space = CLASSES[Systems.MECHANICAL].space.part({"V": ("bounded below",)})
     for _, case in space.cases(1):
-        H = case.problem.hamiltonian  # type: ignore[union-attr]
+        H = case.problem.hamiltonian
         n = H.dimension // 2
         assert all(c > 0 and all(k % 2 == 0 for k in e) for e, c in H.terms if not any(e[n:]))
 

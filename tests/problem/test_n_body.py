@@ -1,7 +1,5 @@
 """Bodies that attract each other: first integrals, the closed mean of ∇H, the orbit that closes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

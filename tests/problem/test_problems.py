@@ -1,7 +1,5 @@
 """Problems: the paper's four agree with themselves, polynomial data travels, and contradictions are named."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Several structures and several Hamiltonians."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import permutations

@@ -1,7 +1,5 @@
 """Polynomials as data: evaluated exactly as written, and kept to the bit by JSON."""
 
-from __future__ import annotations
-
 import json
 from fractions import Fraction
 
@@ -48,7 +46,7 @@ def test_derivative_is_the_limit_of_exact_quotients(case: tuple[Polynomial, list
     # Exact rational differences: the quotient differs from the derivative by O(step).
     for step in (Fraction(1, 2**40), Fraction(1, 2**60)):
         moved = [Fraction(v) + (step if i == k else 0) for i, v in enumerate(y)]
-        quotient = (exactly(p, moved) - exactly(p, [Fraction(v) for v in y])) / step  # type: ignore[arg-type]
+        quotient = (exactly(p, moved) - exactly(p, [Fraction(v) for v in y])) / step
         assert abs(quotient - derivative) <= 10_000 * step
 
 

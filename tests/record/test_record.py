@@ -1,7 +1,5 @@
 """Records: value, derivative and mean of random expressions against mpmath, and what cannot be recorded."""
 
-from __future__ import annotations
-
 import operator
 
 import mpmath

@@ -1,7 +1,5 @@
 """Certificates: what is proved is proved of the right thing, and a wrong value is refused."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given, settings
 from sepv.reference.balls import ball, from_mpf, precision, real_balls

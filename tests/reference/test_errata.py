@@ -1,7 +1,5 @@
 """What does not hold as printed: quotations with their neighbours, evidence that decides, and the page."""
 
-from __future__ import annotations
-
 import html
 import re
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The references: exact invariants, independence of precision, and formulas written out in another way."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import mpmath

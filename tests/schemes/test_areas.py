@@ -1,7 +1,5 @@
 """Lévy's areas and space-time areas: their law, how they add up, and steps that ask for them."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

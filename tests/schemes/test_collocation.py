@@ -1,7 +1,5 @@
 """Energy-preserving collocation: its coefficients, its solver, and what it reduces to."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from fractions import Fraction
 
@@ -67,13 +65,6 @@ def test_what_averages_may_amplify_is_the_integral_of_a_lagrange_polynomial() ->
     for s in STAGES:
         means = np.mean(np.abs(lagrange(s, tau)), axis=1) / gauss_tableau(s).b
         assert amplification(s) == pytest.approx(means.max(), rel=4e-3)
-
-
-@given(strategies.any_steps())
-def test_one_stage_is_the_energy_preserving_scheme_to_an_ulp(case: Case) -> None:
-    problem, y, h, dW = case.build()
-    one, plain = (s.step(problem, y, h, dW) for s in (schemes.collocation(1), schemes.energy_preserving))
-    assert np.max(np.abs(one - plain)) <= state_ulp(y, plain)
 
 
 @given(strategies.steps(strategies.poisson_systems(degree=4, largest=4)), st.sampled_from(STAGES))

@@ -1,7 +1,5 @@
 """Steps that Newton's iteration does not solve from y, followed along their curve of solutions and counted."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

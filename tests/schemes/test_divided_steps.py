@@ -1,7 +1,5 @@
 """Steps that have no solution, divided and counted; truncation that costs the order, said."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Explicit and Gauss Runge-Kutta methods with the random step."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -19,13 +17,6 @@ def test_gauss_methods_solve_their_equations(case: Case, s: int) -> None:
     problem, y, h, dW = case.build()
     exact = np.array(reference_step(f"gauss-{s}", case.problem, case.y, h, case.dW, 25).y1, dtype=float)
     assert np.max(np.abs(schemes.gauss(s).step(problem, y, h, dW) - exact)) <= 8 * state_ulp(y, exact)
-
-
-@given(strategies.any_steps())
-def test_one_gauss_stage_is_the_midpoint_rule(case: Case) -> None:
-    problem, y, h, dW = case.build()
-    rule = schemes.midpoint.step(problem, y, h, dW)
-    assert np.max(np.abs(schemes.gauss(1).step(problem, y, h, dW) - rule)) <= 2 * state_ulp(y, rule)
 
 
 @pytest.mark.parametrize("order", TABLEAUX)

@@ -1,7 +1,5 @@
 """Increments of a few points: their law, the same bits from both engines, and what the laws about orders find."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -31,9 +29,7 @@ WEAK = ("local-weak", "weak-order")
 
 
 @pytest.mark.parametrize(("law", "degree"), [(TWO_POINT, 3), (THREE_POINT, 5), (FOUR_POINT, 7)])
-def test_moments_are_those_of_a_normal_number_up_to_twice_the_weak_order_plus_one(
-    law: PointLaw, degree: int
-) -> None:
+def test_moments_are_those_of_a_normal_number_up_to_twice_the_weak_order_plus_one(law, degree):
     assert law.degree == degree
     for noises in (1, 2, 3):
         points = point_rule(noises, law)
@@ -142,9 +138,7 @@ def test_what_is_no_law_is_refused(values: tuple[float, ...], weights: tuple[flo
     ],
     ids=lambda value: getattr(value, "name", str(value)),
 )
-def test_right_schemes_hold_their_weak_orders_and_others_do_not(
-    name: str, increments: str | PointLaw, order: float, verdict: str
-) -> None:
+def test_right_schemes_hold_their_weak_orders_and_others_do_not(name, increments, order, verdict):
     scheme = replace(weakly(schemes.by_name(name), increments), weak_order=order)
     assert verdicts(scheme, WEAK) == dict.fromkeys(WEAK, verdict)
 

@@ -1,7 +1,5 @@
 """Explicit methods projected on the invariants."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from doors import verdicts

@@ -1,7 +1,5 @@
 """The scheme record, and what it makes of states and increments."""
 
-from __future__ import annotations
-
 import pytest
 
 from sepv import Scheme, UsageError, schemes
@@ -36,7 +34,7 @@ def test_an_order_is_a_claim_beside_the_others() -> None:
 
 def test_a_scheme_is_a_function() -> None:
     with pytest.raises(UsageError, match="hand over the function itself"):
-        Scheme("mine", "step")  # type: ignore[arg-type]
+        Scheme("mine", "step")
 
 
 def test_every_built_in_scheme_says_what_it_is() -> None:

@@ -1,9 +1,6 @@
 """The schemes against their formulas, written out again in another way."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,24 +9,12 @@ from sepv.reference.problem import exact_problem
 
 import sepv
 from sepv import UsageError, problems, schemes
-from sepv.problem import Systems, vector_field
+from sepv.problem import Systems
 from sepv.schemes._discrete_gradient import coordinate_increments
 from sepv.schemes._discrete_gradient import step as discrete
 from sepv.solve._formula import Asked
 from sepv.verification import Case, strategies
 from sepv.verification._tolerance import gradient_majorant
-
-
-def test_oscillator_step_is_the_printed_formula() -> None:
-    """§4.1 prints the step of (2.2) for the oscillator in closed form."""
-    problem = problems.harmonic_oscillator()
-    for delta in (1e-9, 0.01, -0.3, 1.0, 7.0):
-        p, x = 0.2, 0.1
-        q = 1 + delta**2 / 4
-        expected = np.array([-delta * x + (1 - delta**2 / 4) * p, (1 - delta**2 / 4) * x + delta * p]) / q
-        for scheme in (schemes.energy_preserving, schemes.midpoint, schemes.discrete_gradient):
-            y1 = scheme.step(problem, np.array([p, x]), 0.5, np.array([delta - 0.5]))
-            assert np.max(np.abs(y1 - expected)) < 1e-15
 
 
 @given(strategies.steps())
@@ -67,19 +52,6 @@ def test_discrete_gradient_counts_every_edge_and_trusts_none_that_is_rough() -> 
     )  # fmt: skip
     for start, end in ((y0, y1), (y1, y0)):
         assert discrete.increment(rough, start, end, np.full((2, 2), 0.1)).reliable.tolist() == [False, True]
-
-
-def test_the_ito_correction_has_the_squares_of_the_coefficients() -> None:
-    """f′f by differences of f along itself, c = (½, ¼): Σc² = 5/16."""
-    problem, h = problems.rigid_body(noise=(0.5, 0.25)), 0.1
-    y, dW = np.array([0.8, 0.6, 0.1]), np.array([0.3, -0.2])
-    f, size = vector_field(problem, y), 2.0**-17
-    bend = (vector_field(problem, y + size * f) - vector_field(problem, y - size * f)) / (2 * size)
-    S = 0.5 * 0.3 - 0.25 * 0.2
-    euler = y + (f + 5 / 32 * bend) * h + f * S
-    assert np.max(np.abs(schemes.euler_maruyama.step(problem, y, h, dW) - euler)) < 1e-11
-    milstein = euler + 0.5 * bend * (S * S - 5 / 16 * h)
-    assert np.max(np.abs(schemes.milstein.step(problem, y, h, dW) - milstein)) < 1e-11
 
 
 # Those of which no law of `properties` asks the like in every run.
@@ -121,9 +93,7 @@ def test_a_domain_may_answer_in_numbers(name: str) -> None:
     ],
     ids=lambda value: getattr(value, "__name__", ""),
 )  # fmt: skip
-def test_members_that_a_family_does_not_have_are_refused(
-    family: Any, members: tuple[Any, ...], words: str
-) -> None:
+def test_members_that_a_family_does_not_have_are_refused(family, members, words):
     for member in members:
         with pytest.raises(UsageError, match=words):
             family(member)

@@ -1,7 +1,5 @@
 """Steps in single precision: bounds follow, cases are made of its numbers, and what is lost beyond it is found."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 
@@ -46,9 +44,8 @@ def test_a_step_that_loses_more_than_single_precision_is_found() -> None:
     assert verdicts(slightly, "energy", examples=1) == {"energy": "violated"}
     # The bounds of single precision are not those of a scheme that says nothing.
     step = lambda *a: np.float64(np.float32(energy_preserving.step(*a)))  # noqa: E731
-    assert verdicts(replace(energy_preserving, step=step, solve=None), "energy", examples=1) == {
-        "energy": "violated"
-    }
+    rounded = replace(energy_preserving, step=step, solve=None)
+    assert verdicts(rounded, "energy", examples=1) == {"energy": "violated"}
 
 
 def _in_place(y1: Any, y: Any) -> Any:
@@ -101,6 +98,6 @@ def test_cases_have_numbers_of_single_precision_and_stay_in_its_range() -> None:
 
 
 def test_another_precision_is_refused() -> None:
-    assert Scheme("s", SINGLE.step, dtype=np.float32).dtype == "float32"  # type: ignore[arg-type]
+    assert Scheme("s", SINGLE.step, dtype=np.float32).dtype == "float32"
     with pytest.raises(UsageError, match="float32"):
         Scheme("s", SINGLE.step, dtype="float16")

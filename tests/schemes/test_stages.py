@@ -1,7 +1,5 @@
 """How the stages of collocation are solved: where the iteration starts, what it costs, which quadrature it trusts."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """A step with a state: paths carry it, single steps begin anew, and the contract says what a state is."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -117,7 +115,7 @@ BUFFER = np.zeros(3)
 
 def _in_a_buffer(problem: Problem, state: Any, h: float, dW: Array) -> Any:
     """The new f stands in one array, for all paths."""
-    y, z, f = HEUN.step.step(problem, state, h, dW)  # type: ignore[attr-defined]
+    y, z, f = HEUN.step.step(problem, state, h, dW)
     BUFFER[...] = f
     return y, z, BUFFER
 
@@ -156,4 +154,4 @@ def test_a_rule_alone_is_a_scheme_and_what_is_no_function_is_refused() -> None:
     assert not scheme.batched
     assert sepv.verify(scheme, laws="contract", effort=FEW).finding("contract").verdict.text == "holds"
     with pytest.raises(UsageError, match="value a function"):
-        StatefulStep(HEUN.step.init, HEUN.step.step, 3)  # type: ignore[arg-type]
+        StatefulStep(HEUN.step.init, HEUN.step.step, 3)

@@ -1,7 +1,5 @@
 """One-step defects in ulps: small for what is kept, of the right size for what is not."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np
@@ -64,9 +62,8 @@ def test_a_problem_of_functions_is_measured_by_its_own_code() -> None:
 
 def test_the_command_prints_a_table_and_writes_json(tmp_path) -> None:
     out = tmp_path / "ulps.json"
-    shown = command(
-        f"ulps energy-preserving euler-heun -p rigid-body -p pendulum --steps 20 --json {out}"
-    ).output
+    names = "energy-preserving euler-heun -p rigid-body -p pendulum"
+    shown = command(f"ulps {names} --steps 20 --json {out}").output
     found = json.loads(out.read_text())
     rows = found["rows"]
     wrong = ({"h": 0}, {"energy_median": -1.0}, {"failed": None}, {"more": 1})

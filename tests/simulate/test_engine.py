@@ -1,7 +1,5 @@
 """The compiled engine: the NumPy batch to a few ulp, the same bits however the paths are divided."""
 
-from __future__ import annotations
-
 import gc
 import math
 import subprocess

@@ -1,7 +1,5 @@
 """Rules for expectations over Wiener increments: exact where they say so, positive, and clipped where the scheme is."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from sepv.reference.increments import bound, lost_variance, moment, truncated_moment

@@ -1,7 +1,5 @@
 """Moments and quantiles, merged chunk by chunk, are those of all values at once."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Paths and ensembles: the same numbers however they are asked for, and no failure unmarked."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """Ends on disk: the bits of memory, resumed after a crash, and never written over."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

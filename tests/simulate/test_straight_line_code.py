@@ -1,7 +1,5 @@
 """Pieces of straight-line code mean what they say: the lines by Python, and by LLVM's instructions."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

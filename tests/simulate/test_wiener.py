@@ -1,7 +1,5 @@
 """Wiener increments: one path over all step sizes, the same for any batch, truncated as Remark 2.1 says."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

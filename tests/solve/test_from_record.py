@@ -1,7 +1,5 @@
 """Steps solved from records are those of the general solver, to a few ulp and lane by lane."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import partial
 

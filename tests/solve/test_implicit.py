@@ -1,7 +1,5 @@
 """The implicit solve: what it reports when it converges, and when it cannot."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

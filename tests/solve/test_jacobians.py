@@ -1,7 +1,5 @@
 """Newton's Jacobians are derivatives: a wrong one costs iterations, which no law about steps sees."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

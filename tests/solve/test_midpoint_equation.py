@@ -1,7 +1,5 @@
 """Equations of the midpoint alone are multiplied out, and the compiled engine's first steps solve those."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Newton's iteration on equations of one or two unknowns: what it reports, and each of its safeguards on its own."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

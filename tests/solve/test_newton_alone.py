@@ -1,7 +1,5 @@
 """One lane by itself is solved to the bits of that lane in a batch, however it ends."""
 
-from __future__ import annotations
-
 from dataclasses import fields
 
 import numpy as np

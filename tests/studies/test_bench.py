@@ -1,7 +1,5 @@
 """The gate of the benchmark: what it must see, what it must let pass, and its files and messages."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import replace

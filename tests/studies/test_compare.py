@@ -1,7 +1,5 @@
 """Error beside its price: the numbers of a comparison, its table, picture and files, and what is refused."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json
@@ -282,9 +280,7 @@ def test_problems_come_by_name_by_file_and_from_modules(call: Callable[..., Resu
     assert "initial" in refused.output
 
 
-def test_an_absent_library_is_named_with_its_remedy(
-    call: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_absent_library_is_named_with_its_remedy(call, monkeypatch):
     def absent(name: str) -> None:
         raise ModuleNotFoundError("No module named 'diffrax'", name="diffrax")
 

@@ -1,7 +1,5 @@
 """Energy over long times: three derivations of the midpoint rule's walk and drift, and verdicts by intervals."""
 
-from __future__ import annotations
-
 import json
 from math import pi, sin, sqrt
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Paths that leave a compact set: the bound of `benchmarks.exits`, and what rests on it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The hard cases: each step ends in a solution within its derived bound, or in a refusal that says which."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Solvability: branches with folds that can be computed by hand, and probabilities against simulation."""
 
-from __future__ import annotations
-
 import json
 import math
 
@@ -20,9 +18,7 @@ from sepv.studies._solvability.paths import Exits, follow_paths
 # H = q²p: the equation of q alone is Δq1² + (Δ − 3)q1 + Δ + 3 = 0 from q0 = 1, with the discriminant
 # 9 − 18Δ − 3Δ²: a fold at Δ = 2√3 − 3. Backwards p1 has a pole where q1 = 0, at Δ = −3.
 FOLDED = problems.build(
-    problems.from_json(
-        {"dimension": 2, "hamiltonian": [[[1, 2], 1.0]], "structure": [[0, 1, [[[0, 0], -1.0]]]]}
-    )
+    problems.from_json({"dimension": 2, "hamiltonian": [[[1, 2], 1]], "structure": [[0, 1, [[[0, 0], -1]]]]})
 )
 START = np.array([[1.0, -0.5], [1.0, 1.0]])
 
@@ -117,9 +113,8 @@ def test_paths_leave_the_orbit_and_come_to_steps_that_are_refused() -> None:
 
 
 def test_paths_are_followed_no_longer_than_the_seconds_allow() -> None:
-    (cut,) = follow_paths(
-        problems.rigid_body(), schemes.energy_preserving, [0.125], until=1e6, paths=4, seconds=0.0
-    )
+    how = {"until": 1e6, "paths": 4, "seconds": 0.0}
+    (cut,) = follow_paths(problems.rigid_body(), schemes.energy_preserving, [0.125], **how)
     assert cut.cut_short
     assert cut.until == 256 * 0.125
     assert cut.asked == 1e6
@@ -175,9 +170,7 @@ def test_the_command_prints_numbers_and_writes_json(tmp_path) -> None:
     ):
         assert word in shown
     data = json.loads(out.read_text())
-    obeys(
-        data, "solvability", {"safe": [0.0]}, {"map": [[5]]}, {"truncation": 0}, {"more": 1}, {"paths": [{}]}
-    )
+    obeys(data, "solvability", {"safe": [0.0]}, {"map": [[5]]}, {"truncation": 0}, {"paths": [{}]}, {"a": 1})
     assert len(data["forward"]["reach"]) == len(data["theta"]) == 6
     assert len(data["map"][0]) == len(data["delta"]) == 8
     assert sum(data["findings"].values()) == 48

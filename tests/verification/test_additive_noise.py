@@ -4,8 +4,6 @@ The abstract of D. Cohen and G. Vilmart (arXiv 2005.13991) states that their sch
 problem and the numbers here are our own: of the paper the abstract and the introduction were read.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 
@@ -172,7 +170,7 @@ def test_an_energy_that_is_harmonic_along_three_noises_is_judged_with_the_error_
     """LH = 0 with H of degree 4 along the noise, where six halves have a rule of degree 3 alone."""
     H = poly.polynomial(3, {(4, 0, 0): 1.0, (2, 2, 0): -6.0, (0, 4, 0): 1.0})
     axes = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-    data = PolynomialSystem(3, H, problems.random_inertia().data.structure, (1.0,) * 3, noise_vectors=axes)  # type: ignore[union-attr]
+    data = PolynomialSystem(3, H, problems.random_inertia().data.structure, (1.0,) * 3, noise_vectors=axes)
     assert drift_of_energy(data) == 0
     case = energy_drift.steady(Case(data, (0.5, 0.25, 0.75), 0.25, (0.0,) * 3))
     assert case is not None

@@ -1,7 +1,5 @@
 """Reports measured again: what differs is said; a hostile file runs nothing, costs little and steers no terminal."""
 
-from __future__ import annotations
-
 import copy
 import json
 import sys
@@ -116,9 +114,7 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize("name", HOSTILE)
-def test_a_hostile_file_runs_nothing_and_is_told_apart(
-    name: str, report: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_hostile_file_runs_nothing_and_is_told_apart(name, report, tmp_path, monkeypatch):
     change, code = HOSTILE[name]
     spoilt = copy.deepcopy(report)
     change(spoilt)
@@ -145,9 +141,7 @@ def test_what_is_no_json_and_a_large_file_unread_are_refused(tmp_path: Path) -> 
             read_report(tmp_path / "r.json")
 
 
-def test_counterexamples_share_the_time_of_one_law(
-    report: dict[str, Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_counterexamples_share_the_time_of_one_law(report, monkeypatch):
     clock = iter([0.0, 0.0, 1e9])  # of `against` alone: the first counterexample takes all
     monkeypatch.setattr(_against, "time", type("clock", (), {"monotonic": lambda: next(clock)}))
     seen = {a.what: a for a in against(report, MIDPOINT, FEW, laws=["identity"])}
@@ -155,9 +149,7 @@ def test_counterexamples_share_the_time_of_one_law(
     assert seen["counterexample of rounding"].differs == "no time is left (--timeout)"
 
 
-def test_a_problem_that_is_code_is_replayed_where_the_reader_names_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_problem_that_is_code_is_replayed_where_the_reader_names_it(tmp_path, monkeypatch):
     code = "import sepv\nfrom dataclasses import replace\nproblem = replace(sepv.problems.pendulum(), data=None)\n"
     (tmp_path / "named_by_the_reader.py").write_text(code)
     monkeypatch.chdir(tmp_path)

@@ -1,7 +1,5 @@
 """Laws about one step meet every decade of h; a right scheme may have lengths of its own."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -21,7 +19,7 @@ right = energy_preserving.step
 
 
 def verdict(step: Step, law: str, seed: int = 0, **changes: object) -> Verdict:
-    scheme = replace(energy_preserving, step=step, solve=None, **changes)  # type: ignore[arg-type]
+    scheme = replace(energy_preserving, step=step, solve=None, **changes)
     return verify(scheme, laws=[law], effort=Effort(seed=seed)).findings[0].verdict
 
 

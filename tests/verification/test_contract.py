@@ -1,10 +1,7 @@
 """What the contract sees beyond one question asked twice, what comes seldom, and what it leaves alone."""
 
-from __future__ import annotations
-
 from contextlib import nullcontext
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -94,9 +91,7 @@ scheme = sepv.Scheme("counting", moved, claims=["energy"])
 
 
 @pytest.mark.parametrize(("most", "said"), [(40, "depends on earlier calls"), (0, "violated")])
-def test_a_counterexample_is_replayed_in_a_fresh_process(
-    most: int, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_counterexample_is_replayed_in_a_fresh_process(most, said, tmp_path, monkeypatch):
     (tmp_path / f"counts_from_{most}.py").write_text(MODULE.format(most=most))
     monkeypatch.syspath_prepend(str(tmp_path))
     report = verify(f"counts_from_{most}:scheme", laws="energy", effort=Effort(**FEW))
@@ -106,7 +101,7 @@ def test_a_counterexample_is_replayed_in_a_fresh_process(
     assert report.exit_code == 1
 
 
-def counting(period: int, spoil) -> Scheme:  # type: ignore[no-untyped-def]
+def counting(period: int, spoil) -> Scheme:
     """(2.1) with each so-manieth answer spoilt."""
     calls = [0]
 
@@ -131,7 +126,7 @@ def refuse(y: Array, _: Array) -> Array:
     ],
     ids=["an ulp", "an ulp, seldom", "left out", "refused"],
 )
-def test_what_is_wrong_in_one_of_a_thousand_calls_is_found(period: int, spoil) -> None:  # type: ignore[no-untyped-def]
+def test_what_is_wrong_in_one_of_a_thousand_calls_is_found(period: int, spoil) -> None:
     found = measured(counting(period, spoil))
     assert found.verdict is Verdict.VIOLATED
     assert period < 1000 or "asked 1024 times in a row" in found.message
@@ -147,8 +142,8 @@ def test_the_witness_of_a_seldom_fault_is_found_again() -> None:
 
 
 def test_a_scheme_too_slow_to_be_asked_so_often_is_asked_as_often_as_time_allows(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+    monkeypatch,
+):
     monkeypatch.setattr(test_contract, "MOST_SECONDS", 0.0)
     asked = [0]
 
@@ -177,7 +172,7 @@ def test_increments_at_each_others_place_are_seen_whatever_their_number(noises: 
 def test_several_structures_summed_in_any_order_keep_noise_sum() -> None:
     def backward(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         order = np.arange(problem.noises)[::-1]
-        structures = tuple(problem.noise_structures[j] for j in order)  # type: ignore[attr-defined]
+        structures = tuple(problem.noise_structures[j] for j in order)
         moved = replace(problem, noise=problem.c[order], noise_structures=structures, check=False)
         return schemes.several_structures.step(moved, y, h, dW[order])
 
@@ -186,9 +181,7 @@ def test_several_structures_summed_in_any_order_keep_noise_sum() -> None:
 
 
 @pytest.mark.parametrize(("size", "accused"), [(1e-20, False), (1e-3, True)])
-def test_a_state_that_is_lost_in_the_rounding_of_the_answer_is_no_second_question(
-    size: float, accused: bool
-) -> None:
+def test_a_state_that_is_lost_in_the_rounding_of_the_answer_is_no_second_question(size, accused):
     y, answer = np.array([size, 0.0]), np.array([0.5, 0.25])
     with pytest.raises(SchemeFault) if accused else nullcontext() as caught:
         test_contract._tells_apart(y, 0.75 * y, answer, answer.copy(), test_contract.APART)

@@ -1,7 +1,5 @@
 """The corpus of witnesses: what is in the files, that right schemes pass them, and that they are asked first."""
 
-from __future__ import annotations
-
 import json
 from random import Random
 

@@ -1,13 +1,13 @@
 """The order without noise: right orders hold, wrong ones are told by number, in any unit, with any tolerance stated."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
 import pytest
+from doors import finding
 
 import sepv
 from benchmarks.right_schemes.other_formulas import MECHANICAL
@@ -47,11 +47,11 @@ def _one_mass_each(problem: Problem, y: np.ndarray, h: float, _dW: np.ndarray) -
 
 
 def _own(step: Callable[..., np.ndarray]) -> Scheme:
-    return Scheme("own", step, batched=True, systems="mechanical", noise=False)  # type: ignore[arg-type]
+    return Scheme("own", step, batched=True, systems="mechanical", noise=False)
 
 
 def found(scheme: Scheme, problems: Any = None, **facts: Any) -> Finding:
-    return sepv.verify(replace(scheme, **facts), laws=LAW, problems=problems).finding(LAW)
+    return finding(replace(scheme, **facts), LAW, problems)
 
 
 @pytest.mark.parametrize("scheme", [*MECHANICAL, LEAPFROG, YOSHIDA, BLANES_MOAN], ids=lambda s: s.name)
@@ -59,13 +59,15 @@ def test_right_orders_hold_and_are_stated(scheme: Scheme) -> None:
     finding = found(scheme)
     assert finding.verdict is Verdict.HOLDS, finding.message
     assert finding.claimed
-    assert {entry["order"] for entry in finding.witness["measured"]} == {scheme.order}  # type: ignore[index]
+    assert {entry["order"] for entry in finding.witness["measured"]} == {scheme.order}
 
 
-@pytest.mark.parametrize("name", ["energy-preserving", "collocation-3", "explicit-8", "euler-maruyama"])
-def test_schemes_with_noise_have_an_order_without_it(name: str) -> None:
-    order = {"energy-preserving": 2.0, "collocation-3": 6.0, "explicit-8": 8.0, "euler-maruyama": 1.0}[name]
-    assert found(sepv.schemes.by_name(name), order=order).verdict is Verdict.HOLDS
+@pytest.mark.parametrize(
+    ("name", "order"),
+    [("energy-preserving", 2.0), ("collocation-3", 6.0), ("explicit-8", 8.0), ("euler-maruyama", 1.0)],
+)
+def test_schemes_with_noise_have_an_order_without_it(name: str, order: float) -> None:
+    assert found(sepv.schemes.by_name(name), order=float(order)).verdict is Verdict.HOLDS
     assert found(sepv.schemes.by_name(name)).verdict is Verdict.HOLDS  # unclaimed: consistent
 
 
@@ -86,26 +88,21 @@ def test_a_wrong_order_is_told_in_one_line(scheme: Scheme, claimed: float, order
 
 def _scaled(time: float, length: float) -> Problem:
     """Hénon and Heiles with other units of time and length: H(y/length) length²/time, B = J."""
-    return sepv.Problem(
-        dimension=4,
-        structure=lambda y: np.array(
-            [[(i + 2 == j) * 1.0 - (j + 2 == i) * 1.0 + 0 * y[0] for j in range(4)] for i in range(4)]
-        ),
-        hamiltonian=lambda y: (
-            0.5 * (y[2] ** 2 + y[3] ** 2 + y[0] ** 2 + y[1] ** 2)
-            + (y[0] ** 2 * y[1] - y[1] ** 3 / 3) / length
-        ) / time,
-        initial=(0.1 * length, 0.2 * length, 0.4 * length, -0.1 * length),
-        noise=(),
-    )  # fmt: skip
+    B = sepv.problems.henon_heiles().structure
+    H = lambda y: (0.5 * np.sum(y * y, axis=0) + (y[0] ** 2 * y[1] - y[1] ** 3 / 3) / length) / time  # noqa: E731
+    return sepv.Problem(4, B, H, initial=length * np.array([0.1, 0.2, 0.4, -0.1]), noise=())
+
+
+@cache
+def usual() -> Finding:
+    return found(YOSHIDA, _scaled(1.0, 1.0))
 
 
 @pytest.mark.parametrize(("time", "length"), [(2.0**-20, 1.0), (2.0**20, 2.0**-10), (1.0, 2.0**20)])
 def test_no_verdict_depends_on_units(time: float, length: float) -> None:
     right = found(YOSHIDA, _scaled(time, length))
     wrong = found(YOSHIDA, _scaled(time, length), order=5.0)
-    usual = found(YOSHIDA, _scaled(1.0, 1.0))
-    assert right.defect == pytest.approx(usual.defect, abs=0.05)
+    assert right.defect == pytest.approx(usual().defect, abs=0.05)
     assert (right.verdict, wrong.verdict) == (Verdict.HOLDS, Verdict.VIOLATED)
 
 

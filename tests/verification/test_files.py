@@ -1,7 +1,5 @@
 """What a run leaves for other programs: JSON by its schema, JUnit XML, a badge, expected failures."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from xml.etree import ElementTree
@@ -9,10 +7,9 @@ from xml.etree import ElementTree
 import jsonschema
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from doors import command, obeys
 
 from sepv import schemes
-from sepv.commands._cli import main
 from sepv.errors import UsageError
 from sepv.files import (
     RESULTS,
@@ -36,34 +33,23 @@ def broken(problem, y, h, dW):
     raise RuntimeError("</script>\x00\x1b broken 💥")
 
 
-def reports() -> dict[str, Report]:
+@pytest.fixture(scope="module")
+def made() -> dict[str, Report]:
+    one, evil = Scheme("one", schemes.midpoint.step, truncation=None), Scheme("<b>\u202e&\x01", broken)
     return {
-        "good": verify("energy-preserving", laws=["energy", "truncation"], effort=FEW),
-        "unclaimed": verify("midpoint", laws=["energy", "casimir"], effort=FEW),
-        "claimed": verify("midpoint", laws=["energy", "casimir"], claims=["energy"], effort=FEW),
-        "statistical": verify("euler-heun", laws=["right-limit"], effort=FEW),
-        "broken": verify(
-            Scheme("<b>\u202e&\x01", broken), laws=["contract", "energy", "rounding"], effort=FEW
-        ),
-        "not applicable": verify(
-            Scheme("one", schemes.midpoint.step, truncation=None),
-            laws=["truncation", "reproducibility", "identity"],
-            effort=FEW,
-        ),
+        "good": verify("energy-preserving", laws="energy,truncation", effort=FEW),
+        "unclaimed": verify("midpoint", laws="energy,casimir", effort=FEW),
+        "claimed": verify("midpoint", laws="energy,casimir", claims=["energy"], effort=FEW),
+        "statistical": verify("euler-heun", laws="right-limit", effort=FEW),
+        "broken": verify(evil, laws="contract,energy,rounding", effort=FEW),
+        "not applicable": verify(one, laws="truncation,reproducibility,identity", effort=FEW),
     }
 
 
-@pytest.fixture(scope="module")
-def made() -> dict[str, Report]:
-    return reports()
-
-
 def test_json_is_as_the_schema_says_and_counts_add_up(made: dict[str, Report]) -> None:
-    described = schema("report")
-    jsonschema.Draft202012Validator.check_schema(described)
     for report in made.values():
         data = json.loads(json_text(report.to_json()))
-        jsonschema.validate(data, described)
+        obeys(data, "report")
         assert sum(data["counts"].values()) == len(data["laws"]) == data["suite"]["laws"]
 
 
@@ -121,9 +107,7 @@ def test_what_is_not_finite_is_null_or_refused() -> None:
         json_text(float("nan"))
 
 
-def test_commands_write_results_that_obey_their_schemas_and_name_the_command(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_commands_write_results_that_obey_their_schemas_and_name_the_command(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     words = {
         "path": "run midpoint --steps 20 --engine numpy -q --json path.json",
@@ -132,8 +116,7 @@ def test_commands_write_results_that_obey_their_schemas_and_name_the_command(
         "report": "verify midpoint --law identity --examples 2 -q --json report.json",
     }
     for name, line in words.items():
-        done = CliRunner().invoke(main, line.split(), prog_name="sepv")
-        assert done.exit_code in (0, 1), done.output
+        assert command(line, None).exit_code in (0, 1)
         data = read_json(f"{name}.json", **WORDS)
         require_schema(data, name, f"{name}.json", **WORDS)
         assert data["made"]["command"] == f"sepv {line}"
@@ -158,39 +141,27 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
     path = tmp_path / "file"
     write_atomically(str(path), "old")
     with pytest.raises(TypeError):
-        write_atomically(str(path), ["no text"])  # type: ignore[arg-type]  # the write itself fails
+        write_atomically(str(path), ["no text"])
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
     write_atomically(str(path), "new \ud800")  # a lone surrogate, as names of others may have
     assert path.read_text() == "new ?"
 
 
-def run(arguments: list[str]) -> tuple[int, str]:
-    result = CliRunner().invoke(main, arguments)
-    return result.exit_code, result.output
-
-
-LAWS = ["--law", "energy", "--law", "casimir", "--examples", "2", "--shrink-checks", "20"]
-
-
 def test_expected_failures_are_strict_both_ways(tmp_path: Path) -> None:
-    file = str(tmp_path / "expected.toml")
+    file, few = tmp_path / "expected.toml", "--law energy,casimir --examples 2 --shrink-checks 20"
     # What nobody claims is not listed: a scheme that gains a law must stay green.
-    assert run(["verify", "midpoint", *LAWS, "--write-expected", file])[0] == 0
-    assert "[[expected]]" not in Path(file).read_text()
-    assert run(["verify", "midpoint", *LAWS, "--claim", "energy", "--write-expected", file])[0] == 1
+    command(f"verify midpoint {few} --write-expected {file}")
+    assert "[[expected]]" not in file.read_text()
+    command(f"verify midpoint {few} --claim energy --write-expected {file}", 1)
     # Violated as expected, though claimed.
-    code, output = run(["verify", "midpoint", *LAWS, "--claim", "energy", "--expected", file])
-    assert code == 0, output
-    assert "expected: violated when this file was written" in output
-    # A scheme that does not fail as expected.
-    code, output = run(["verify", "energy-preserving", *LAWS, "--expected", file])
-    assert code == 1
-    assert "Expected failures that pass: energy" in output
-    assert "remove the entry" in output
-    # A violation that is not in the file.
-    code, output = run(["verify", "discrete-gradient", *LAWS, "--claim", "casimir", "--expected", file])
-    assert code == 1
+    shown = command(f"verify midpoint {few} --claim energy --expected {file}").output
+    assert "expected: violated when this file was written" in shown
+    # A scheme that does not fail as expected, and a violation that is not in the file.
+    passed = command(f"verify energy-preserving {few} --expected {file}", 1).output
+    assert "Expected failures that pass: energy" in passed
+    assert "remove the entry" in passed
+    command(f"verify discrete-gradient {few} --claim casimir --expected {file}", 1)
 
 
 # Euler-Maruyama on the Stratonovich coefficients as they are: it converges to the Itô solution.
@@ -206,11 +177,9 @@ scheme = sepv.Scheme("ito", step, mean_square_order=0.5, batched=True)
 
 
 def test_statistical_laws_can_be_expected_failures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    file, target = tmp_path / "expected.toml", "ito_scheme:scheme"
+    file, asked = tmp_path / "expected.toml", "verify ito_scheme:scheme --law right-limit,mean-square-order"
     (tmp_path / "ito_scheme.py").write_text(ITO)
     monkeypatch.syspath_prepend(str(tmp_path))
-    laws = ["--law", "right-limit", "--law", "mean-square-order"]
-    assert run(["verify", target, *laws, "--paths", "256", "--write-expected", str(file)])[0] == 1
+    command(f"{asked} --paths 256 --write-expected {file}", 1)
     assert "seed = 0" in file.read_text()
-    code, output = run(["verify", target, *laws, "--expected", str(file)])
-    assert code == 0, output
+    command(f"{asked} --expected {file}")

@@ -1,7 +1,5 @@
 """A report in GitHub Actions: the summary, and annotations; nothing in them is markup or a command."""
 
-from __future__ import annotations
-
 import inspect
 import re
 from dataclasses import replace
@@ -31,9 +29,8 @@ def measured(step: Any = drifting, **more: Any) -> sepv.Report:
 def hostile() -> sepv.Report:
     report = measured(claims="identity")
     findings = tuple(replace(f, message=EVIL, source=EVIL, unit=EVIL) for f in report.findings)
-    return replace(
-        report, scheme=replace(report.scheme, name=EVIL), findings=findings, target=EVIL, gaps=(EVIL,)
-    )
+    scheme = replace(report.scheme, name=EVIL)
+    return replace(report, scheme=scheme, findings=findings, target=EVIL, gaps=(EVIL,))
 
 
 def test_each_claimed_violation_is_an_error_at_the_line_of_the_step(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,16 +1,21 @@
-"""Axes of cases have open ends: sizes far beyond the usual ones, and steps in which little moves, are asked."""
+"""Cases that no seed may miss, and axes with open ends: sizes far beyond the usual ones, steps where little moves."""
 
-from __future__ import annotations
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from doors import finding
+from sepv.properties import test_energy as energy
+from sepv.reference.faults.saboteurs import SABOTEURS
 
-from sepv import Scheme, problems, verify
+from sepv import Scheme, problems, schemes
 from sepv.problem import Array, PolynomialSystem, Problem, Systems
 from sepv.schemes import ask, energy_preserving, milstein
-from sepv.verification import Case, Cases, Effort, Verdict
+from sepv.verification import Case, Cases, Verdict
+from sepv.verification._cases.case import to_json
 from sepv.verification._cases.classes import CLASSES
 from sepv.verification._cases.ends import beyond, in_other_units
+from sepv.verification._cases.fixed_cases import fixed_cases, for_energy, long_steps
 from sepv.verification._cases.strata import FAR, NEAR, STILL, UNDONE, UNEVEN
 from sepv.verification._contraction import contraction_radius
 from sepv.verification._tolerance import step_residual
@@ -77,13 +82,11 @@ def absolute(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 
 
 def test_a_number_with_a_unit_is_named_and_one_that_is_stated_is_not_asked_about() -> None:
-    def found(**stated: float):  # type: ignore[no-untyped-def]
-        scheme = Scheme("absolute", absolute, claims=["reference"], **stated)
-        return verify(scheme, laws=["reference"], effort=Effort(examples=1, shrink_checks=30)).finding(
-            "reference"
-        )
-
-    unstated, stated = found(), found(solver_tolerance=1e-12)
+    own = Scheme("absolute", absolute, claims=["reference"])
+    unstated, stated = (
+        finding(scheme, "reference", examples=1, shrink_checks=30)
+        for scheme in (own, replace(own, solver_tolerance=1e-12))
+    )
     assert unstated.verdict is Verdict.VIOLATED
     assert "a number of the scheme has a unit" in unstated.message
     assert stated.verdict is Verdict.HOLDS
@@ -95,13 +98,50 @@ def test_a_state_of_extreme_size_may_be_refused_and_a_step_without_drift_may_fai
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         if h == 0:
             return y + np.nan
-        if beyond(Case(energy_preserving, tuple(y))):  # type: ignore[arg-type]
+        if beyond(Case(energy_preserving, tuple(y))):
             raise FloatingPointError("too far")
         return energy_preserving.step(problem, y, h, dW)
 
-    found = verify(
-        Scheme("near", step, claims=["energy"]), laws=["energy"], effort=Effort(examples=1)
-    ).finding("energy")
+    found = finding(Scheme("near", step, claims=["energy"]), "energy", examples=1)
     assert found.verdict is Verdict.HOLDS
     assert "a step with h = 0 ended in" in found.message
     assert "a step from a state larger or smaller than 2^±21 ended in Refusal" in found.message
+
+
+@pytest.mark.parametrize("name", schemes.PAPER)
+def test_every_scheme_solves_every_corner(name: str) -> None:
+    for case in fixed_cases():
+        assert np.isfinite(schemes.PAPER[name].step(*case.build())).all(), case.describe()
+
+
+def test_each_degree_has_a_step_that_shows_a_node_too_few() -> None:
+    short, six, degrees = SABOTEURS["one-node-short"].scheme, SABOTEURS["six-nodes"].scheme, set()
+    for case in set(for_energy()) - set(long_steps()):
+        problem = problems.build(case.problem)
+        saboteur, least = (short, 1e3) if problem.degree <= 14 else (six, 1e2)
+        assert case.given == "bare functions" or energy.check(saboteur, case).ratio > least, case.describe()
+        assert energy.check(schemes.energy_preserving, case).ratio < 0.1
+        degrees.add(problem.degree)
+    assert degrees == {*range(3, 11), 12, 14, 16, 17, 20}
+
+
+def test_long_steps_are_solved_or_refused_but_not_returned_unsolved() -> None:
+    def refuse(problem, y, h, dW):
+        raise ArithmeticError("too long")
+
+    def answer(case: Case) -> Verdict:
+        return energy.law.replay(energy.law, Scheme("refuses", refuse), to_json(case)).verdict
+
+    for case in long_steps():
+        assert energy.check(schemes.energy_preserving, case).ratio < 0.1
+        assert answer(case) is Verdict.NOT_APPLICABLE
+        assert energy.check(SABOTEURS["newton-thrice"].scheme, case).violates
+    assert answer(fixed_cases()[0]) is Verdict.ERROR
+
+
+def test_polynomial_corners_lie_inside_the_contraction_radius() -> None:
+    inside = [c for c in fixed_cases() if isinstance(c.problem, PolynomialSystem)]
+    assert len(inside) >= 8
+    for case in inside:
+        problem, y, h, dW = case.build()
+        assert h + float(np.sum(np.abs(problem.c * dW))) <= contraction_radius(problem, y)

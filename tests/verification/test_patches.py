@@ -1,12 +1,9 @@
 """What sepv changes in other packages is still needed: a test that fails here says that its patch can go."""
 
-from __future__ import annotations
-
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from doors import python
 from hypothesis.internal.conjecture import providers
 from llvmlite import ir
 
@@ -15,18 +12,11 @@ from sepv._patches import add_attribute, without_local_constants
 WIDTH = '"prefer-vector-width"="512"'
 
 
-def imported(code: str, folder: Path) -> str:
-    """What a fresh process prints."""
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=True
-    )
-    return done.stdout.strip()
-
-
 def test_numba_imports_scipy_linalg_for_a_question_and_the_patch_puts_that_off(tmp_path: Path) -> None:
     say = "import sys, numba.np.arraymath; print('scipy.linalg' in sys.modules)"
-    assert imported(say, tmp_path) == "True"
-    assert imported(f"from sepv._patches import put_off_blas; put_off_blas(); {say}", tmp_path) == "False"
+    assert python(say, folder=tmp_path) == "True"
+    patched = f"from sepv._patches import put_off_blas; put_off_blas(); {say}"
+    assert python(patched, folder=tmp_path) == "False"
 
 
 def test_llvmlite_refuses_an_attribute_that_llvm_knows_and_the_patch_adds_it() -> None:
@@ -40,7 +30,7 @@ def test_llvmlite_refuses_an_attribute_that_llvm_knows_and_the_patch_adds_it() -
 def test_hypothesis_reads_constants_of_loaded_modules_and_the_patch_hides_them(tmp_path: Path) -> None:
     (tmp_path / "full_of_constants.py").write_text("SEEN = [0.123, 4.5, 6.75e3]\n")
     say = "from hypothesis.internal.conjecture import providers as p; print(0.123 in p._get_local_constants().floats)"
-    assert imported(f"import full_of_constants; {say}", tmp_path) == "True"
+    assert python(f"import full_of_constants; {say}", folder=tmp_path) == "True"
     before = providers._get_local_constants
     with without_local_constants():
         assert providers._get_local_constants() == providers.Constants()

@@ -1,24 +1,20 @@
 """What a green run guards: pins are strict both ways, a claim that was not measured is red, a bare function is told."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
+from doors import command
 
-from sepv.commands._cli import main
 from sepv.errors import Skipped, UsageError
 from sepv.schemes import Scheme
-from sepv.schemes._energy_preserving import step as exact
 from sepv.schemes._midpoint import step as midpoint
 from sepv.verification import Effort, Verdict, verify
 from sepv.verification._report import summary
 
 # Cheap ones: *contract*, which everybody claims, takes seconds and is asked once.
-LAWS = ["--law", "identity", "--law", "energy", "--law", "casimir"]
+LAWS = "identity,energy,casimir"
 MODULE = "from sepv.schemes._{} import step\n"
 
 
@@ -28,9 +24,8 @@ def pinned(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
     (tmp_path / "my_rule.py").write_text(MODULE.format("midpoint"))
-    done = call("my_rule:step", "--pin", "pin.toml")
-    assert done.exit_code == 0, done.output
-    assert "sepv verify my_rule:step --law identity,energy,casimir --expected pin.toml" in done.output
+    shown = said("my_rule:step --pin pin.toml")
+    assert "sepv verify my_rule:step --law identity,energy,casimir --expected pin.toml" in shown
     return tmp_path
 
 
@@ -40,52 +35,37 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sepv.commands._verify._effort", lambda **_: Effort(8, 64, 0, 10))
 
 
-def call(target: str, *options: str):
-    return CliRunner().invoke(main, ["verify", target, *LAWS, *options])
+def said(line: str, code: int = 0, laws: str = LAWS) -> str:
+    return " ".join(command(f"verify --law {laws} {line}", code).output.split())
 
 
 def test_a_pin_holds_what_was_found(pinned: Path) -> None:
     data = tomllib.loads((pinned / "pin.toml").read_text())
     assert data["claims"] == ["identity", "casimir"]
     assert [e["law"] for e in data["expected"]] == ["energy"]
-    again = call("my_rule:step", "--law", "contract", "--expected", "pin.toml", "-q")
-    assert again.exit_code == 0, again.output
-    assert "All 3 claimed laws hold." in again.output
+    again = said("my_rule:step --expected pin.toml -q", laws=f"{LAWS},contract")
+    assert "All 3 claimed laws hold." in again
 
 
 def test_a_pin_is_strict_both_ways(pinned: Path) -> None:
-    gained = call("energy-preserving", "--expected", "pin.toml", "-q")
-    assert gained.exit_code == 1
-    assert "Expected failures that pass: energy." in gained.output
-    lost = call("discrete-gradient", "--expected", "pin.toml", "-q")
-    assert lost.exit_code == 1
-    assert "Claimed and not found to hold: casimir." in lost.output
-    other = CliRunner().invoke(
-        main, ["verify", "my_rule:step", "--law", "any-casimir", "--expected", "pin.toml", "-q"]
-    )
-    assert other.exit_code == 1
-    assert "Violated and not in the pin: any-casimir." in other.output
+    gained = said("energy-preserving --expected pin.toml -q", 1)
+    assert "Expected failures that pass: energy." in gained
+    lost = said("discrete-gradient --expected pin.toml -q", 1)
+    assert "Claimed and not found to hold: casimir." in lost
+    other = said("my_rule:step --expected pin.toml -q", 1, laws="any-casimir")
+    assert "Violated and not in the pin: any-casimir." in other
 
 
 def test_a_pin_names_the_laws_that_it_was_written_without(pinned: Path) -> None:
     assert tomllib.loads((pinned / "pin.toml").read_text())["measured"] == ["identity", "energy", "casimir"]
-    more = call("my_rule:step", "--law", "truncation", "--expected", "pin.toml", "-q")
-    assert more.exit_code == 0, more.output
-    assert (
-        "Not in the pin, which was written without them: truncation. All 2 claimed laws hold." in more.output
-    )
-    fewer = CliRunner().invoke(
-        main, ["verify", "my_rule:step", "--law", "casimir", "--expected", "pin.toml", "-q"]
-    )
-    assert fewer.exit_code == 0
-    assert "In the pin and not measured now: energy, identity. The claimed law holds." in fewer.output
+    more = said("my_rule:step --expected pin.toml -q", laws=f"{LAWS},truncation")
+    assert "Not in the pin, which was written without them: truncation. All 2 claimed laws hold." in more
+    fewer = said("my_rule:step --expected pin.toml -q", laws="casimir")
+    assert "In the pin and not measured now: energy, identity. The claimed law holds." in fewer
     file = pinned / "pin.toml"
     # One of an older sepv says nothing of what it measured.
     file.write_text("\n".join(line for line in file.read_text().splitlines() if "measured" not in line))
-    assert (
-        "Not in the pin"
-        not in call("my_rule:step", "--law", "truncation", "--expected", "pin.toml", "-q").output
-    )
+    assert "Not in the pin" not in said("my_rule:step --expected pin.toml -q", laws=f"{LAWS},truncation")
 
 
 def test_the_title_does_not_say_that_nothing_is_claimed_beside_a_claim() -> None:
@@ -99,9 +79,7 @@ def test_the_title_does_not_say_that_nothing_is_claimed_beside_a_claim() -> None
 def test_a_law_is_either_claimed_or_expected_to_fail(pinned: Path) -> None:
     file = pinned / "pin.toml"
     file.write_text(file.read_text().replace('"casimir"]', '"energy"]'))
-    wrong = call("my_rule:step", "--expected", "pin.toml")
-    assert wrong.exit_code == 2
-    assert "both: energy" in wrong.output
+    assert "both: energy" in said("my_rule:step --expected pin.toml", 2)
 
 
 def choosy(problem, y, h, dW):
@@ -133,31 +111,22 @@ def test_laws_side_by_side_find_the_same_to_the_bit(tmp_path: Path, monkeypatch:
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
     # A module full of constants, which Hypothesis would draw where it is loaded.
-    (tmp_path / "our_rule.py").write_text(
-        MODULE.format("midpoint") + "SEEN = [0.123, 4.5, 6.75e3, 17.0, 3]\n"
-    )
+    code = MODULE.format("midpoint") + "SEEN = [0.123, 4.5, 6.75e3, 17.0, 3]\n"
+    (tmp_path / "our_rule.py").write_text(code)
     files = []
-    for jobs in ("1", "2"):
-        # Laws that hold: how far a counterexample is simplified is a matter of seconds.
-        laws = ["--law", "identity", "--law", "casimir", "--law", "midpoint"]
-        done = CliRunner().invoke(
-            main, ["verify", "our_rule:step", *laws, "-j", jobs, "--json", f"{jobs}.json"]
-        )
-        assert done.exit_code == 0, done.output
+    # Laws that hold: how far a counterexample is simplified is a matter of seconds.
+    laws = "identity,casimir,midpoint"
+    for jobs in (1, 2):
+        said(f"our_rule:step -j {jobs} --json {jobs}.json", laws=laws)
         found = json.loads((tmp_path / f"{jobs}.json").read_text())["laws"]
         files.append([{**law, "seconds": 0} for law in found])
     assert files[0] == files[1]
-    assert {law["law"]: law["verdict"] for law in files[0]} == {
-        "identity": "holds", "casimir": "holds", "midpoint": "holds",
-    }  # fmt: skip
+    assert {law["law"]: law["verdict"] for law in files[0]} == dict.fromkeys(laws.split(","), "holds")
 
 
 def test_a_scheme_that_cannot_travel_is_refused_in_words() -> None:
-    def local(problem, y, h, dW):
-        return exact(problem, y, h, dW)
-
     with pytest.raises(UsageError, match="another process can import"):
-        verify(local, laws=["energy", "casimir"], jobs=2)
+        verify(lambda problem, y, h, dW: y, laws=["energy", "casimir"], jobs=2)
     with pytest.raises(UsageError, match="jobs"):
         verify("midpoint", jobs=0)
 

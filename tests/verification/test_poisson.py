@@ -1,11 +1,10 @@
 """Jacobi's identity, the derivative of a step with its bound, and the laws about the structure."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from doors import measured, verdicts
 from drawn import drawn_systems
 from hypothesis import given
 from hypothesis import strategies as st
@@ -16,17 +15,17 @@ from sepv.problem import Array, PolynomialSystem, Problem, Systems, jacobi_defec
 from sepv.problem import _poisson as poisson
 from sepv.record import _polynomial as poly
 from sepv.schemes import Scheme, midpoint
-from sepv.verification import Effort, Verdict
 from sepv.verification._contraction import contraction_ball
 
-QUICK = Effort(examples=10, shrink_checks=0)
+QUICK = {"examples": 10, "shrink_checks": 0}
+LAWS = ("symplecticity", "poisson-map", "positivity", "energy")
 
 
 @given(drawn_systems(Systems.SINGLE, Jacobi=("Poisson",)), st.integers(0, 9))
 def test_structures_of_the_strategies_satisfy_jacobis_identity(system: PolynomialSystem, seed: int) -> None:
     problem = problems.build(system)
     y = np.random.default_rng(seed).uniform(-1, 1, system.dimension)
-    terms = np.abs(problem.structure(y)).max() * np.abs(problem.structure_derivative(y)).max()  # type: ignore[misc]
+    terms = np.abs(problem.structure(y)).max() * np.abs(problem.structure_derivative(y)).max()
     assert np.abs(jacobi_defect(problem, y)).max() <= 1e-13 * system.dimension * terms
     assert poisson.is_poisson(problem, y)
     assert poisson.is_poisson(replace(problem, structure_derivative=None, data=None, check=False), y)
@@ -76,23 +75,21 @@ def _moved(step: sepv.schemes._scheme.Step, by: float) -> sepv.schemes._scheme.S
 def test_structure_and_energy_are_different_laws() -> None:
     # A translation is symplectic, and keeps no energy. (2.1) keeps the energy, and is not symplectic.
     moved = replace(midpoint, step=_moved(midpoint.step, 2.0**-20), solve=None)
-    report = sepv.verify(moved, laws=["symplecticity", "energy", "casimir"], effort=QUICK)
-    assert [f.verdict for f in report.findings] == [Verdict.VIOLATED, Verdict.VIOLATED, Verdict.HOLDS]
-    report = sepv.verify("energy-preserving", laws=["energy", "poisson-map", "symplecticity"], effort=QUICK)
-    assert [f.verdict for f in report.findings] == [Verdict.HOLDS, Verdict.VIOLATED, Verdict.VIOLATED]
+    asked = verdicts(moved, "symplecticity,energy,casimir", **QUICK)
+    assert asked == {"symplecticity": "holds", "energy": "violated", "casimir": "violated"}
+    asked = verdicts("energy-preserving", "energy,poisson-map,symplecticity", **QUICK)
+    assert asked == {"energy": "holds", "poisson-map": "violated", "symplecticity": "violated"}
 
 
-@pytest.mark.parametrize("name", ["midpoint", "gauss-2", "gauss-3"])
-def test_methods_that_keep_quadratic_invariants_are_symplectic(name: str) -> None:
-    assert (
-        sepv.verify(name, laws=["symplecticity"], effort=QUICK).finding("symplecticity").verdict
-        is Verdict.HOLDS
-    )
-
-
-def test_a_splitting_is_a_poisson_map_and_stays_positive() -> None:
-    report = sepv.verify("splitting", laws=["poisson-map", "positivity"], effort=QUICK)
-    assert {f.verdict for f in report.findings} == {Verdict.HOLDS}
+@pytest.mark.parametrize(
+    ("name", "laws"),
+    [
+        ("midpoint", "symplecticity"), ("gauss-2", "symplecticity"), ("gauss-3", "symplecticity"),
+        ("splitting", "poisson-map,positivity"),
+    ],
+)  # fmt: skip
+def test_methods_that_keep_quadratic_invariants_are_symplectic_and_a_splitting_is_poisson(name, laws):
+    assert set(verdicts(name, laws, **QUICK).values()) == {"holds"}
 
 
 def _verlet(problem: Problem, y: Array, h: float, dW: Array) -> Array:
@@ -106,15 +103,9 @@ def _verlet(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 
 
 def test_stormer_verlet_is_symplectic_on_the_systems_that_it_is_for() -> None:
-    laws = ("symplecticity", "poisson-map", "positivity", "energy")
-    verlet = Scheme("verlet", _verlet, claims=laws[:2], systems=Systems.CANONICAL_SEPARABLE)
-    report = sepv.verify(verlet, laws=laws, effort=QUICK)
-    assert [report.finding(law).verdict.value for law in laws] == [
-        "holds",
-        "holds",
-        "not_applicable",
-        "violated",
-    ]
+    verlet = Scheme("verlet", _verlet, claims=LAWS[:2], systems=Systems.CANONICAL_SEPARABLE)
+    expected = ("holds", "holds", "not applicable", "violated")
+    assert verdicts(verlet, LAWS, **QUICK) == dict(zip(LAWS, expected, strict=True))
 
 
 def test_a_solver_of_few_digits_is_not_accused_for_it() -> None:
@@ -129,15 +120,13 @@ def test_a_solver_of_few_digits_is_not_accused_for_it() -> None:
         raise ArithmeticError("no convergence")
 
     rough = Scheme("rough", step, claims=["symplecticity"], solver_tolerance=1e-9)
-    assert sepv.verify(rough, laws=["symplecticity"], effort=QUICK).exit_code == 0
+    assert verdicts(rough, "symplecticity", **QUICK) == {"symplecticity": "holds"}
     silent = replace(rough, solver_tolerance=0.0)
-    assert sepv.verify(silent, laws=["symplecticity"], effort=QUICK).exit_code == 1
+    assert verdicts(silent, "symplecticity", **QUICK) == {"symplecticity": "violated"}
 
 
 def test_problems_without_the_identity_are_not_asked_about() -> None:
-    report = sepv.verify(
-        "midpoint", problems=["rigid-body"], laws=["symplecticity", "positivity"], effort=QUICK
-    )
+    report = measured("midpoint", "symplecticity,positivity", "rigid-body", **QUICK)
     assert "B of the problems is not constant" in report.finding("symplecticity").message
     assert "no domain" in report.finding("positivity").message
 
@@ -161,8 +150,6 @@ def test_compositions_whose_substeps_leave_the_step_are_not_accused() -> None:
     first = 1 / (2 - 2 ** (1 / 3))
     yoshida = _composition([first, 1 - 2 * first, first])
     scheme = Scheme("yoshida", yoshida, claims=["symplecticity"], systems=Systems.CANONICAL_SEPARABLE)
-    finding = sepv.verify(scheme, laws=["symplecticity"]).finding("symplecticity")
-    assert finding.verdict is Verdict.HOLDS
-    assert finding.defect is not None
-    assert finding.bound is not None
-    assert finding.defect < finding.bound / 20
+    found = measured(scheme, "symplecticity").finding("symplecticity")
+    assert found.verdict.text == "holds"
+    assert found.defect < found.bound / 20

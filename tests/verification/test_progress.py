@@ -1,7 +1,5 @@
 """Whatever takes longer than two seconds says how far it is, piped too; and Ctrl-C ends it at once."""
 
-from __future__ import annotations
-
 import io
 import json
 import os
@@ -12,7 +10,6 @@ import sys
 import time
 from dataclasses import replace
 from importlib import import_module
-from pathlib import Path
 
 import pytest
 from doors import ROOT, ended
@@ -59,9 +56,9 @@ SINGLE = {"reproducibility": 0, "local-mean": 4810, "mean-square-order": 8064, "
     ],
 )
 def test_the_seconds_left_are_right_to_a_factor_of_two_after_a_third_of_the_laws(
-    machine: float, step: float, single: float, batched: bool, states: dict[str, int],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
+    machine, step, single, batched, states,
+    monkeypatch,
+):  # fmt: skip
     """A law takes what it costs by turns 30 % more and less, and what its calls and states take."""
     now, laws = 0.0, load_laws()
     monkeypatch.setattr(time, "monotonic", lambda: now)
@@ -70,16 +67,13 @@ def test_the_seconds_left_are_right_to_a_factor_of_two_after_a_third_of_the_laws
         course.heard(law, None)
         count = states.get(law.name, law.steps)
         seconds = machine * law.cost * 1.3 ** (-1) ** n + count * (step if count > 5000 else single)
-        away = not batched and law.name == "reproducibility"
-        now += 0.0 if away else seconds
-        found = law.finding(
-            Verdict.NOT_APPLICABLE if away else Verdict.HOLDS,
-            seconds=0.0 if away else seconds,
-            checks=0 if away else 10,
-            # The oscillator's step takes less than the rigid body's.
-            step_seconds=0.75 * step if law.name == "contract" else None,
-        )
-        course.heard(law, found)
+        verdict, checks = Verdict.HOLDS, 10
+        if not batched and law.name == "reproducibility":
+            verdict, checks, seconds = Verdict.NOT_APPLICABLE, 0, 0.0
+        now += seconds
+        # The oscillator's step takes less than the rigid body's.
+        own = 0.75 * step if law.name == "contract" else None
+        course.heard(law, law.finding(verdict, seconds=seconds, checks=checks, step_seconds=own))
         left.append((now, course.seconds_left()))
     third = [(at, said) for at, said in left[len(laws) // 3 - 1 :] if now - at > 2.0]
     assert len(third) > 8
@@ -127,10 +121,8 @@ def test_a_step_that_is_being_compiled_is_waited_for_by_name(monkeypatch: pytest
     course.heard(law, None)
     journal.cases, journal.since = 1, 100.0
     now = 114.0
-    assert (
-        course.doing(journal, "mine:step")
-        == "0 of 1 laws, energy, waiting for the first step of mine:step, 14 s"
-    )
+    waits = "0 of 1 laws, energy, waiting for the first step of mine:step, 14 s"
+    assert course.doing(journal, "mine:step") == waits
     journal.cases = 7
     assert course.doing(journal, "mine:step") == "0 of 1 laws, energy, case 7 for 14 s"
     journal.since = 113.0
@@ -182,9 +174,7 @@ START = (
         pytest.param("benchmarks.local_orders", False, marks=pytest.mark.deep),
     ],
 )
-def test_ctrl_c_ends_all_processes_with_a_word_and_leaves_no_half_file(
-    words: str, workers: bool, tmp_path: Path
-) -> None:
+def test_ctrl_c_ends_all_processes_with_a_word_and_leaves_no_half_file(words, workers, tmp_path):
     child = subprocess.Popen(
         [sys.executable, "-c", START, *words.split()], env=os.environ | {"PYTHONPATH": str(ROOT)},
         cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
@@ -227,9 +217,8 @@ def test_violations_are_said_as_they_are_decided(monkeypatch: pytest.MonkeyPatch
     with progress.watching(laws=[energy, casimir]) as step:
         step(energy, None)
         step(energy, energy.finding(Verdict.VIOLATED, defect=9.0, bound=1.0, checks=1))
-        assert (
-            _said(written, "not claimed") == "energy (Prop. 3.1) violated: 9 against 1 ulp of H, not claimed"
-        )
+        words = "energy (Prop. 3.1) violated: 9 against 1 ulp of H, not claimed"
+        assert _said(written, "not claimed") == words
         step(casimir, None)
         step(casimir, casimir.finding(Verdict.HOLDS, checks=1))
 

@@ -1,11 +1,7 @@
 """Quantiles of the statistical laws against SciPy's, and that a run of the laws does without SciPy's import."""
 
-from __future__ import annotations
-
-import subprocess
-import sys
-
 import pytest
+from doors import python
 from scipy.special import bdtr, fdtri, stdtrit
 
 from sepv.statistics import binomial, fishers_f, students_t
@@ -42,5 +38,4 @@ def test_the_laws_about_samples_do_without_scipy() -> None:
         "report = verify('energy-preserving', laws='rounding,mean-square-order,weak-order,right-limit'); "
         "assert report.exit_code == 0; print('scipy' in sys.modules)"
     )
-    asked = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert asked.stdout.strip() == "False"
+    assert python(code) == "False"

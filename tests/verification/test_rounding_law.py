@@ -1,7 +1,5 @@
 """The law "rounding" tells a walk from a drift, by chance alone less than once in a million."""
 
-from __future__ import annotations
-
 import numpy as np
 from sepv.properties import test_rounding as rounding
 from sepv.reference.faults.saboteurs import SABOTEURS
@@ -55,7 +53,7 @@ def test_a_nudge_of_one_sign_is_caught() -> None:
 
 
 def test_a_problem_that_is_skipped_is_left_out() -> None:
-    def step(problem, y, h, dW):  # type: ignore[no-untyped-def]
+    def step(problem, y, h, dW):
         if problem.dimension != 2:
             raise Skipped("two components only")
         return energy_preserving.step(problem, y, h, dW)

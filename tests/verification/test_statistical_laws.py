@@ -1,11 +1,10 @@
 """Verdicts from samples: right schemes that look wrong are not accused, faults of one per cent do not hold."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from doors import finding, measured, verdicts
 from sepv.properties import test_commutation as commutation
 from sepv.properties import test_mean_square_order as mean_square
 from sepv.properties import test_weak_order as weak
@@ -32,14 +31,8 @@ SAMPLED = ("mean-square-order", "weak-order", "right-limit")
 RIGID = problems.rigid_body()
 
 
-def found(scheme: Scheme, law: str, seed: int = 0, paths: int = 2048) -> Finding:
-    return verify(scheme, laws=[law], effort=Effort(seed=seed, paths=paths)).finding(law)
-
-
-def verdicts_of(scheme: Scheme, paths: int) -> dict[str, Verdict]:
-    """Of the sampled laws, which share their paths in one run."""
-    report = verify(scheme, laws=SAMPLED, effort=Effort(seed=0, paths=paths))
-    return {f.law: f.verdict for f in report.findings}
+def found(scheme: Scheme, law: str, paths: int = 2048) -> Finding:
+    return finding(scheme, law, paths=paths)
 
 
 def noisier(scheme: Scheme, factor: float) -> Scheme:
@@ -53,9 +46,7 @@ def noisier(scheme: Scheme, factor: float) -> Scheme:
     ("orders", "seed"),
     [((1.5, 2.0), 0), *(pytest.param((1.5,), n, marks=pytest.mark.deep) for n in (1, 2, 3, 4))],
 )
-def test_a_scheme_of_weak_order_two_and_mean_square_order_one_is_not_accused(
-    orders: tuple[float, ...], seed: int
-) -> None:
+def test_a_scheme_of_weak_order_two_and_mean_square_order_one_is_not_accused(orders, seed):
     """Its means lie within the noise of errors of mean-square order 1, whose slope must not be taken for theirs."""
     run = Run(Effort(seed=seed, paths=256))  # keeps the errors, which hang on no claim
     for order in orders:
@@ -81,14 +72,14 @@ def test_a_noise_wrong_by_one_per_cent_is_another_limit(name: str, factor: float
 
 @pytest.mark.parametrize("name", ["energy-preserving", "euler-heun", "milstein"])
 def test_the_first_looks_find_that_right_schemes_hold(name: str) -> None:
-    assert verdicts_of(schemes.by_name(name), 2048) == dict.fromkeys(SAMPLED, Verdict.HOLDS)
+    assert verdicts(name, SAMPLED, paths=2048) == dict.fromkeys(SAMPLED, "holds")
 
 
 @pytest.mark.parametrize("order", [0.5, *(pytest.param(p, marks=pytest.mark.deep) for p in (1.0, 2.0, 4.0))])
 def test_errors_at_the_rounding_floor_accuse_nobody(order: float) -> None:
     """The exact flow is within C h^p of itself for every p, with a tiny C."""
     flow = replace(RIGHT["exact-flow"], mean_square_order=order, weak_order=order)
-    assert verdicts_of(flow, 64) == dict.fromkeys(SAMPLED, Verdict.HOLDS)
+    assert verdicts(flow, SAMPLED, paths=64) == dict.fromkeys(SAMPLED, "holds")
 
 
 def errors_of(squared: Array, steps: tuple[int, ...]) -> StrongErrors:
@@ -103,12 +94,14 @@ def errors_of(squared: Array, steps: tuple[int, ...]) -> StrongErrors:
 def test_partly_at_the_floor_the_coarse_steps_must_lie_as_high_as_the_order_says() -> None:
     rng = np.random.default_rng(0)
     size = rng.uniform(0.5, 1.5, 256)
-    steep = errors_of(np.stack([(1e-4 * size) ** 2, (1e-15 * size) ** 2]), (4, 64))
-    flat = errors_of(np.stack([(1e-11 * size) ** 2, (1e-15 * size) ** 2]), (4, 64))
-    rising = errors_of(np.stack([(1e-15 * size) ** 2, (1e-4 * size) ** 2]), (4, 64))
     assess = mean_square.assessing(1.0, False)
-    verdicts = [assess(RIGID, errors, 1e-5, 1.0).verdict for errors in (steep, flat, rising)]
-    assert verdicts == [Verdict.HOLDS, Verdict.INCONCLUSIVE, Verdict.INCONCLUSIVE]
+    for coarse, fine, verdict in (
+        (1e-4, 1e-15, "HOLDS"),
+        (1e-11, 1e-15, "INCONCLUSIVE"),
+        (1e-15, 1e-4, "INCONCLUSIVE"),
+    ):
+        errors = errors_of(np.stack([(coarse * size) ** 2, (fine * size) ** 2]), (4, 64))
+        assert assess(RIGID, errors, 1e-5, 1.0).verdict is Verdict[verdict]
 
 
 def test_the_interval_of_a_quantile_owes_nothing_to_the_tails() -> None:
@@ -155,9 +148,7 @@ def test_a_mean_that_vanishes_at_the_coarsest_step_does_not_accuse() -> None:
 
 def test_the_shares_of_the_limit_are_what_the_fault_is() -> None:
     """A noise too large by 3 %, within 5 standard errors (false alarm 1e-6) and the second order of the share."""
-    problem = problems.pendulum()
-    scheme = noisier(schemes.explicit(8), 1.03)
-    scheme = replace(scheme, truncation=None)
+    problem, scheme = problems.pendulum(), replace(noisier(schemes.explicit(8), 1.03), truncation=None)
     errors = strong_errors(scheme, problem, T=0.5, steps=(8, 16, 64), paths=range(512), seed=0)
     names, samples, _ = limit_errors(errors, problem)
     share = leading(samples, errors.h, 0)
@@ -167,10 +158,8 @@ def test_the_shares_of_the_limit_are_what_the_fault_is() -> None:
 
 def test_noises_that_commute_give_order_one_with_a_drift_that_does_not() -> None:
     (setup,) = [s for s in commutation.SETUPS if s.problem == "noncommuting-drift"]
-    problem = setup.build()
-    errors = strong_errors(
-        schemes.several_structures, problem, T=setup.T, steps=setup.steps, paths=range(192), seed=0
-    )
+    run = {"T": setup.T, "steps": setup.steps, "paths": range(192), "seed": 0}
+    errors = strong_errors(schemes.several_structures, setup.build(), **run)
     value, low, _ = mean_square_order(errors, 0.01)
     assert 0.8 < value < 1.05
     assert low > 0.6
@@ -195,11 +184,10 @@ def test_a_scheme_for_one_state_is_asked_for_few_steps() -> None:
 
 def test_few_paths_may_hold_and_accuse_nobody() -> None:
     """Of wrong schemes an early look says nothing; the first one of 512 paths calls them violated."""
-    for wrong in (noisier(schemes.energy_preserving, 1.05), Scheme("Itô", _unmended)):
-        alone = replace(wrong, batched=False, solve=None)
-        finding = found(alone, "right-limit", paths=8192)
-        assert finding.verdict is Verdict.VIOLATED
-        assert finding.checks >= FIRST_LOOK
+    for wrong in (noisier(schemes.euler_heun, 1.05), Scheme("Itô", _unmended)):
+        seen = found(replace(wrong, batched=False, solve=None), "right-limit", paths=8192)
+        assert seen.verdict is Verdict.VIOLATED
+        assert seen.checks >= FIRST_LOOK
 
 
 def test_what_is_open_says_what_it_would_take() -> None:
@@ -226,10 +214,9 @@ def _one_sided(loud: float, claimed: float | None = 0.5) -> Scheme:
 
 
 def test_a_mean_error_of_order_one_half_is_no_wrong_limit_and_hides_none() -> None:
-    effort = Effort(paths=2048)
-    right = verify(_one_sided(1.0), laws=["right-limit", "mean-square-order"], effort=effort)
-    assert right.finding("mean-square-order").verdict is Verdict.HOLDS
-    assert right.finding("right-limit").verdict in (Verdict.HOLDS, Verdict.INCONCLUSIVE), right
+    right = verdicts(_one_sided(1.0), "right-limit,mean-square-order", paths=2048)
+    assert right["mean-square-order"] == "holds"
+    assert right["right-limit"] in ("holds", "inconclusive")
     assert found(_one_sided(1.05), "right-limit").verdict is Verdict.VIOLATED
 
 
@@ -265,15 +252,12 @@ def _timid(limit: float) -> Scheme:
         (0.8, "rigid-body", "6 with 8 steps", "16, 64, 256"),
     ],
 )
-def test_refusals_of_large_increments_halve_the_steps_and_accuse_nobody(
-    limit: float, problem: str, refused: str, steps: str
-) -> None:
+def test_refusals_of_large_increments_halve_the_steps_and_accuse_nobody(limit, problem, refused, steps):
     """Of 512 paths one of the pendulum has a coarse step with |Δ| > 1.4, 29 of the rigid body one with |Δ| > 0.9."""
-    found = verify(_timid(limit), laws=["mean-square-order", "weak-order"], effort=Effort(seed=1)).findings
-    for finding in found:
-        assert finding.verdict is Verdict.HOLDS, finding.message
-        assert f"{problem}: of 512 paths, not solved" in finding.message
-        assert f"domain: {refused}; judged with {steps} steps instead" in finding.message
+    for seen in measured(_timid(limit), "mean-square-order,weak-order", seed=1).findings:
+        assert seen.verdict is Verdict.HOLDS, seen.message
+        assert f"{problem}: of 512 paths, not solved" in seen.message
+        assert f"domain: {refused}; judged with {steps} steps instead" in seen.message
 
 
 def test_finer_steps_are_not_run_where_coarse_ones_are_refused() -> None:
@@ -284,18 +268,17 @@ def test_finer_steps_are_not_run_where_coarse_ones_are_refused() -> None:
         asked.append(y.size // 3)
         return np.full_like(y, np.nan)
 
-    errors = strong_errors(
-        Scheme("none", step, batched=True), RIGID, T=0.5, steps=(1, 2, 64), paths=range(512), seed=0
-    )
+    run = {"T": 0.5, "steps": (1, 2, 64), "paths": range(512), "seed": 0}
+    errors = strong_errors(Scheme("none", step, batched=True), RIGID, **run)
     assert errors.failures == (512, 0, 0)
     assert sum(asked) <= 2 * 512  # a batch that fails may be asked again, state by state
     assert np.isnan(errors.squared[1:]).all()
 
 
 def test_frequent_refusals_are_an_error() -> None:
-    (finding,) = verify(_timid(0.5), laws=["mean-square-order"], effort=Effort(seed=1)).findings
-    assert finding.verdict is Verdict.ERROR
-    assert "of 512 paths, not solved, not finite or out of the domain: 2" in finding.message
+    seen = finding(_timid(0.5), "mean-square-order", seed=1)
+    assert seen.verdict is Verdict.ERROR
+    assert "of 512 paths, not solved, not finite or out of the domain: 2" in seen.message
 
 
 def test_an_effort_keeps_nothing_and_a_run_keeps_what_its_laws_share() -> None:

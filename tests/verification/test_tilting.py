@@ -1,7 +1,5 @@
 """Importance sampling of errors: the Wiener measure's means, to the accuracy that their intervals say."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -16,9 +14,8 @@ from sepv.verification._orders.tilting import tilted_errors, tilted_increments
 def test_weighted_moments_are_those_of_normal_increments(c: tuple[float, ...]) -> None:
     """E 1, E ξ², E ξ⁴ and E ξ¹⁰ along c, and E ξ² across, each within 5 standard errors: false alarms below 1e-5."""
     paths, steps = 40_000, 8
-    dW, w = tilted_increments(
-        np.random.default_rng(1), np.array(c), T=2.0, steps=steps, paths=paths, powers=(10, 6)
-    )
+    rng, how = np.random.default_rng(1), {"T": 2.0, "steps": steps, "paths": paths, "powers": (10, 6)}
+    dW, w = tilted_increments(rng, np.array(c), **how)
     xi = dW / np.sqrt(2.0 / steps)
     along = np.einsum("j,njm->nm", np.array(c) / np.linalg.norm(c), xi)
     assert w.max() <= 3

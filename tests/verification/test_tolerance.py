@@ -1,7 +1,5 @@
 """The derived bounds against numbers worked out by hand, and against rounding as it happens."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Any
@@ -82,9 +80,7 @@ def test_operations_are_those_that_the_derivation_counts() -> None:
     # s = 2: ⌈2·3/2⌉ = 3 nodes.
     assert tolerance.operations(problem, 2) == amplification(2) * (4 * 19 + 4 * (2 + 3))
     # B of degree 4 counts as H of degree 5 would, and so does a B of five terms.
-    steep = poly.polynomial(
-        3, {(4, 0, 0): 1.0, (3, 0, 0): 1.0, (2, 0, 0): 1.0, (1, 0, 0): 1.0, (0, 0, 0): 1.0}
-    )
+    steep = poly.polynomial(3, dict.fromkeys(((n, 0, 0) for n in range(5)), 1.0))
     data = replace(problem.data, structure=((0, 1, steep),))
     assert tolerance.operations(problems.polynomial_problem(data)) == 4 * (2 * 5 + 5 + 3 + 8)
     # For functions: ν = 2, T = 6, and 2(s + 4) nodes. One function among them is enough.
@@ -107,9 +103,8 @@ def test_the_residual_has_the_size_of_the_state_of_the_step_and_of_the_solver() 
     found = tolerance.step_residual(problem, y0, y1, h, dW)
     assert np.allclose(found, expected, rtol=SAME, atol=0)
     assert np.array_equal(tolerance.step_residual(problem, y1, y0, h, dW), found)
-    lazy = tolerance.step_residual(
-        problem, y0, y1, h, dW, replace(schemes.energy_preserving, solver_tolerance=1e-6)
-    )
+    owned = replace(schemes.energy_preserving, solver_tolerance=1e-6)
+    lazy = tolerance.step_residual(problem, y0, y1, h, dW, owned)
     assert np.allclose(lazy - found, 8e-6, rtol=SAME, atol=0)
     twice = tolerance.step_residual(problem, y0, y1, h, dW, schemes.collocation(2))
     factor = tolerance.operations(problem, 2) / tolerance.operations(problem)
@@ -119,9 +114,8 @@ def test_the_residual_has_the_size_of_the_state_of_the_step_and_of_the_solver() 
     noise = np.stack([dW, 0 * dW, 2 * dW], axis=1)
     batch = tolerance.step_residual(problem, starts, ends, h, noise)
     for k in range(3):
-        assert np.array_equal(
-            batch[:, k], tolerance.step_residual(problem, starts[:, k], ends[:, k], h, noise[:, k])
-        )
+        alone = tolerance.step_residual(problem, starts[:, k], ends[:, k], h, noise[:, k])
+        assert np.array_equal(batch[:, k], alone)
 
 
 def test_several_structures_have_the_residual_of_the_largest() -> None:
@@ -144,21 +138,18 @@ def test_several_structures_have_the_residual_of_the_largest() -> None:
 
 def test_bounds_of_invariants_are_attained() -> None:
     """A change of y by ±r, each sign the worst, changes a linear H and C, and to first order C = yᵀAy, by the bound."""
-    problem = problems.polynomial_problem(
-        PolynomialSystem(2, poly.polynomial(2, {(1, 0): 3.0, (0, 1): -4.0}), ((0, 1, poly.constant(2, 1.0)),))
-    )
+    H = poly.polynomial(2, {(1, 0): 3.0, (0, 1): -4.0})
+    problem = problems.build(PolynomialSystem(2, H, ((0, 1, poly.constant(2, 1.0)),)))
     y, r = np.array([0.5, -2.0]), np.array([1e-3, 1e-5])
     assert tolerance.energy_bound(problem, y, y, r) == pytest.approx(3e-3 + 4e-5, rel=SAME, abs=0)
-    assert tolerance.casimir_bound(np.array([2.0, -5.0]), y, y, r) == pytest.approx(
-        2e-3 + 5e-5, rel=SAME, abs=0
-    )
+    linear = tolerance.casimir_bound(np.array([2.0, -5.0]), y, y, r)
+    assert linear == pytest.approx(2e-3 + 5e-5, rel=SAME, abs=0)
     A = np.array([[1.0, -3.0], [-3.0, 0.5]])
     slope = 2 * A @ y  # (13, −5) with terms (1 + 12, 3 + 2): nothing cancels
-    assert tolerance.casimir_bound(A, y, y, r) == pytest.approx(float(np.abs(slope) @ r), rel=SAME, abs=0)
     # Between two states: twice the average of both.
-    assert tolerance.casimir_bound(A, y, 3 * y, r) == pytest.approx(
-        2 * float(np.abs(slope) @ r), rel=SAME, abs=0
-    )
+    for end, times in ((y, 1), (3 * y, 2)):
+        bound = tolerance.casimir_bound(A, y, end, r)
+        assert bound == pytest.approx(times * float(np.abs(slope) @ r), rel=SAME, abs=0)
     none = np.zeros(2)
     assert tolerance.energy_bound(problem, y, y, none) == TINY
     assert tolerance.casimir_bound(A, y, y, none) == tolerance.casimir_bound(A[0], y, y, none) == TINY

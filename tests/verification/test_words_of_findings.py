@@ -1,7 +1,5 @@
 """A law that fails says what was expected, what came, from which state, and how to see it again."""
 
-from __future__ import annotations
-
 import re
 from contextlib import nullcontext
 from dataclasses import replace
@@ -18,6 +16,7 @@ from sepv.schemes._energy_preserving import step as exact_step
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.verification import Case, Effort, Finding, Verdict, load_laws, verify
+from sepv.verification._cases.case import to_json
 
 QUICK = Effort(examples=5, paths=512, shrink_checks=30)
 
@@ -28,7 +27,7 @@ def euler(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 
 
 def finding(step: object, law: str, **facts: object) -> Finding:
-    report = verify(Scheme("own", step, **facts), laws=[law], effort=QUICK)  # type: ignore[arg-type]
+    report = verify(Scheme("own", step, **facts), laws=[law], effort=QUICK)
     found = report.finding(law)
     assert found.verdict is Verdict.VIOLATED, found
     return found
@@ -66,7 +65,7 @@ def test_a_law_by_quadrature_names_a_state_and_a_step(law: str) -> None:
     found = finding(euler, law)
     assert found.replay == f"--law {law}"
     line = next(line for line in found.message.splitlines() if "from y0 =" in line)
-    h = float(re.search(r"h = ([\d.e-]+)", line)[1])  # type: ignore[index]
+    h = float(re.search(r"h = ([\d.e-]+)", line)[1])
     y0, *rest = (numbers(v) for v in re.findall(r"\(([-\de., +]+)\)", line))
     problem, (expected, came) = problems.by_name(line.partition(",")[0]), rest[-2:]
     if law == "local-mean-square":
@@ -100,12 +99,11 @@ def test_an_error_names_the_step_its_state_and_what_the_scheme_says(law: str, fa
         return exact_step(problem, y, h, dW)  # keeps H, or *rounding* is settled before
 
     # Takes one state at a time, or its `if` would be about many.
-    effort = replace(QUICK, paths=64)
-    found = verify(Scheme("own", step), laws=[law], effort=effort).finding(law)
+    few = replace(QUICK, paths=64)
+    (found,) = verify(Scheme("own", step), laws=[law], effort=few).findings
     assert found.verdict is Verdict.ERROR
-    place = re.search(
-        r"from y0 = \(([^)]+)\) with h = ([\d.e-]+), ΔW = \(([^)]+)\): (.*)", found.message, re.DOTALL
-    )
+    words = r"from y0 = \(([^)]+)\) with h = ([\d.e-]+), ΔW = \(([^)]+)\): (.*)"
+    place = re.search(words, found.message, re.DOTALL)
     assert place is not None, found.message
     y0, dW, h = numbers(place[1]), numbers(place[3]), float(place[2])
     assert said in place[4]
@@ -134,14 +132,12 @@ def test_a_weak_law_names_the_second_moment_where_the_means_agree() -> None:
 def test_energy_names_the_state_before_the_step_that_fails() -> None:
     (law,) = load_laws(["energy"])
     problem = problems.rigid_body()
-    case = Case(problem.data, (0.8, 0.6, 0.0), 0.125, (0.0,))  # type: ignore[arg-type]
+    case = Case(problem.data, (0.8, 0.6, 0.0), 0.125, (0.0,))
     made: list[Array] = [np.array(case.y)]
 
     def third(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         made.append(exact_step(problem, y, h, dW) * (1.001 if len(made) == 3 else 1.0))
         return made[-1]
-
-    from sepv.verification._cases.case import to_json
 
     found = law.replay(law, Scheme("own", third), to_json(case))
     assert found.verdict is Verdict.VIOLATED

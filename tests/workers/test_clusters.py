@@ -3,8 +3,6 @@
 Real processes on the loopback interface; everything that waits has a limit.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import signal
@@ -117,9 +115,7 @@ def test_a_chunk_that_raises_here_too_is_said_and_the_others_are_kept(client: An
     assert np.array_equal(kept.ensemble.y, whole.y[:, kept.paths])
 
 
-def test_a_chunk_that_kills_its_workers_does_not_come_here(
-    client: Any, cluster: Any, monkeypatch: Any
-) -> None:
+def test_a_chunk_that_kills_its_workers_does_not_come_here(client, cluster, monkeypatch):
     monkeypatch.setattr(cluster.scheduler, "allowed_failures", 0)
     with pytest.raises(sepv.ChunkFailure, match=r"on 1 workers, and each of them died") as failure:
         sepv.ensemble(scheme("kills"), PENDULUM, workers=client, **SMALL)
@@ -128,7 +124,7 @@ def test_a_chunk_that_kills_its_workers_does_not_come_here(
 
 
 def hide_numba() -> None:
-    sys.modules["numba"] = None  # type: ignore[assignment]
+    sys.modules["numba"] = None
 
 
 def test_a_worker_without_numba_is_named(client: Any, cluster: Any) -> None:
