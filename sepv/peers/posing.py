@@ -103,9 +103,11 @@ class Formulas:
         """Rows of the table of polynomials at y."""
         exponents, coefficients = numbers
         # Products, not y**e: both libraries differentiate 0**0 to NaN.
-        power = [xp.ones_like(y)]
-        for _ in range(self.powers):
-            power.append(power[-1] * y)
+        one, top = xp.ones_like(y), xp.amax(exponents, 1).reshape((-1, *[1] * (y.ndim - 1)))
+        power = [one]
+        for k in range(self.powers):
+            # Nor powers that no monomial has: they overflow, in single precision soon, and derivatives have 0·∞.
+            power.append(power[-1] * xp.where(top > k, y, one))
         table = xp.stack(power)
         monomials = table[exponents[0], 0]
         for i in range(1, y.shape[0]):

@@ -51,6 +51,18 @@ def test_a_polynomial_problem_has_its_structure_gradient_and_energy() -> None:
         pose(problem)  # one structure for each noise
 
 
+def test_powers_that_no_monomial_has_do_not_overflow() -> None:
+    data = sepv.problems.from_json(
+        {"dimension": 2, "hamiltonian": [[[2, 0], 0.5], [[0, 3], 1.0]], "structure": []}
+    )
+    single = sepv.problems.build(data)
+    y = np.float32(np.array([1e15, 1e10]))
+    with np.errstate(over="raise"):
+        formulas, numbers = pose(single)
+        assert formulas.powers > 3, "filled up"
+        np.testing.assert_allclose(formulas.gradient(np, numbers, y), [1e15, 3e20], rtol=1e-6)
+
+
 def test_what_is_not_given_as_data_is_asked_as_data_instead() -> None:
     """A step that needs data skips systems shown as functions: the law then shows the same system as data."""
 

@@ -11,7 +11,7 @@ import sepv
 from benchmarks.right_schemes import RIGHT
 from sepv import problems
 from sepv.errors import UsageError
-from sepv.problem import PolynomialSystem, Problem
+from sepv.problem import PolynomialSystem, Problem, mechanics
 from sepv.problems._common import canonical
 from sepv.record import _polynomial as poly
 from sepv.schemes import Scheme, energy_preserving
@@ -46,6 +46,38 @@ def test_a_step_that_loses_more_than_single_precision_is_found() -> None:
     step = lambda *a: np.float64(np.float32(energy_preserving.step(*a)))  # noqa: E731
     rounded = replace(energy_preserving, step=step, solve=None)
     assert verdicts(rounded, "energy", examples=1) == {"energy": "violated"}
+
+
+def leapfrog(kick: Any = np.float32, state: Any = np.float32) -> Scheme:
+    """A leapfrog in single precision; a wrong one keeps its kicks or its momenta in another."""
+
+    def step(problem: Problem, y: Any, h: float, dW: Any) -> Any:
+        system, length = mechanics(problem), np.float32(h)
+        with np.errstate(over="ignore"):
+            q, p = system.split(y)
+            p = state(p + kick(length / 2 * system.force(q))).astype(np.float32)
+            q = q + np.float32(length * system.velocity(p))
+            return system.join(q, state(p + kick(length / 2 * system.force(q))).astype(np.float32))
+
+    return Scheme("leapfrog", step, claims=KEPT, systems="mechanical", order=2, dtype="float32")
+
+
+KEPT = ("symplecticity", "volume", "symmetry", "reversibility")
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_leapfrog_in_single_precision_is_accused_by_no_seed(seed: int) -> None:
+    report = measured(
+        leapfrog(), "contract,symplecticity,volume,symmetry,reversibility", examples=1, seed=seed
+    )
+    assert [f.verdict.text for f in report.findings] == ["holds"] * 5
+
+
+def test_a_leapfrog_that_keeps_half_precision_is_found() -> None:
+    assert finding(leapfrog(), "deterministic-order").verdict.text == "holds"
+    # Kicks that are rounded alike come back: the step stays symmetric, but has no order.
+    assert finding(leapfrog(kick=np.float16), "deterministic-order").verdict.text == "violated"
+    assert finding(leapfrog(state=np.float16), "symmetry", examples=1).verdict.text == "violated"
 
 
 def _in_place(y1: Any, y: Any) -> Any:
