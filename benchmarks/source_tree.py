@@ -68,9 +68,8 @@ def public(path: Path, root: Path, tree: ast.Module) -> set[str]:
         if isinstance(node, ast.Assign) and any(ast.unparse(t) == "__all__" for t in node.targets):
             return set(ast.literal_eval(node.value))
         if isinstance(node, ast.ImportFrom):
-            # What the `__init__` of a room imports from the room is what the room offers.
-            if parts[-1] == "__init__" and (node.module or "").startswith(".".join(parts[:-1])):
-                found |= {a.asname or a.name for a in node.names}
+            # In an `__init__` what is imported under its own name is meant to be imported from there.
+            found |= {a.asname for a in node.names if a.asname == a.name and a.asname}
         elif (
             isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING" and parts[-1] == "__init__"
         ):

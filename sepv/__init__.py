@@ -18,16 +18,14 @@ Names are loaded when they are first used: ``import sepv`` itself imports nothin
 
 from __future__ import annotations
 
-import os
-from importlib import import_module
+import os as _os
 
+from sepv._lazy import lazily
 from sepv._version import __version__ as __version__
 
 # `typing` takes ten times as long to import as all of this, and `pathlib` as long as that: its name is set here.
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from typing import Any
-
     from sepv import exact as exact
     from sepv import large as large
     from sepv import problem as problem
@@ -67,46 +65,22 @@ if TYPE_CHECKING:
 
 # In a checkout that is on the path itself, `sepv.properties` and `sepv.reference` are the folders beside this one:
 # an installation maps them, but Python finds ./sepv before it.
-_HERE = os.path.dirname(os.path.realpath(__file__))
-_CHECKOUT = os.path.dirname(_HERE)
-if not os.path.isdir(f"{_HERE}/reference") and os.path.isdir(f"{_CHECKOUT}/reference/witnesses"):
+_HERE = _os.path.dirname(_os.path.realpath(__file__))
+_CHECKOUT = _os.path.dirname(_HERE)
+if not _os.path.isdir(f"{_HERE}/reference") and _os.path.isdir(f"{_CHECKOUT}/reference/witnesses"):
     __path__.append(_CHECKOUT)
 
-_HOME = {
-    name: f"sepv.{module}"
-    for module, names in {
+__getattr__, __dir__ = lazily(
+    __name__,
+    {
         "errors": "SepvError UsageError ProblemError TargetError SchemeFault StepFailure ChunkFailure Skipped "
         "ClusterFailure Interrupted",
-        "exact._flow": "exact_flow",
-        "problem._problem": "Problem PolynomialSystem",
-        "schemes._point_distributions": "PointLaw",
-        "schemes._scheme": "Scheme",
-        "schemes._stateful": "StatefulStep",
-        "simulate._batch": "Ensemble",
-        "simulate._ensembles.ensemble": "ensemble",
-        "simulate._ensembles.long_path": "long_path",
-        "simulate._paths": "Trajectory integrate",
-        "verification._law": "Effort Verdict",
-        "verification._outcome": "Report",
-        "verification._verify": "verify",
-    }.items()
-    for name in names.split()
-}
-# The rooms that a user enters; `strategies` is the one of them that stands in another.
-_MODULES = (
-    "exact", "large", "problem", "problems", "record", "schemes", "simulate", "solve", "studies", "verification",
-)  # fmt: skip
-
-
-def __getattr__(name: str) -> Any:
-    if name in _MODULES:
-        return import_module(f"sepv.{name}")
-    if name == "strategies":
-        return import_module("sepv.verification.strategies")
-    if name in _HOME:
-        return getattr(import_module(_HOME[name]), name)
-    raise AttributeError(f"module 'sepv' has no attribute {name!r}")
-
-
-def __dir__() -> list[str]:
-    return sorted((*_HOME, *_MODULES, "strategies", "__version__"))
+        "exact": "*exact exact_flow",
+        "problem": "*problem Problem PolynomialSystem",
+        "schemes": "*schemes PointLaw Scheme StatefulStep",
+        "simulate": "*simulate Ensemble ensemble long_path Trajectory integrate",
+        "verification": "*verification Effort Verdict Report verify",
+        "verification.strategies": "*strategies",
+        **{room: f"*{room}" for room in ("large", "problems", "record", "solve", "studies")},
+    },
+)

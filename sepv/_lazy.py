@@ -36,6 +36,7 @@ def lazily(room: str, offered: Mapping[str, str]) -> tuple[Callable[[str], Any],
         return getattr(loaded, attribute) if attribute else loaded
 
     def names() -> list[str]:
-        return sorted({*vars(import_module(room)), *places})
+        given = {name for name in vars(import_module(room)) if name[0] != "_" or name == "__version__"}
+        return sorted((given | {*places}) - {"TYPE_CHECKING", "annotations", "lazily"})
 
     return get, names

@@ -7,13 +7,15 @@ of Remark 2.1's clip.
 
 from __future__ import annotations
 
-from sepv.exact._closed_forms import CLOSED_FORMS
+from sepv.exact._closed_forms import CLOSED_FORMS as CLOSED_FORMS
 from sepv.exact._dense_flow import FlowFailure
-from sepv.exact._flow import ExactFlow, exact_flow
+from sepv.exact._flow import ExactFlow as ExactFlow
+from sepv.exact._flow import exact_flow as exact_flow
 from sepv.exact._log_flow import field as log_flow_field
-from sepv.exact._log_flow import log_flow, runge_kutta
+from sepv.exact._log_flow import log_flow as log_flow
+from sepv.exact._log_flow import runge_kutta
 from sepv.exact._several_structures import ends as exact_ends
 from sepv.exact._several_structures import finer as finer_increments
 from sepv.exact._several_structures import heun
 from sepv.exact._several_structures import refined as rough_reference
-from sepv.exact._truncation_error import clipping_error
+from sepv.exact._truncation_error import clipping_error as clipping_error

@@ -7,6 +7,9 @@ case that crashes can still be shrunk.
 
 from __future__ import annotations
 
-from sepv.external._check import Check, check_protocol, describe
-from sepv.external._errors import ProgramError
-from sepv.external._program import Program, load_program
+from sepv.external._check import Check as Check
+from sepv.external._check import check_protocol as check_protocol
+from sepv.external._check import describe as describe
+from sepv.external._errors import ProgramError as ProgramError
+from sepv.external._program import Program as Program
+from sepv.external._program import load_program as load_program

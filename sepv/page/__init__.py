@@ -2,5 +2,7 @@
 
 from __future__ import annotations
 
-from sepv.page._render import of_report, render
-from sepv.page._sources import Sources, load
+from sepv.page._render import of_report as of_report
+from sepv.page._render import render as render
+from sepv.page._sources import Sources as Sources
+from sepv.page._sources import load as load

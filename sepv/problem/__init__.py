@@ -10,19 +10,21 @@ written.
 from __future__ import annotations
 
 from sepv.problem import _poisson as poisson
-from sepv.problem._averaged_gradient import Average, argument_rounding, average_gradient, average_hessian
-from sepv.problem._checks import check_problem, sample_states
-from sepv.problem._damped import DampedProblem, damping_of
+from sepv.problem._averaged_gradient import Average, argument_rounding
+from sepv.problem._averaged_gradient import average_gradient as average_gradient
+from sepv.problem._averaged_gradient import average_hessian as average_hessian
+from sepv.problem._checks import check_problem as check_problem
+from sepv.problem._checks import sample_states
+from sepv.problem._damped import DampedProblem as DampedProblem
+from sepv.problem._damped import damping_of
 from sepv.problem._derived import PartFlow
 from sepv.problem._directions import Directions, directions
 from sepv.problem._fields import (
     DENSE,
     Algebra,
-    casimir_gradients,
     cramer,
     derivative_along,
     dot,
-    field_jacobian,
     forward_differences,
     hessian,
     invariants,
@@ -32,51 +34,53 @@ from sepv.problem._fields import (
     slope_along,
     structure_slope,
     turned_along,
-    vector_field,
 )
+from sepv.problem._fields import casimir_gradients as casimir_gradients
+from sepv.problem._fields import field_jacobian as field_jacobian
+from sepv.problem._fields import vector_field as vector_field
+from sepv.problem._hamiltonians import HamiltoniansProblem as HamiltoniansProblem
 from sepv.problem._hamiltonians import (
-    HamiltoniansProblem,
     bracket,
-    column,
     combined_field,
     combined_gradient,
     combined_hessian,
-    commutes,
     drift_bracket,
-    hamiltonian_field,
     is_several,
-    ito_drift,
     noise_field,
     noise_hessian,
     noise_vectors,
 )
-from sepv.problem._json import from_json, problem_from_json, problem_to_json, to_json
-from sepv.problem._mechanics import Mechanics, mechanics
-from sepv.problem._nambu import Nambu, cross
-from sepv.problem._poisson import derivative_of_structure, is_poisson, jacobi_defect
-from sepv.problem._problem import (
-    Array,
-    Description,
-    Flow,
-    Function,
-    GivenProblem,
-    Matrix,
-    NamedProblem,
-    PolynomialSystem,
-    Problem,
-    Structure,
-    Systems,
-    coefficients,
-)
+from sepv.problem._hamiltonians import column as column
+from sepv.problem._hamiltonians import commutes as commutes
+from sepv.problem._hamiltonians import hamiltonian_field as hamiltonian_field
+from sepv.problem._hamiltonians import ito_drift as ito_drift
+from sepv.problem._json import from_json as from_json
+from sepv.problem._json import problem_from_json, problem_to_json
+from sepv.problem._json import to_json as to_json
+from sepv.problem._mechanics import Mechanics as Mechanics
+from sepv.problem._mechanics import mechanics as mechanics
+from sepv.problem._nambu import Nambu as Nambu
+from sepv.problem._nambu import cross
+from sepv.problem._poisson import derivative_of_structure
+from sepv.problem._poisson import is_poisson as is_poisson
+from sepv.problem._poisson import jacobi_defect as jacobi_defect
+from sepv.problem._problem import Array as Array
+from sepv.problem._problem import Description as Description
+from sepv.problem._problem import Flow, Function, Matrix, Structure, coefficients
+from sepv.problem._problem import GivenProblem as GivenProblem
+from sepv.problem._problem import NamedProblem as NamedProblem
+from sepv.problem._problem import PolynomialSystem as PolynomialSystem
+from sepv.problem._problem import Problem as Problem
+from sepv.problem._problem import Systems as Systems
 from sepv.problem._reversal import momentum_flip
 from sepv.problem._structures import (
     ClosedForm,
-    CommutingStructure,
-    StructuresProblem,
     combined,
     combined_slope,
-    commuting_hamiltonians,
     each_noise,
     noise_structures,
     undefined,
 )
+from sepv.problem._structures import CommutingStructure as CommutingStructure
+from sepv.problem._structures import StructuresProblem as StructuresProblem
+from sepv.problem._structures import commuting_hamiltonians as commuting_hamiltonians

@@ -12,31 +12,45 @@ from sepv.problem import Description, GivenProblem, NamedProblem, PolynomialSyst
 from sepv.problem import from_json as from_json
 from sepv.problem import to_json as to_json
 from sepv.problems._common import HAT, UNIT3, canonical, hat, planes, structure
-from sepv.problems._damped_top import damped_top
-from sepv.problems._kepler import kepler
-from sepv.problems._lotka_volterra import lotka_volterra, random_lotka_volterra
+from sepv.problems._damped_top import damped_top as damped_top
+from sepv.problems._kepler import kepler as kepler
+from sepv.problems._lotka_volterra import lotka_volterra as lotka_volterra
+from sepv.problems._lotka_volterra import random_lotka_volterra as random_lotka_volterra
 from sepv.problems._matrix_algebras import MatrixAlgebra, algebra_of, product
-from sepv.problems._matrix_tops import manakov_top, matrix_system, su3_top, zeitlin
-from sepv.problems._maxwell_bloch import maxwell_bloch, random_maxwell_bloch
-from sepv.problems._mechanical import harmonic_trap, henon_heiles, lennard_jones, pendulum_chain
-from sepv.problems._n_body import figure_eight, planets
-from sepv.problems._nambu_system import nambu_system
-from sepv.problems._noisy_oscillators import noisy_henon_heiles, pushed_henon_heiles
-from sepv.problems._one_degree import harmonic_oscillator, pendulum
-from sepv.problems._point_vortices import point_vortices
-from sepv.problems._polynomial_system import drift_of_energy, polynomial_problem, started, structure_entries
-from sepv.problems._rigid_body import rigid_body
-from sepv.problems._several import (
-    commuting_actions,
-    commuting_oscillators,
-    commuting_rotations,
-    kubo_by_hamiltonians,
-    kubo_oscillator,
-    noncommuting_drift,
-    noncommuting_tops,
-)
-from sepv.problems._spins import commuting_twists, pushed_rigid_body, random_inertia, twisted_top, two_spins
-from sepv.problems._toda import toda
+from sepv.problems._matrix_tops import manakov_top as manakov_top
+from sepv.problems._matrix_tops import matrix_system
+from sepv.problems._matrix_tops import su3_top as su3_top
+from sepv.problems._matrix_tops import zeitlin as zeitlin
+from sepv.problems._maxwell_bloch import maxwell_bloch as maxwell_bloch
+from sepv.problems._maxwell_bloch import random_maxwell_bloch as random_maxwell_bloch
+from sepv.problems._mechanical import harmonic_trap as harmonic_trap
+from sepv.problems._mechanical import henon_heiles as henon_heiles
+from sepv.problems._mechanical import lennard_jones as lennard_jones
+from sepv.problems._mechanical import pendulum_chain as pendulum_chain
+from sepv.problems._n_body import figure_eight as figure_eight
+from sepv.problems._n_body import planets as planets
+from sepv.problems._nambu_system import nambu_system as nambu_system
+from sepv.problems._noisy_oscillators import noisy_henon_heiles as noisy_henon_heiles
+from sepv.problems._noisy_oscillators import pushed_henon_heiles as pushed_henon_heiles
+from sepv.problems._one_degree import harmonic_oscillator as harmonic_oscillator
+from sepv.problems._one_degree import pendulum as pendulum
+from sepv.problems._point_vortices import point_vortices as point_vortices
+from sepv.problems._polynomial_system import drift_of_energy, started, structure_entries
+from sepv.problems._polynomial_system import polynomial_problem as polynomial_problem
+from sepv.problems._rigid_body import rigid_body as rigid_body
+from sepv.problems._several import commuting_actions
+from sepv.problems._several import commuting_oscillators as commuting_oscillators
+from sepv.problems._several import commuting_rotations as commuting_rotations
+from sepv.problems._several import kubo_by_hamiltonians as kubo_by_hamiltonians
+from sepv.problems._several import kubo_oscillator as kubo_oscillator
+from sepv.problems._several import noncommuting_drift as noncommuting_drift
+from sepv.problems._several import noncommuting_tops as noncommuting_tops
+from sepv.problems._spins import commuting_twists as commuting_twists
+from sepv.problems._spins import pushed_rigid_body as pushed_rigid_body
+from sepv.problems._spins import random_inertia as random_inertia
+from sepv.problems._spins import twisted_top as twisted_top
+from sepv.problems._spins import two_spins as two_spins
+from sepv.problems._toda import toda as toda
 
 
 def _listed(*factories: Callable[..., Problem]) -> dict[str, Callable[..., Problem]]:

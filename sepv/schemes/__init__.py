@@ -11,19 +11,25 @@ from __future__ import annotations
 from typing import Any
 
 from sepv.problem import Systems as Systems
-from sepv.schemes._catalogue import BY_FILE, DAMPED, EXTENSIONS, FAMILIES, HAMILTONIANS, PAPER, by_name
-from sepv.schemes._collocation import FIRST_NODES, MAX_NODES, collocation
-from sepv.schemes._continuation import continued
-from sepv.schemes._division import divided
+from sepv.schemes._catalogue import BY_FILE as BY_FILE
+from sepv.schemes._catalogue import DAMPED as DAMPED
+from sepv.schemes._catalogue import EXTENSIONS as EXTENSIONS
+from sepv.schemes._catalogue import FAMILIES as FAMILIES
+from sepv.schemes._catalogue import HAMILTONIANS as HAMILTONIANS
+from sepv.schemes._catalogue import PAPER as PAPER
+from sepv.schemes._catalogue import by_name as by_name
+from sepv.schemes._collocation import FIRST_NODES, MAX_NODES
+from sepv.schemes._collocation import collocation as collocation
+from sepv.schemes._continuation import continued as continued
+from sepv.schemes._division import divided as divided
 from sepv.schemes._energy_preserving import formula as energy_preserving_formula
-from sepv.schemes._explicit import explicit
+from sepv.schemes._explicit import explicit as explicit
 from sepv.schemes._explicit_tableaux import CLASSICAL, DORMAND_PRINCE_8, ExplicitTableau
 from sepv.schemes._further_increments import answer as answer_of
 from sepv.schemes._further_increments import carry, further_rows
-from sepv.schemes._gauss import gauss
+from sepv.schemes._gauss import gauss as gauss
 from sepv.schemes._guard import (
     SchemeCrash,
-    ask,
     ask_next,
     ask_once,
     check_answer,
@@ -32,25 +38,27 @@ from sepv.schemes._guard import (
     require_unchanged,
     translated,
 )
-from sepv.schemes._load_target import load_object, load_problem, load_scheme, require_trusted, words_for
+from sepv.schemes._guard import ask as ask
+from sepv.schemes._load_target import load_object, require_trusted, words_for
+from sepv.schemes._load_target import load_problem as load_problem
+from sepv.schemes._load_target import load_scheme as load_scheme
 from sepv.schemes._midpoint import formula as midpoint_formula
 from sepv.schemes._modified_weak_two import structure_curvature, structure_slope
-from sepv.schemes._one_step import (
-    RANDOM_STEP,
-    Explicit,
-    Implicit,
-    Parts,
-    drift_and_noise,
-    implicit,
-    one_step,
-    random_step,
-)
-from sepv.schemes._order_claims import Orders, order_of
-from sepv.schemes._picture_look import Look
+from sepv.schemes._one_step import RANDOM_STEP as RANDOM_STEP
+from sepv.schemes._one_step import Explicit as Explicit
+from sepv.schemes._one_step import Implicit, Parts, drift_and_noise, random_step
+from sepv.schemes._one_step import implicit as implicit
+from sepv.schemes._one_step import one_step as one_step
+from sepv.schemes._order_claims import Orders as Orders
+from sepv.schemes._order_claims import order_of
+from sepv.schemes._picture_look import Look as Look
 from sepv.schemes._point_distributions import NAMES as POINT_LAWS
-from sepv.schemes._point_distributions import NORMAL, PointLaw, point_law
-from sepv.schemes._projected import projected
-from sepv.schemes._scheme import OF_SEVERAL, REFUSALS, Scheme, Step, as_lanes, takes, weakly
+from sepv.schemes._point_distributions import NORMAL, point_law
+from sepv.schemes._point_distributions import PointLaw as PointLaw
+from sepv.schemes._projected import projected as projected
+from sepv.schemes._scheme import OF_SEVERAL, REFUSALS, Step, as_lanes, takes
+from sepv.schemes._scheme import Scheme as Scheme
+from sepv.schemes._scheme import weakly as weakly
 from sepv.schemes._several_stages import step_with_stages
 from sepv.schemes._several_with_areas import step_with_areas
 from sepv.schemes._stateful import StatefulStep, joined_lanes, lanes

@@ -10,24 +10,27 @@ from __future__ import annotations
 
 from sepv.solve import _formula as formula
 from sepv.solve._differences import difference_jacobian
-from sepv.solve._formula import Asked, Fields, Formula, Values, counted
+from sepv.solve._formula import Asked, Formula, counted
+from sepv.solve._formula import Fields as Fields
+from sepv.solve._formula import Values as Values
 from sepv.solve._from_record import corrections
 from sepv.solve._linearised import Tangent, derivative
-from sepv.solve._newton import into_domain, iterate, newton, solve
+from sepv.solve._newton import into_domain, iterate, newton
+from sepv.solve._newton import solve as solve
 from sepv.solve._recorded import Recorded
 from sepv.solve._solution import (
     COUNTS,
     Equations,
     Evaluation,
-    Increment,
     IncrementFunction,
     JacobianFunction,
     Lanes,
     Solution,
-    Status,
     Worded,
     merge,
     once,
     require_converged,
 )
+from sepv.solve._solution import Increment as Increment
+from sepv.solve._solution import Status as Status
 from sepv.solve._stop_rule import LEFT, ROUNDING

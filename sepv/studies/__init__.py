@@ -22,9 +22,11 @@ if TYPE_CHECKING:
     from sepv.studies._bench.gate import check as check_bench
     from sepv.studies._compare import picture as comparison_picture
     from sepv.studies._compare import table as comparison_table
-    from sepv.studies._compare.method import Method, from_scheme, from_states, load_method
+    from sepv.studies._compare.method import Method as Method
+    from sepv.studies._compare.method import from_scheme, from_states, load_method
     from sepv.studies._compare.record import Comparison
-    from sepv.studies._compare.run import compare, one_core
+    from sepv.studies._compare.run import compare as compare
+    from sepv.studies._compare.run import one_core
     from sepv.studies._energy_growth import DOUBLINGS, LEVEL, Growth, exponent, growth, rounding_walk
     from sepv.studies._hard_cases import Seen, long_steps
     from sepv.studies._hard_cases import run as run_hard_cases
@@ -45,7 +47,8 @@ if TYPE_CHECKING:
         require_picture,
     )
     from sepv.studies._solvability.branch import End
-    from sepv.studies._solvability.map import Map, solvability_map
+    from sepv.studies._solvability.map import Map
+    from sepv.studies._solvability.map import solvability_map as solvability_map
     from sepv.studies._solvability.paths import Exits, follow_paths
     from sepv.studies._solvability.picture import draw as draw_solvability
 

@@ -13,38 +13,43 @@ from typing import TYPE_CHECKING
 from sepv._lazy import lazily
 from sepv.verification import _law as law
 from sepv.verification import _verify as suite
-from sepv.verification._amplification import amplification
+from sepv.verification._amplification import amplification as amplification
 from sepv.verification._cases import case as cases
-from sepv.verification._cases.case import Case, has_words, quiet_problem, require_named
+from sepv.verification._cases.case import Case as Case
+from sepv.verification._cases.case import has_words, quiet_problem, require_named
 from sepv.verification._cases.from_problem import describe
-from sepv.verification._cases.of_law import Cases
-from sepv.verification._expected_failures import Expectations, pin, to_toml
+from sepv.verification._cases.of_law import Cases as Cases
+from sepv.verification._expected_failures import Expectations as Expectations
 from sepv.verification._expected_failures import load as load_expectations
-from sepv.verification._law import (
-    Effort,
-    Finding,
-    Law,
-    LawViolated,
-    Measurement,
-    Run,
-    Verdict,
-    require,
-    verdict_text,
-)
-from sepv.verification._laws import LAWS, laws_of, load_laws
-from sepv.verification._outcome import Report, fails
-from sepv.verification._profiles import PROFILES, SUITE, Profile, requirements
-from sepv.verification._search import searched
-from sepv.verification._tolerance import (
-    casimir_bound,
-    casimir_ulp,
-    energy_bound,
-    energy_ulp,
-    state_ulp,
-    step_residual,
-)
+from sepv.verification._expected_failures import pin, to_toml
+from sepv.verification._law import Effort as Effort
+from sepv.verification._law import Finding as Finding
+from sepv.verification._law import Law as Law
+from sepv.verification._law import LawViolated as LawViolated
+from sepv.verification._law import Measurement as Measurement
+from sepv.verification._law import Run as Run
+from sepv.verification._law import Verdict as Verdict
+from sepv.verification._law import require as require
+from sepv.verification._law import verdict_text
+from sepv.verification._laws import LAWS as LAWS
+from sepv.verification._laws import laws_of
+from sepv.verification._laws import load_laws as load_laws
+from sepv.verification._outcome import Report as Report
+from sepv.verification._outcome import fails
+from sepv.verification._profiles import PROFILES as PROFILES
+from sepv.verification._profiles import SUITE as SUITE
+from sepv.verification._profiles import Profile as Profile
+from sepv.verification._profiles import requirements
+from sepv.verification._search import searched as searched
+from sepv.verification._tolerance import casimir_bound as casimir_bound
+from sepv.verification._tolerance import casimir_ulp
+from sepv.verification._tolerance import energy_bound as energy_bound
+from sepv.verification._tolerance import energy_ulp as energy_ulp
+from sepv.verification._tolerance import state_ulp as state_ulp
+from sepv.verification._tolerance import step_residual as step_residual
 from sepv.verification._units import units_of
-from sepv.verification._verify import load_in_time, measure, replay, verify
+from sepv.verification._verify import load_in_time, measure, replay
+from sepv.verification._verify import verify as verify
 
 if TYPE_CHECKING:
     from sepv.verification import _github as github

@@ -6,5 +6,9 @@ futures) and `_on_dask`.
 
 from __future__ import annotations
 
-from sepv.workers._pool import Halted, ended_at_once, halted
-from sepv.workers._run_all import check, count, run_all
+from sepv.workers._pool import Halted as Halted
+from sepv.workers._pool import ended_at_once as ended_at_once
+from sepv.workers._pool import halted as halted
+from sepv.workers._run_all import check as check
+from sepv.workers._run_all import count as count
+from sepv.workers._run_all import run_all as run_all

@@ -17,8 +17,8 @@ from sepv import problems
 from sepv.exact import exact_flow
 from sepv.problem import Problem
 from sepv.schemes import Scheme
-from sepv.simulate import Carried, batch_step
-from sepv.simulate import truncation as bounded
+from sepv.simulate import _truncation as bounded
+from sepv.simulate._batch import Carried, batch_step
 from sepv.studies._evaluation_count import Work, counted
 
 # Means over this many groups of paths are kept, for jackknife intervals of ratios over the same paths.
