@@ -45,6 +45,11 @@ def test_no_decade_is_left_out(decade: int) -> None:
         assert verdict(in_window(low, high, euler), "local-mean-square") is Verdict.VIOLATED
 
 
+def test_a_step_that_explodes_in_a_window_is_seen() -> None:
+    far = in_window(1e-4, 1e-3, lambda p, y, h, dW: right(p, y, h, dW) + 1e60)
+    assert verdict(far, "local-mean-square") is Verdict.VIOLATED
+
+
 def divided(length: float) -> Step:
     """(2.1) in equal parts that are no longer than a length in seconds: errors fall with a slope of ½ above it."""
 

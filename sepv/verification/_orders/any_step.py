@@ -50,6 +50,8 @@ FINER = 2.0**-6
 # Errors in the same units of time are equal for every formula of hf and ΔW_jf. The room is for schemes that are not
 # such a formula, but choose between two of different constants.
 ROOM = 2.0
+# Larger errors count as this large, so that their squares are numbers.
+MOST = 1e100
 
 
 def drawn(rng: np.random.Generator, low: float, high: float, count: int) -> Array:
@@ -188,10 +190,11 @@ def _pairs(scheme: Scheme, problem: Problem, seed: int) -> Iterator[Pair]:
     floor = CLEAR * (FLOOR * EPS + scheme.precision) * scale + 2 * found.error
     asked, y0 = guarded(scheme), np.repeat(start[:, None], xi.shape[1], axis=1)
     for posed, h, unit, louder in made:
-        errors = []
+        errors, failed = [], False
         for size in (h, h / APART):
             y, status, *_ = advance(asked, posed, y0, size, np.sqrt(size) * xi)
-            apart = np.sum((y - next(ends)) ** 2, axis=0)
-            errors.append(float(np.sqrt(np.mean(apart))) if np.all(status == Status.CONVERGED) else np.nan)
-        if np.all(np.isfinite(errors)):
+            apart = np.minimum(np.abs(y - next(ends)), MOST)
+            errors.append(float(np.sqrt(np.mean(np.sum(apart**2, axis=0)))))
+            failed = failed or bool(np.any(status != Status.CONVERGED))
+        if not failed:
             yield Pair(posed, h, unit, louder, np.array(errors), floor)
