@@ -1,19 +1,14 @@
 """The compiled engine: the NumPy batch to a few ulp, the same bits however the paths are divided."""
 
-import gc
 import math
-import subprocess
-import sys
-import weakref
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
+from engines import EP, both, quartic, same
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -22,38 +17,11 @@ from benchmarks.units import Scale, scaled
 from sepv import problems, schemes
 from sepv.problem import HamiltoniansProblem
 from sepv.schemes import divided
-from sepv.simulate import _wiener as wiener
-from sepv.simulate._compiled.block_run import Chunk
-from sepv.simulate._ensembles.task import Task
 from sepv.solve import Status
 
 pytest.importorskip("numba", reason="the extra `fast` is not installed")
 
-EP = schemes.energy_preserving
 EPS = 2.0**-52
-
-
-def both(scheme, problem, **arguments):
-    """The same ensemble by both engines."""
-    return (sepv.ensemble(scheme, problem, engine=engine, **arguments) for engine in ("compiled", "numpy"))
-
-
-def same(a, b) -> bool:
-    keys = ("y", "W", "status", "failed_step", "energy_defect", "casimir_defect", "states")
-    return (
-        all(np.array_equal(getattr(a, key), getattr(b, key)) for key in keys) and a.iterations == b.iterations
-    )
-
-
-def quartic(values=(0.7, 0.4, 0.3, 0.1, -0.05, 1.0, 0.25, -0.125), noise=(0.5, 0.25)) -> sepv.Problem:
-    """A random-looking quartic H in the plane with B(y) of degree one: nodes, derivatives and parameters all matter."""
-    a, b, c, e, f, *B = values
-    from sepv.problem import PolynomialSystem
-    from sepv.record import polynomial
-
-    H = polynomial(2, {(2, 0): a, (0, 2): b, (1, 2): c, (4, 0): e, (2, 2): f})
-    entry = polynomial(2, {(0, 0): B[0], (1, 0): B[1], (0, 1): B[2]})
-    return problems.polynomial_problem(PolynomialSystem(2, H, ((0, 1, entry),), noise))
 
 
 STIFFNESS = 0.75
@@ -205,149 +173,6 @@ def test_problems_of_other_classes_are_refused_in_words() -> None:
     ):  # fmt: skip
         with pytest.raises(sepv.UsageError, match=words):
             sepv.ensemble(name, problem, h=1 / 32, T=1 / 32, paths=9, engine="compiled")
-
-
-def test_any_constant_that_reaches_compiled_code_changes_its_name(monkeypatch) -> None:
-    from sepv.simulate._compiled import store
-
-    text = Path(store.__file__).with_name("lanes.py").read_text(encoding="utf-8")
-    name, changed = store.name_of(text), set()
-    for module in store.linked(text):
-        for key, value in list(vars(module).items()):
-            if key[:2] != "__" and type(value) in (int, float, bool, np.int64, np.ndarray):
-                other = value + np.ones_like(value) if isinstance(value, np.ndarray) else value + 1
-                with monkeypatch.context() as patch:
-                    patch.setattr(module, key, other)
-                    assert store.name_of(text) != name, (module.__name__, key)
-                changed.add(key)
-    assert {"MIXING", "STREAMS", "_PART_1", "LANES"} <= changed
-    assert store.name_of(text) == name
-    for place, value in (
-        ("numba.__version__", "0"), ("llvmlite.__version__", "0"),
-        ("llvmlite.binding.get_host_cpu_name", lambda: "another"),
-    ):  # fmt: skip
-        with monkeypatch.context() as patch:
-            patch.setattr(place, value)
-            store._machine.cache_clear()
-            assert store.name_of(text) != name
-    store._machine.cache_clear()
-
-
-def test_a_constant_that_changes_reaches_compiled_code(tmp_path, monkeypatch) -> None:
-    from sepv.simulate._compiled import store
-
-    monkeypatch.setenv("SEPV_CACHE_DIR", str(tmp_path))
-    text = (
-        "from numba import njit\nfrom sepv.simulate._wiener import MIXING\n\n\n"
-        "@njit('int64()', cache=True)\ndef rounds():\n    return MIXING\n"
-    )
-    for more in (0, 6):
-        monkeypatch.setattr(wiener, "MIXING", wiener.MIXING + more)
-        assert store.load.__wrapped__(text).rounds() == wiener.MIXING
-
-
-def backwards(function, tasks):
-    return [function(task) for task in reversed(tasks)]
-
-
-def test_workers_are_any_map_and_the_bits_stay() -> None:
-    problem, arguments = problems.rigid_body(), {"h": 1 / 64, "T": 1.0, "paths": 2100, "chunk": 1024}
-    here = sepv.ensemble(EP, problem, **arguments)
-    with ThreadPoolExecutor(2) as threads, ProcessPoolExecutor(2) as processes:
-        for workers in (map, backwards, threads.map, processes.map):
-            there = sepv.ensemble(EP, problem, workers=workers, **arguments)
-            assert there.repeated == 0
-            assert same(here, there)
-
-
-@dataclass
-class Step:
-    """Equality without a hash, as dataclasses have it."""
-
-    share: float
-
-    def __call__(self, problem, y, h, dW):
-        return y + self.share * h * problem.structure(y) @ problem.gradient(y)
-
-
-def test_what_cannot_be_compiled_is_said() -> None:
-    own, run = sepv.Scheme("energy-preserving", Step(1.0)), {"h": 0.5, "T": 1.0, "paths": 2}
-    result = sepv.ensemble(own, problems.rigid_body(), **run)
-    assert result.engine == "numpy"
-    assert "no code for the scheme" in result.reason
-    with pytest.raises(sepv.UsageError, match="no code for the scheme"):
-        sepv.ensemble(own, problems.rigid_body(), engine="compiled", **run)
-    undefined = sepv.ensemble(schemes.several_structures, problems.commuting_oscillators(), **run)
-    assert "undefined at critical points" in undefined.reason  # S_j of several Hamiltonians is none there
-
-
-def test_bits_depend_neither_on_threads_nor_on_chunks() -> None:
-    problem, arguments = problems.rigid_body(), {"h": 1 / 64, "T": 1.0, "seed": 2, "engine": "compiled"}
-    one = sepv.ensemble(EP, problem, paths=1500, times=[0.25, 1.0], **arguments)
-    two = sepv.ensemble(EP, problem, paths=1500, times=[0.25, 1.0], workers=2, **arguments)
-    assert same(one, two)
-    few = sepv.ensemble(EP, problem, paths=3, **arguments)  # path by path
-    assert np.array_equal(few.y, one.y[:, :3])
-    assert np.array_equal(one.states[1], one.y)
-
-
-def test_given_increments_are_the_drawn_ones() -> None:
-    problem = problems.rigid_body()
-    drawn = sepv.ensemble(EP, problem, h=1 / 64, T=1.0, paths=100, seed=5, engine="compiled")
-    dW = wiener.increments(5, T=1.0, steps=64, noises=1, paths=100)
-    given = sepv.ensemble(EP, problem, h=1 / 64, T=1.0, dW=dW, engine="compiled")
-    assert same(drawn, given)
-
-
-def test_what_is_raised_while_a_lane_is_solved_is_raised_when_the_compiled_loop_is_back(monkeypatch) -> None:
-    from sepv.solve import _newton
-
-    arguments = {"h": 0.1, "steps": 40, "engine": "compiled", "truncation": None, "seed": 2}
-    whole = sepv.long_path(EP, "lotka-volterra", **arguments)
-    assert whole.failed_step > 0
-    approach, asked = _newton.approach, []
-
-    def interrupted(*given):
-        asked.append(given)
-        if len(asked) == 1:
-            raise KeyboardInterrupt
-        return approach(*given)
-
-    monkeypatch.setattr(_newton, "approach", interrupted)
-    path = sepv.long_path(EP, "lotka-volterra", **arguments)
-    assert path.interrupted
-    assert len(asked) > 1
-    # The step was made all the same, so that the path is at the end of a piece.
-    assert (path.failed_step, path.status, path.t) == (whole.failed_step, whole.status, whole.t)
-    assert np.array_equal(path.y, whole.y)
-    asked.clear()
-    with pytest.raises(sepv.errors.Interrupted):
-        sepv.ensemble(EP, "lotka-volterra", paths=20, **arguments)
-
-    def broken(*given):
-        raise ArithmeticError("no such thing")
-
-    monkeypatch.setattr(_newton, "approach", broken)
-    with pytest.raises(sepv.errors.ChunkFailure, match="no such thing"):
-        sepv.ensemble(EP, "lotka-volterra", paths=20, **arguments)
-
-
-def test_what_a_broken_worker_did_not_finish_is_computed_here() -> None:
-    problem, arguments = problems.rigid_body(), {"h": 1 / 64, "T": 1.0, "paths": 2100, "chunk": 1024}
-    here = sepv.ensemble(EP, problem, **arguments)
-
-    def second_fails(function, tasks):
-        for number, task in enumerate(tasks):
-            yield function(task) if number != 1 else (False, "broken")
-
-    def stops(function, tasks):
-        yield function(tasks[0])
-        raise ConnectionError("the cluster is gone")
-
-    for workers, repeated in ((second_fails, 1), (stops, 2)):
-        result = sepv.ensemble(EP, problem, workers=workers, **arguments)
-        assert result.repeated == repeated
-        assert same(here, result)
 
 
 @pytest.mark.parametrize("engine", ["numpy", "compiled"])
@@ -508,29 +333,6 @@ def test_a_problem_that_cannot_be_recorded_says_why() -> None:
         assert why in result.reason
 
 
-def test_more_paths_than_memory_holds_and_what_is_not_finite_are_refused_at_once() -> None:
-    problem = problems.rigid_body()
-    with pytest.raises(sepv.UsageError, match="paths whose ends fit into memory"):
-        sepv.ensemble(EP, problem, h=0.1, T=1.0, paths=10**15)
-    dW = np.zeros((10, 1, 3))
-    dW[4, 0, 2] = np.nan
-    with pytest.raises(sepv.UsageError, match=r"dW\[4, 0, 2\] = nan"):
-        sepv.ensemble(EP, problem, h=0.1, T=1.0, dW=dW)
-
-
-def test_compiled_code_that_was_cut_off_is_compiled_again(tmp_path, monkeypatch) -> None:
-    from sepv.simulate._compiled import store
-
-    monkeypatch.setenv("SEPV_CACHE_DIR", str(tmp_path))
-    text = (
-        "from numba import njit\n\n\n@njit('float64(float64)', cache=True)\ndef twice(x):\n    return 2 * x\n"
-    )
-    store.load.__wrapped__(text)
-    (compiled,) = tmp_path.glob("engine/__pycache__/*.nbc")
-    compiled.write_bytes(compiled.read_bytes()[:50])
-    assert store.load.__wrapped__(text).twice(1.5) == 3.0
-
-
 @pytest.mark.parametrize("scheme", [EP, schemes.midpoint])
 def test_a_step_on_which_sweeps_do_not_contract_is_begun_anew(scheme: sepv.Scheme) -> None:
     """Steps of the pendulum with |Δ| up to 40: sweeps end anywhere, and Newton's iteration from there elsewhere."""
@@ -542,52 +344,3 @@ def test_a_step_on_which_sweeps_do_not_contract_is_begun_anew(scheme: sepv.Schem
         assert not plain.status.any()
         # Roots are of order one apart; the same root differs by roundings of y and of Δ g, |Δ| ≤ 40, g ≤ 4.
         assert np.max(np.abs(fast.y - plain.y)) < 64 * 2.0**-52 * 160
-
-
-def test_the_first_ensemble_leaves_the_import_of_blas_to_code_that_calls_it() -> None:
-    code = """if True:
-        import sys, numpy as np, sepv
-        problem = sepv.problems.rigid_body()
-        sepv.ensemble(sepv.schemes.energy_preserving, problem, h=0.01, steps=1, paths=1, engine="compiled")
-        assert "scipy.linalg" not in sys.modules
-        from numba import njit
-        A = np.eye(3) + 1.0
-        assert (njit(lambda A, b: A @ b)(A, A[0]) == A @ A[0]).all()
-        assert "scipy.linalg" in sys.modules
-    """
-    subprocess.run([sys.executable, "-c", code], check=True)
-
-
-def test_a_chunk_is_gone_when_nobody_has_it() -> None:
-    """Its arrays are some megabytes, which would otherwise wait for the garbage collector."""
-    problem = problems.rigid_body()
-    task = Task(EP, problem, np.array(problem.initial), 0.01, 4, 0, 200, 0, None, 2, (), False, True, None)
-    chunk = Chunk(task, problem)
-    chunk.advance(4)
-    known = weakref.ref(chunk)
-    gc.disable()
-    try:
-        del chunk
-        assert known() is None
-    finally:
-        gc.enable()
-
-
-def test_the_fingerprint_tells_schemes_problems_starts_and_steps_apart() -> None:
-    body, other = problems.rigid_body(), problems.rigid_body(inertia=(1.0, 2.0, 4.0))
-    asked = {
-        "as it is": (EP, body, 0.01, None), "scheme": (schemes.by_name("gauss-2"), body, 0.01, None),
-        "problem": (EP, other, 0.01, None), "h": (EP, body, 0.02, None), "y0": (EP, body, 0.01, [0.6, 0.8, 0.0]),
-    }  # fmt: skip
-
-    def fingerprint(key: str, engine: str) -> str:
-        scheme, problem, h, y0 = asked[key]
-        return sepv.ensemble(scheme, problem, h=h, steps=2, paths=20, y0=y0, engine=engine).about[
-            "fingerprint"
-        ]
-
-    found = {key: fingerprint(key, "compiled") for key in asked}
-    assert len(set(found.values())) == len(asked)
-    # The second time it is kept, and in NumPy made anew.
-    assert found == {key: fingerprint(key, "compiled") for key in asked}
-    assert found == {key: fingerprint(key, "numpy") for key in asked}

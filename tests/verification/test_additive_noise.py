@@ -32,7 +32,7 @@ from sepv.verification import Case
 from sepv.verification._trace_formula import mean_after
 
 DRIFT = ["energy-drift", "casimir-drift"]
-FEW = {"examples": 4, "shrink_checks": 0}
+FEW = {"examples": 2, "shrink_checks": 0}
 
 
 def body() -> Problem:

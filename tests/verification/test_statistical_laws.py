@@ -185,7 +185,7 @@ def test_a_scheme_for_one_state_is_asked_for_few_steps() -> None:
 def test_few_paths_may_hold_and_accuse_nobody() -> None:
     """Of wrong schemes an early look says nothing; the first one of 512 paths calls them violated."""
     for wrong in (noisier(schemes.euler_heun, 1.05), Scheme("Itô", _unmended)):
-        seen = found(replace(wrong, batched=False, solve=None), "right-limit", paths=8192)
+        seen = found(replace(wrong, batched=False, solve=None), "right-limit", paths=1024)
         assert seen.verdict is Verdict.VIOLATED
         assert seen.checks >= FIRST_LOOK
 
