@@ -7,7 +7,13 @@ own. tests/verification/test_right_schemes.py and `benchmarks.false_alarms` run 
 
 from __future__ import annotations
 
-from benchmarks.right_schemes import charges, in_single_precision, other_formulas, solved_otherwise
+from benchmarks.right_schemes import (
+    charges,
+    in_single_precision,
+    long_times,
+    other_formulas,
+    solved_otherwise,
+)
 from sepv.schemes import Scheme
 
 RIGHT: dict[str, Scheme] = {
@@ -16,6 +22,7 @@ RIGHT: dict[str, Scheme] = {
         *solved_otherwise.SCHEMES,
         *other_formulas.SCHEMES,
         *charges.SCHEMES,
+        *long_times.SCHEMES,
         *in_single_precision.SCHEMES,
     )
 }

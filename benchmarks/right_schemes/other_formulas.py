@@ -157,7 +157,7 @@ def _velocity_verlet(problem: Problem, y: Array, h: float, _dW: Array) -> Array:
 
 
 def _mechanical(name: str, step: Step, order: float, source: str, *more: str) -> Scheme:
-    claims = ("identity", "symplecticity", "poisson-map", *more)
+    claims = ("identity", "symplecticity", "poisson-map", "long-time-energy", *more)
     return Scheme(
         name, step, claims, source, order=order, batched=True, systems=Systems.MECHANICAL, noise=False
     )
@@ -201,6 +201,7 @@ SCHEMES: tuple[Scheme, ...] = (
             "symplecticity",
             "symmetry",
             "expansion",
+            "long-time-energy",
         ),
         mean_square_order=1.0,
         weak_order=1.0,

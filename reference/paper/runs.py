@@ -20,8 +20,9 @@ from sepv.simulate import Task, ensemble, wiener
 from sepv.simulate import choose_engine as choose
 from sepv.simulate import run_task as run
 from sepv.simulate import truncation as bounded
-from sepv.studies import Series, rounding_walk
+from sepv.studies import Series
 from sepv.verification import StrongErrors
+from sepv.verification import energy_rounding_walk as rounding_walk
 
 from .judge import decide
 from .record import Job, Results, Size, Statement, sentence, series, stated_in

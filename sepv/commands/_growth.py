@@ -21,12 +21,13 @@ from sepv.console import Table, columns, print_table
 @click.option("--time", "T", type=cli.POSITIVE, default=128.0, help="T, a multiple of 16 h.")
 @click.option("--paths", type=click.IntRange(min=16), default=1000, help="How many.")
 @click.option("--seed", type=cli.NATURAL, default=0, help="Of the paths, the same for all schemes.")
+@click.option("--no-noise", is_flag=True, help="c = (): the largest error, with h and h/2.")
 @click.option("--json", "json_file", type=cli.OUT, help="Write the numbers to this file.")
 @click.option("-o", "--out", type=cli.OUT, help="Picture: .svg, .png or .pdf.")
 @cli.friendly
 def growth(
     targets: cli.Names, programs: cli.Names, problem: str, h: float, T: float, paths: int, seed: int,
-    json_file: str | None, out: str | None,
+    no_noise: bool, json_file: str | None, out: str | None,
 ) -> None:  # fmt: skip
     """E[H(y_n)] − H(y0) and the rms of H(y_n) − H(y0) against time, and how they grow.
 
@@ -34,9 +35,13 @@ def growth(
     mean drifts where such an interval excludes 0. Theory stands beside it for symplectic schemes of one degree of
     freedom: with random steps they walk, and drift.
 
+    Without noise, which a scheme or a problem of c = () asks for too, one path is followed with h and with h/2, and the
+    mean energy has a trend or none, by the bound of the law long-time-energy.
+
     \b
     sepv growth                                           the paper's schemes
     sepv growth midpoint -p pendulum --h 0.125 --time 512 --paths 4000
+    sepv growth leapfrog explicit-4 -p pendulum --h 0.25 --time 256 --no-noise
     sepv growth mymodule:step -p mymodule:problem -o growth.png
 
     Exit code 0, or 2 for wrong usage.
@@ -47,28 +52,42 @@ def growth(
     from sepv.console import console, print_sentence, showing
     from sepv.schemes import load_problem
     from sepv.studies import energy_growth as study
+    from sepv.studies import energy_without_noise as without_noise
     from sepv.studies import require_picture
 
     require_picture(out)
     system = load_problem(problem)
     rows: list[study.Growth] = []
+    quiet_rows: list[without_noise.QuietGrowth] = []
     names = targets or (() if programs else tuple(schemes.PAPER))
     with showing() as shown, cli.candidates(names, programs, shown.update) as wanted:
+        quiet = no_noise or not system.noises or any(scheme.deterministic for _, scheme in wanted)
         for number, (_, scheme) in enumerate(wanted):
             shown.update(scheme.name, number / len(wanted))
+            if quiet:
+                quiet_rows.append(without_noise.quiet_growth(scheme, system, h=h, T=T))
+                continue
             rows.append(study.growth(scheme, system, h=h, T=T, paths=paths, seed=seed))
         own_looks = {scheme.name: scheme.look for _, scheme in wanted if scheme.look}
     cli.save_json(json_file, "growth", {"problem": system.name, "h": h, "paths": paths, "seed": seed,
-                                        "rows": [row.to_json() for row in rows]})  # fmt: skip
+                                        "rows": [row.to_json() for row in rows],
+                                        "without_noise": [row.to_json() for row in quiet_rows]})  # fmt: skip
     if out is not None:
         from sepv.files import write_atomically
 
-        picture = study.draw(rows, f"{system.name}, h = {h:g}, {paths} paths", Path(out).suffix, own_looks)
+        suffix, title = Path(out).suffix, f"{system.name}, h = {h:g}"
+        if quiet:
+            picture = without_noise.draw(quiet_rows, f"{title}, c = ()", suffix, own_looks)
+        else:
+            picture = study.draw(rows, f"{title}, {paths} paths", suffix, own_looks)
         write_atomically(out, picture)
     screen = console()
-    print_table(_table([row for row in rows if not row.failed]), screen)
-    for row in rows:
-        print_sentence(screen, Text(f"{row.scheme}: {row.sentence()}"))
+    if rows:
+        print_table(_table([row for row in rows if not row.failed]), screen)
+    sentences = [(row.scheme, row.sentence()) for row in rows]
+    sentences += [(row.scheme, row.sentence()) for row in quiet_rows]
+    for name, words in sentences:
+        print_sentence(screen, Text(f"{name}: {words}"))
 
 
 def _table(rows: list[Any]) -> Table:

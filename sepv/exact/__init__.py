@@ -8,6 +8,7 @@ of Remark 2.1's clip.
 from __future__ import annotations
 
 from sepv.exact._closed_forms import CLOSED_FORMS as CLOSED_FORMS
+from sepv.exact._closed_orbit import PHASES, Orbit, closed_orbit
 from sepv.exact._dense_flow import FlowFailure
 from sepv.exact._flow import ExactFlow as ExactFlow
 from sepv.exact._flow import exact_flow as exact_flow

@@ -18,5 +18,5 @@ from sepv.schemes._scheme import Scheme
 @lru_cache(maxsize=8)
 def gauss(stages: int) -> Scheme:
     """The s-stage method as a scheme with truncation k = 4s (2 for s = 1). Raises UsageError for s other than 1 … 6."""
-    claims = SYMMETRIC | {"symplecticity"}
+    claims = SYMMETRIC | {"symplecticity", "long-time-energy"}
     return staged("gauss", stages, claims, "Gauss Runge-Kutta, with the random step", averaged=False)

@@ -21,7 +21,7 @@ from sepv.solve import Fields, Values
 
 CLAIMS = EVERY | {
     "identity", "noise-sum", "random-step", "poisson-map", "symplecticity", "symmetry", "reversibility",
-    "volume",
+    "volume", "long-time-energy",
 }  # fmt: skip
 
 

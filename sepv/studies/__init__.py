@@ -14,6 +14,7 @@ from sepv._lazy import lazily
 
 if TYPE_CHECKING:
     from sepv.studies import _energy_growth as energy_growth
+    from sepv.studies import _energy_without_noise as energy_without_noise
     from sepv.studies import _picture as picture
     from sepv.studies import _ulps as ulps
     from sepv.studies._bench import cases as bench_cases
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from sepv.studies._compare.record import Comparison
     from sepv.studies._compare.run import compare as compare
     from sepv.studies._compare.run import one_core
-    from sepv.studies._energy_growth import DOUBLINGS, LEVEL, Growth, exponent, growth, rounding_walk
+    from sepv.studies._energy_growth import DOUBLINGS, Growth, growth
     from sepv.studies._hard_cases import Seen, long_steps
     from sepv.studies._hard_cases import run as run_hard_cases
     from sepv.studies._picture import (
@@ -64,7 +65,8 @@ __getattr__, __dir__ = lazily(
         "_compare.record": "Comparison",
         "_compare.run": "compare one_core",
         "_compare.table": "*comparison_table",
-        "_energy_growth": "*energy_growth DOUBLINGS Growth LEVEL exponent growth rounding_walk",
+        "_energy_growth": "*energy_growth DOUBLINGS Growth growth",
+        "_energy_without_noise": "*energy_without_noise",
         "_hard_cases": "Seen long_steps run_hard_cases=run",
         "_picture": "*picture Axis FLOOR GRID GUIDE SOFT Series TEXT content draw_curves figure looks power "
         "require_matplotlib require_picture",

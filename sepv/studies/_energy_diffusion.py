@@ -32,15 +32,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sepv.exact import FlowFailure, exact_flow
-from sepv.problem import Array, Problem, vector_field
+from sepv.exact import PHASES, Orbit, closed_orbit
+from sepv.problem import Array, Problem
 from sepv.schemes import Scheme, ask
 from sepv.verification import gaussian_rule_for as rule_for
 
-# Phases of an orbit: harmonics of u up to half of it.
-PHASES = 64
-# Times |y|/|f| in which an orbit is to close.
-LONGEST = 512.0
 # Between neighbouring orbits, |y| by that: central differences leave its square, 1e-6 of the derivative.
 APART = 1e-3
 
@@ -61,14 +57,6 @@ class EnergyDiffusion:
     def at(self, t: Array) -> tuple[Array, Array]:
         """E[H] − H(y0) and the rms of H − E[H] at times that have forgotten the phase."""
         return self.offset + self.drift * t, np.sqrt(np.maximum(2 * self.diffusion, 0) * t)
-
-
-@dataclass(frozen=True)
-class Orbit:
-    """A closed orbit of the flow: its period, and states (d, PHASES) that are equally spaced in time."""
-
-    period: float
-    states: Array
 
 
 def energy_diffusion(scheme: Scheme, problem: Problem, h: float) -> EnergyDiffusion | None:
@@ -114,33 +102,3 @@ def _walk(scheme: Scheme, problem: Problem, h: float, orbit: Orbit) -> tuple[flo
         np.sum(carried * mean / forgotten).real
     )
     return variance / (2 * h), float(np.sum(mean / forgotten).real)
-
-
-def closed_orbit(problem: Problem, y0: Array) -> Orbit | None:
-    """The orbit through y0, None where it does not come back within `LONGEST` times |y0|/|f|.
-
-    It comes back where it crosses the plane through y0, normal to f, in the direction of f and close to y0.
-    """
-    from scipy.optimize import brentq
-
-    f = vector_field(problem, y0)
-    speed, size = float(np.linalg.norm(f)), float(np.linalg.norm(y0))
-    if not speed or not size:
-        return None
-    reach = 8 * size / speed
-    while reach <= LONGEST * size / speed:
-        times = np.linspace(0, reach, 512)
-        try:
-            moved = exact_flow(problem, times, y0).y - y0[:, None]
-        except FlowFailure:
-            return None
-        ahead, near = f @ moved, np.linalg.norm(moved, axis=0) < 0.25 * size
-        back = np.flatnonzero((ahead[1:-1] < 0) & (ahead[2:] >= 0) & near[2:])
-        if back.size:
-            period = brentq(
-                lambda t: float(f @ (exact_flow(problem, t, y0).y.reshape(-1) - y0)),
-                *times[back[0] + 1 : back[0] + 3],
-            )
-            return Orbit(period, exact_flow(problem, period * np.arange(PHASES) / PHASES, y0).y)
-        reach *= 2
-    return None

@@ -9,8 +9,9 @@ doublings of t, by a jackknife over paths; the drift is the mean over paths of (
 Student's interval of level 1 − LEVEL: a row takes one kind of growth for another, or sees a drift where there is none,
 with a probability of at most LEVEL each, as far as such means over many paths are normal.
 
-It is a study and no law. Schemes that keep H are held to it in every step by *energy* and *rounding*. No scheme states
-how its energy grows otherwise, and the drift of a symplectic one takes 10⁷ steps to see, fifty times those of all laws.
+It is a study and no law; without noise there is the law *long-time-energy*. Schemes that keep H are held to it in
+every step by *energy* and *rounding*. No scheme states how its energy grows otherwise, and the drift of a symplectic
+one takes 10⁷ steps to see, fifty times those of all laws.
 """
 
 from __future__ import annotations
@@ -24,22 +25,21 @@ import numpy as np
 from sepv.errors import UsageError
 from sepv.files import finite
 from sepv.problem import Array, Problem
-from sepv.record import EPS
 from sepv.schemes import Look, Scheme
 from sepv.simulate import ensemble
-from sepv.statistics import jackknife_half, students_t
+from sepv.statistics import students_t
 from sepv.studies._energy_diffusion import EnergyDiffusion, energy_diffusion
 from sepv.studies._picture import Axis, Series, content, draw_curves, figure, looks
+from sepv.verification import GROWTH_LEVEL as LEVEL
+from sepv.verification import energy_rounding_walk as rounding_walk
+from sepv.verification import growth_exponent as exponent
+from sepv.verification import growth_kind as kind_of
 
-# The two-sided level of each interval.
-LEVEL = 1e-3
 # A bounded error oscillates: between two times its size may double, which is a slope of 1 over one doubling and of at
 # most 1/4 over four. Its period has to be below T/2^DOUBLINGS.
 DOUBLINGS = 4
 # Line styles of a scheme's own curve, and of theory's.
 STYLES: tuple[Literal["points", "line"], ...] = ("points", "line")
-# Exponents between 0, ½ and 1 are told apart half-way.
-KINDS = (("bounded", 0.25), ("a random walk", 0.75), ("linear", 1.25), ("faster than linear", np.inf))
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class Growth:
 
     @property
     def kind(self) -> str:
-        """The growth of the rms: rounding, one of KINDS, or open if the interval does not decide or paths failed."""
+        """The growth of the rms: rounding, one of `KINDS`, or open if the interval does not decide or paths failed."""
         if self.failed:
             return "open"
         return "rounding" if self.rms[-1] <= self.rounding else kind_of(*self.exponent)
@@ -139,41 +139,6 @@ def judged(
         np.sqrt(np.mean(errors**2, axis=1)), exponent(times[late], errors[late]),
         (float(np.mean(rates)), half), rounding, failed, derived,
     )  # fmt: skip
-
-
-def exponent(times: Array, errors: Array) -> tuple[float, float]:
-    """The slope of ln rms against ln t, errors (L, M) of M paths, and half its interval by a jackknife over paths.
-
-    Where a few paths make the rms the interval is wide, and decides nothing.
-    """
-    squares = errors**2
-    total, paths = squares.sum(axis=1), squares.shape[1]
-    x = np.log(times) - np.mean(np.log(times))
-    # A single path leaves an empty rest, without logarithm.
-    with np.errstate(divide="ignore", invalid="ignore"):
-        value = 0.5 * float(x @ np.log(total / paths)) / float(x @ x)
-        half = jackknife_half(0.5 * (x @ np.log((total[:, None] - squares) / (paths - 1))) / (x @ x), LEVEL)
-    return (value, half) if np.isfinite(value + half) else (0.0, np.inf)
-
-
-def kind_of(value: float, half: float) -> str:
-    """The one of KINDS in which the whole interval lies, or open."""
-    edges = (-np.inf, *(edge for _, edge in KINDS))
-    for (kind, high), low in zip(KINDS, edges, strict=False):
-        if low < value - half and value + half < high:
-            return kind
-    return "open"
-
-
-def rounding_walk(problem: Problem, y: Array, steps: int) -> float:
-    """The walk of H by rounding in `steps` steps of a scheme that keeps it, among states y (d, M).
-
-    A step rounds the update of y, by half an ulp of each component, and leaves a residual of the same size: H moves by
-    at most 2 eps (Σ|∂_iH y_i| + |H|). Signs are as good as random, so that by Azuma's inequality the walk exceeds
-    8 eps √N of that with probability below 1e-3. Measured: 0.3 eps √N.
-    """
-    size = np.max(np.sum(np.abs(problem.gradient(y) * y), axis=0)) + np.max(np.abs(problem.hamiltonian(y)))
-    return 8 * EPS * float(np.sqrt(steps)) * float(size)
 
 
 def draw(rows: Sequence[Growth], title: str, suffix: str, own: dict[str, Look] | None = None) -> bytes:

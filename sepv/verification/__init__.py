@@ -57,12 +57,18 @@ if TYPE_CHECKING:
     from sepv.verification._against import against, read_report
     from sepv.verification._course import with_courses
     from sepv.verification._coverage import show as show_coverage
+    from sepv.verification._growth import LEVEL as GROWTH_LEVEL
+    from sepv.verification._growth import exponent as growth_exponent
+    from sepv.verification._growth import kind_of as growth_kind
+    from sepv.verification._growth import rounding_walk as energy_rounding_walk
     from sepv.verification._junit_and_badge import badge_json, junit_xml
     from sepv.verification._orders.convergence import StrongErrors
     from sepv.verification._orders.convergence import slope as mean_square_slope
     from sepv.verification._orders.gaussian import rule as gaussian_rule
     from sepv.verification._orders.gaussian import rule_for as gaussian_rule_for
+    from sepv.verification._orders.integrable import users_orbits
     from sepv.verification._orders.local_errors import local_errors
+    from sepv.verification._orders.long_times import EnergyPath, Stopped, allowed_rounding, trend
     from sepv.verification._progress import watching
     from sepv.verification._report import same_error
 
@@ -73,10 +79,14 @@ __getattr__, __dir__ = lazily(
         "_course": "with_courses",
         "_coverage": "show_coverage=show",
         "_github": "*github",
+        "_growth": "GROWTH_LEVEL=LEVEL energy_rounding_walk=rounding_walk growth_exponent=exponent "
+        "growth_kind=kind_of",
         "_junit_and_badge": "badge_json junit_xml",
         "_orders.convergence": "StrongErrors mean_square_slope=slope",
         "_orders.gaussian": "gaussian_rule=rule gaussian_rule_for=rule_for",
+        "_orders.integrable": "users_orbits",
         "_orders.local_errors": "local_errors",
+        "_orders.long_times": "EnergyPath Stopped allowed_rounding trend",
         "_progress": "watching",
         "_report": "*report same_error",
     },

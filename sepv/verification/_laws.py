@@ -39,6 +39,7 @@ LAWS = (
     "rounding",
     "truncation",
     "deterministic-order",
+    "long-time-energy",
     "local-mean",
     "local-mean-square",
     "local-weak",

@@ -30,14 +30,20 @@ ORIGINALS = {
     Systems.NAMBU: both_invariants,
     Systems.SEVERAL: several_structures,
 }
-WRONG_CLAIMS = {"ito-limit", "half-claimed-as-one", "averaged-and-symplectic"}
+WRONG_CLAIMS = {
+    "ito-limit",
+    "half-claimed-as-one",
+    "averaged-and-symplectic",
+    "fourth-order-sold-as-symplectic",
+}
 IMITATED = {
     name: scheme
     for scheme, names in {
-        "midpoint": "off-the-middle",
+        "midpoint": "off-the-middle three-sweeps",
         "splitting": "time-of-place tangent-of-first scaled-a-little",
         "yoshida-4": "triple-jump-in-digits",
-        "leapfrog": "force-of-first-kick",
+        "leapfrog": "force-of-first-kick kick-of-another-mass drift-of-a-rounded-step a-little-friction",
+        "blanes-moan-4": "stored-in-single-precision",
         "stochastic-midpoint": "second-noise-louder away-from-the-origin",
         "area-midpoint": "areas-of-other-sign",
         "stochastic-splitting": "lie-and-trotter",

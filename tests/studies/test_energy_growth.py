@@ -12,7 +12,8 @@ from sepv import problems, schemes
 from sepv.errors import UsageError
 from sepv.problem import Array
 from sepv.studies._energy_diffusion import energy_diffusion
-from sepv.studies._energy_growth import DOUBLINGS, exponent, growth, judged, kind_of
+from sepv.studies._energy_growth import DOUBLINGS, growth, judged
+from sepv.verification._growth import exponent, kind_of
 from sepv.verification._orders.gaussian import rule
 
 PENDULUM = problems.pendulum()

@@ -159,7 +159,7 @@ SABOTEURS.rows(
 @SABOTEURS.like(
     leapfrog,
     "the second kick of the leapfrog has the force of the first: order 1, neither symmetric nor symplectic",
-    ("deterministic-order", "symmetry", "symplecticity"),
+    ("deterministic-order", "symmetry", "symplecticity", "long-time-energy"),
 )
 def force_of_first_kick(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """p + ½ΔF(q), q + ΔM⁻¹p, p + ½ΔF of the old q."""

@@ -1,0 +1,106 @@
+"""Methods whose energy stays near H(y_0) over long times for other reasons than a usual symplectic method's.
+
+Reversible ones need not be symplectic, processed ones need not be symmetric, and those of high order fall to rounding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from benchmarks.right_schemes.solved_otherwise import Refused
+from sepv.problem import Array, Problem, Systems, vector_field
+from sepv.record import EPS
+from sepv.schemes import Scheme, energy_preserving, leapfrog
+from sepv.schemes._leapfrog import KicksAndDrifts, composed
+from sepv.schemes._one_step import Explicit
+from sepv.schemes._scheme import Step
+
+# Sweeps of a fixed-point iteration, and the rounding beside |y| at which its corrections may end.
+_SWEEPS, _NOISE = 200, 16 * EPS
+
+
+def _runge_kutta(A: Sequence[Sequence[float]], b: Sequence[float]) -> Step:
+    """An implicit Runge-Kutta method for c = (), by fixed-point iteration to stagnation."""
+
+    def step(problem: Problem, y: Array, h: float, _dW: Array) -> Array:
+        y0 = y.reshape(len(y), -1)
+        k = np.repeat(vector_field(problem, y0)[None], len(b), axis=0)
+        before = np.inf
+        for _ in range(_SWEEPS):
+            new = np.array([vector_field(problem, y0 + h * np.tensordot(row, k, 1)) for row in A])
+            move, k = abs(h) * float(np.max(np.abs(new - k))), new
+            if move == 0 or (move >= before and move <= _NOISE * np.max(np.abs(y0))):
+                return (y0 + h * np.tensordot(b, k, 1)).reshape(y.shape)
+            before = move
+        raise Refused("the fixed-point iteration does not converge")
+
+    return step
+
+
+def _processed(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """π⁻¹, a leapfrog, π, with π = drift-kick-drift by h/3 after kick-drift-kick by −h/3: id + O(h³)."""
+    third = h / 3
+    y = leapfrog.step(problem, _other.step(problem, y, -third, dW), third, dW)
+    y = leapfrog.step(problem, y, h, dW)
+    return _other.step(problem, leapfrog.step(problem, y, -third, dW), third, dW)
+
+
+def _projected(problem: Problem, y: Array, h: float, _dW: Array) -> Array:
+    """Symmetric projection of the trapezoidal rule: ỹ = y + λ∇H(y), ỹ1 = Φ(ỹ), y1 = ỹ1 + λ∇H(y1), H(y1) = H(y).
+
+    E. Hairer, BIT 40 (2000). λ by the secant method, y1 by fixed-point iteration.
+    """
+    shape, y = y.shape, y.reshape(len(y), -1)
+    g, H = problem.gradient(y), problem.hamiltonian(y)
+
+    def end(share: Array) -> Array:
+        start = _trapezoidal(problem, y + share * g, h, _dW)
+        y1 = start
+        for _ in range(_SWEEPS):
+            new = start + share * problem.gradient(y1)
+            if np.max(np.abs(new - y1)) <= EPS * np.max(np.abs(y)):
+                return new
+            y1 = new
+        raise Refused("the projection does not converge")
+
+    last, share = np.zeros(y.shape[1]), np.full(y.shape[1], 1e-4)
+    off = problem.hamiltonian(end(last)) - H
+    y1 = y
+    for _ in range(20):
+        y1 = end(share)
+        new = problem.hamiltonian(y1) - H
+        change = np.where(new == off, 0.0, -new * (share - last) / np.where(new == off, 1.0, new - off))
+        if np.max(np.abs(new)) <= 4 * EPS * np.max(np.abs(H) + np.abs(y)) or not np.any(change):
+            return y1.reshape(shape)
+        last, off, share = share, new, share + change
+    return y1.reshape(shape)
+
+
+def _method(name: str, step: Any, order: float, source: str, *more: str, **facts: Any) -> Scheme:
+    claims = ("long-time-energy", *more)
+    return Scheme(name, step, claims, source, order=order, batched=True, noise=False, **facts)
+
+
+# Shares of the triple and higher jumps of H. Yoshida, Phys. Lett. A 150 (1990), solution A of order 6.
+_SIX = (0.784513610477560, 0.235573213359357, -1.17767998417887)
+_trapezoidal = _runge_kutta([[0, 0], [1 / 2, 1 / 2]], [1 / 2, 1 / 2])
+_other = Scheme("drift, kick, drift", Explicit(KicksAndDrifts((0.0, 1.0, 0.0), (0.5, 0.5))))
+_lobatto: Callable[..., Scheme] = lambda name, A, source: _method(  # noqa: E731 - one tableau a line
+    name, _runge_kutta(A, [1 / 6, 2 / 3, 1 / 6]), 4, source, "symmetry"
+)
+SCHEMES = (
+    _lobatto("lobatto-iiia", [[0, 0, 0], [5 / 24, 1 / 3, -1 / 24], [1 / 6, 2 / 3, 1 / 6]],
+             "Lobatto IIIA with three stages: symmetric, not symplectic"),
+    _lobatto("lobatto-iiib", [[1 / 6, -1 / 6, 0], [1 / 6, 1 / 3, 0], [1 / 6, 5 / 6, 0]],
+             "Lobatto IIIB with three stages: symmetric, not symplectic"),
+    _method("trapezoidal", _trapezoidal, 2, "the trapezoidal rule: conjugate to the midpoint rule", "symmetry"),
+    _method("symmetric-projection", _projected, 2, "E. Hairer, BIT 40 (2000)", solver_tolerance=8 * EPS),
+    _method("order-without-noise", energy_preserving.step, 2, "(2.1) for c = (): Quispel and McLaren (2008)", "energy"),
+    _method("processed-leapfrog", _processed, 2, "a leapfrog between a corrector and its inverse: not symmetric",
+            "symplecticity", systems=Systems.MECHANICAL),
+    _method("yoshida-6", Explicit(composed((*_SIX, 1 - 2 * sum(_SIX), *_SIX[::-1]))), 6, "H. Yoshida (1990), order 6",
+            "symplecticity", "symmetry", systems=Systems.MECHANICAL),
+)  # fmt: skip

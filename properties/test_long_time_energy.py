@@ -1,0 +1,118 @@
+"""|H(y_n) − H(y_0)| = O(h^p) without growth in n: a symplectic or reversible method of order p, c = ().
+
+Such a method keeps a modified Hamiltonian, or has a reversible modified equation, for times of the order exp(c/h)
+(E. Hairer, C. Lubich and G. Wanner, *Geometric Numerical Integration*, IX.8 and XI.3). It is asked on orbits where that
+theory speaks (`sepv.verification._orders.integrable`). Two things are judged
+(`sepv.verification._orders.long_times`): the mean energy has no trend beyond what the windows of the means leave of the
+oscillation, and the oscillation falls like h^p.
+
+A claim of *symplecticity* and of an order does not imply this one. It is measured without a claim, as every law is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+from sepv.errors import Skipped
+from sepv.problem import Systems, damping_of, is_several
+from sepv.schemes import OF_SEVERAL, Scheme, takes
+from sepv.verification import Case, Effort, Finding, Law, Run, Verdict, require
+from sepv.verification._cases.case import quiet_problem
+from sepv.verification._cases.from_problem import describe
+from sepv.verification._cases.users_problems import items
+from sepv.verification._law import sparing
+from sepv.verification._orders.integrable import Orbits, orbits_of_class, users_orbits
+from sepv.verification._orders.long_times import Judged, power, trend
+
+# Paths on an orbit: the interval of the growth is over paths. Fewer for a scheme that takes one state at a time.
+PATHS, SPARED_PATHS = 8, 4
+# The factor on the distance of the means with `--deep`, and the examples there.
+DEEPER, DEEP_EXAMPLES = 8, 1000
+# Steps are halved so often for a scheme that takes short ones alone.
+SHORTER = 3
+_RANKS = (Verdict.VIOLATED, Verdict.ERROR, Verdict.INCONCLUSIVE, Verdict.HOLDS)
+
+
+def run(law: Law, scheme: Scheme, own: Run) -> Finding:
+    """The worst of the trend and of the power of h over all orbits, each as a share of what is allowed."""
+    if scheme.asks or scheme.systems in OF_SEVERAL:
+        why = "the scheme is for several fields, which c = () leaves alone"
+        return law.finding(Verdict.NOT_APPLICABLE, message=why)
+    effort, found, lines, skipped = own.effort, list[tuple[Judged, Orbits]](), list[str](), list[str]()
+    for asked in _orbits(scheme, effort.seed):
+        try:
+            orbits = _taken(scheme, asked) if isinstance(asked, Orbits) else users_orbits(asked)
+            judged = _judged(scheme, orbits, effort)
+        except Skipped as reason:
+            skipped.append(f"{asked.name}: {reason.reason}")
+            continue
+        found += [(each, orbits) for each in judged]
+        lines.append(f"{orbits.name}: " + "; ".join(each.text for each in judged))
+    if not found:
+        why = "\n".join(skipped) or "the class has no mechanical systems, of which theory speaks"
+        return law.finding(Verdict.NOT_APPLICABLE, message=why)
+    worst, orbits = min(found, key=lambda each: (_RANKS.index(each[0].verdict), -each[0].share))
+    if worst.verdict is not Verdict.HOLDS:
+        y = tuple(orbits.of(1)[:, 0].tolist())
+        lines.append(Case(describe(orbits.problem), y, orbits.h).describe())
+    return law.finding(
+        worst.verdict, defect=worst.share, bound=1.0, checks=sum(each.steps for each, _ in found),
+        message="\n".join(lines + skipped), witness={"seed": effort.seed, "examples": effort.examples},
+        replay=f"--law {law.name} --seed {effort.seed}",
+    )  # fmt: skip
+
+
+def _orbits(scheme: Scheme, seed: int) -> Iterator[Any]:
+    """The orbits of the class, or the user's problems with c = (), of which families stand for their classes."""
+    if not scheme.problems:
+        yield from orbits_of_class(scheme.systems, seed)
+    for item in items(scheme.problems) if scheme.problems else ():
+        if item.space is not None:
+            yield from orbits_of_class(Systems(item.text.replace("_", "-")), seed)
+            continue
+        for problem in item.problems:
+            if not is_several(problem) and not damping_of(problem):
+                yield quiet_problem(problem)
+
+
+def _taken(scheme: Scheme, orbits: Orbits) -> Orbits:
+    """The orbits with steps that the scheme says it takes; raises Skipped where they are too short."""
+    y = orbits.of(1)[:, 0]
+    for halved in range(SHORTER + 1):
+        shorter = replace(orbits, steps=orbits.steps << halved)
+        if takes(scheme, orbits.problem, y, shorter.h, y[:0]):
+            return shorter
+    raise Skipped("the scheme takes shorter steps alone (longest_step)")
+
+
+def _judged(scheme: Scheme, orbits: Orbits, effort: Effort) -> list[Judged]:
+    """The trend, and the power of h where H oscillates and no trend was found."""
+    paths = SPARED_PATHS if sparing(scheme, effort) else PATHS
+    first = trend(scheme, orbits, paths, DEEPER if effort.examples >= DEEP_EXAMPLES else 1)
+    if first.verdict in (Verdict.VIOLATED, Verdict.ERROR) or first.kept:
+        return [first]
+    return [first, power(scheme, orbits, (scheme.order or 1.0) - 0.5)]
+
+
+def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
+    """Run the same paths again."""
+    return run(law, scheme, Run(Effort(seed=int(witness["seed"]), examples=int(witness.get("examples", 8)))))
+
+
+law = Law(
+    name="long-time-energy",
+    statement="|H(y_n) − H(y_0)| = O(h^p) over many periods, without a trend, for the claimed order p (else: 1)",
+    source="GNI IX.8, XI.3",
+    unit="share",
+    cost=1.0,
+    steps=1664,
+    spared=832,
+    run=run,
+    replay=replay,
+)
+
+
+def test_long_time_energy(scheme: Scheme, effort: Effort) -> None:
+    require(law, scheme, effort)

@@ -1,0 +1,104 @@
+"""Faults that show in the energy over many periods. Each scheme claims what the right one that it imitates claims."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from sepv.problem import Array, Problem, matvec, mechanics
+from sepv.schemes import Scheme
+from sepv.schemes._explicit import explicit
+from sepv.schemes._leapfrog import blanes_moan
+from sepv.schemes._leapfrog import scheme as leapfrog
+from sepv.schemes._midpoint import scheme as midpoint
+from sepv.schemes._scheme import as_lanes
+
+from .record import Family
+
+SABOTEURS = Family("long times")
+
+
+@SABOTEURS.like(
+    leapfrog,
+    "the kick of the leapfrog has the diagonal of the mass matrix, the drift the whole of it",
+    ("long-time-energy", "symplecticity", "deterministic-order"),
+)
+def kick_of_another_mass(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """v + ½Δ diag(M)⁻¹F in the velocities v = M⁻¹p."""
+    system, (state, noise) = mechanics(problem), as_lanes(problem, y, h, dW)
+    delta, inverse = problem.random_step(h, noise), 1 / np.diag(system.mass)[:, None]
+    q, p = system.split(state)
+    v = system.velocity(p) + 0.5 * delta * inverse * system.force(q)
+    q = q + delta * v
+    v = v + 0.5 * delta * inverse * system.force(q)
+    return system.join(q, system.momentum(v)).reshape(np.shape(y))
+
+
+@SABOTEURS.like(
+    leapfrog,
+    "the drift of the leapfrog has the step in two digits, the kicks all of it: symplectic, for another energy",
+    ("long-time-energy", "deterministic-order", "random-step"),
+)
+def drift_of_a_rounded_step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """q + Δ′M⁻¹p, where Δ′ is Δ to two digits."""
+    system, (state, noise) = mechanics(problem), as_lanes(problem, y, h, dW)
+    delta = problem.random_step(h, noise)
+    rounded = np.array([float(f"{step:.1e}") for step in np.atleast_1d(delta)])
+    q, p = system.split(state)
+    p = p + 0.5 * delta * system.force(q)
+    q = q + rounded * system.velocity(p)
+    return system.join(q, p + 0.5 * delta * system.force(q)).reshape(np.shape(y))
+
+
+@SABOTEURS.like(
+    leapfrog,
+    "each step of the leapfrog ends with the momenta times 0.9999",
+    ("long-time-energy", "symplecticity", "volume", "identity"),
+)
+def a_little_friction(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """(q, 0.9999 p) after the step."""
+    system = mechanics(problem)
+    q, p = system.split(leapfrog.step(problem, y, h, dW))
+    return system.join(q, 0.9999 * p)
+
+
+@SABOTEURS.like(
+    blanes_moan,
+    "the state is stored in single precision after each step, towards zero",
+    ("long-time-energy", "symplecticity", "symmetry", "identity"),
+)
+def stored_in_single_precision(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """The numbers of 24 bits next to the result, nearer to zero."""
+    result = blanes_moan.step(problem, y, h, dW)
+    near = result.astype(np.float32)
+    beyond = np.abs(near) > np.abs(result)
+    return np.where(beyond, np.nextafter(near, np.float32(0)), near).astype(np.float64)
+
+
+@SABOTEURS.like(
+    midpoint,
+    "three sweeps of a fixed-point iteration stand for the solution of the midpoint rule",
+    ("long-time-energy", "symmetry", "symplecticity"),
+)
+def three_sweeps(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """y1 ← y0 + Δ f((y0 + y1)/2), three times from y1 = y0."""
+    y0, noise = as_lanes(problem, y, h, dW)
+    delta, y1 = problem.random_step(h, noise), y0
+    for _ in range(3):
+        middle = 0.5 * (y0 + y1)
+        y1 = y0 + delta * matvec(problem.structure(middle), problem.gradient(middle))
+    return y1.reshape(np.shape(y))
+
+
+def _sold_as_symplectic() -> Scheme:
+    fourth = explicit(4)
+    return replace(
+        fourth, claims=frozenset(fourth.claims) | {"symplecticity", "long-time-energy"}, solve=None
+    )
+
+
+SABOTEURS.rows(
+    ("fourth-order-sold-as-symplectic", "the classical Runge-Kutta method claims to be symplectic",
+     ("long-time-energy", "symplecticity"), _sold_as_symplectic),
+)  # fmt: skip

@@ -1,0 +1,54 @@
+"""The closed orbit of a flow through a state, with its period."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sepv.exact._dense_flow import FlowFailure
+from sepv.exact._flow import exact_flow
+from sepv.problem import Array, Problem, vector_field
+
+# Phases of an orbit: harmonics of u up to half of it.
+PHASES = 64
+# Times |y|/|f| in which an orbit is to close.
+LONGEST = 512.0
+
+
+@dataclass(frozen=True)
+class Orbit:
+    """A closed orbit of the flow: its period, and states (d, PHASES) that are equally spaced in time."""
+
+    period: float
+    states: Array
+
+
+def closed_orbit(problem: Problem, y0: Array) -> Orbit | None:
+    """The orbit through y0, None where it does not come back within `LONGEST` times |y0|/|f|.
+
+    It comes back where it crosses the plane through y0, normal to f, in the direction of f and close to y0.
+    """
+    from scipy.optimize import brentq
+
+    f = vector_field(problem, y0)
+    speed, size = float(np.linalg.norm(f)), float(np.linalg.norm(y0))
+    if not speed or not size:
+        return None
+    reach = 8 * size / speed
+    while reach <= LONGEST * size / speed:
+        times = np.linspace(0, reach, 512)
+        try:
+            moved = exact_flow(problem, times, y0).y - y0[:, None]
+        except FlowFailure:
+            return None
+        ahead, near = f @ moved, np.linalg.norm(moved, axis=0) < 0.25 * size
+        back = np.flatnonzero((ahead[1:-1] < 0) & (ahead[2:] >= 0) & near[2:])
+        if back.size:
+            period = brentq(
+                lambda t: float(f @ (exact_flow(problem, t, y0).y.reshape(-1) - y0)),
+                *times[back[0] + 1 : back[0] + 3],
+            )
+            return Orbit(period, exact_flow(problem, period * np.arange(PHASES) / PHASES, y0).y)
+        reach *= 2
+    return None

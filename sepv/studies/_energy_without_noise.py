@@ -1,0 +1,124 @@
+"""Energy over long times without noise, c = (): the largest |H(y_n) − H(y_0)| up to t, with steps h and h/2.
+
+The method of the law *long-time-energy* judges it where theory speaks, on a closed orbit of one degree of freedom
+(`sepv.verification._orders.integrable`). Elsewhere the curves stand alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from sepv.errors import Skipped, UsageError
+from sepv.files import finite
+from sepv.problem import Array, Problem, is_several
+from sepv.schemes import Look, Scheme
+from sepv.studies._picture import Axis, Series, content, draw_curves, figure, looks
+from sepv.verification import (
+    EnergyPath,
+    Stopped,
+    Verdict,
+    allowed_rounding,
+    quiet_problem,
+    trend,
+    users_orbits,
+)
+
+# Points of a curve, and paths on an orbit.
+POINTS, PATHS = 256, 8
+
+
+@dataclass(frozen=True)
+class QuietGrowth:
+    """The energy's error of one scheme with two steps.
+
+    times : (L,), largest : (2, L), the largest |H(y_n) − H(y_0)| so far, with h and h/2, NaN from a failed step on
+    rounding : what rounding may make of the last one
+    trend : the verdict on a trend of the mean energy and its reason, or why there is none
+    failed : the first step that failed, in words
+    """
+
+    scheme: str
+    h: float
+    times: Array
+    largest: Array
+    rounding: float
+    trend: tuple[str, str]
+    failed: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        """The record; numbers that are not finite are null."""
+        return {
+            "scheme": self.scheme, "h": self.h, "times": self.times.tolist(), "largest": finite(self.largest.tolist()),
+            "rounding": self.rounding, "trend": self.trend[0], "reason": self.trend[1], "failed": self.failed,
+        }  # fmt: skip
+
+    def sentence(self) -> str:
+        """One line in words."""
+        if self.failed:
+            return f"failed in {self.failed.partition(chr(10))[0]}"
+        coarse, fine = self.largest[:, -1]
+        power = f", h^{np.log2(coarse / fine):.2f}" if fine > self.rounding else ""
+        return (
+            f"|H − H(y0)| ≤ {coarse:.2g} with h, {fine:.2g} with h/2{power}; {self.trend[0]}: {self.trend[1]}"
+        )
+
+
+def quiet_growth(scheme: Scheme, problem: Problem, *, h: float, T: float) -> QuietGrowth:
+    """The energy's error from the problem's initial state up to T, with c = ().
+
+    Raises UsageError for a problem with a field for each noise, or without an initial state.
+    """
+    if is_several(problem) or problem.initial is None:
+        raise UsageError(
+            expected="a problem of (1.1) with an initial state",
+            received=problem.name,
+            remedy="take one of `sepv list`, such as -p pendulum",
+        )
+    system, steps = quiet_problem(problem), max(1, round(T / h))
+    start = np.array(problem.initial, dtype=np.float64)[:, None]
+    shown = np.unique(np.geomspace(1, steps, POINTS).round().astype(int))
+    largest, failed = [], ""
+    for finer in (1, 2):
+        try:
+            errors = EnergyPath(scheme, system, start, h / finer).errors(finer * steps)
+        except Stopped as stopped:
+            rest = np.full((finer * steps + 1 - len(stopped.errors), 1), np.nan)
+            errors, failed = np.concatenate([stopped.errors, rest]), failed or stopped.words
+        largest.append(np.maximum.accumulate(np.abs(errors[:, 0]))[finer * shown])
+    rounding, judged = allowed_rounding(scheme, system, start, 2 * steps), _trend(scheme, system, h, T)
+    return QuietGrowth(scheme.name, h, h * shown, np.array(largest), rounding, judged, failed)
+
+
+def _trend(scheme: Scheme, problem: Problem, h: float, T: float) -> tuple[str, str]:
+    """The verdict of the law's method with steps near h over about T, in words, and its reason."""
+    try:
+        orbits = users_orbits(problem)
+    except Skipped as reason:
+        return "not judged", reason.reason
+    steps = max(orbits.steps, round(orbits.period / h))
+    longer = max(1, round((T / orbits.period / 4 - 1) / 1.5))
+    judged = trend(scheme, replace(orbits, steps=steps), PATHS, longer)
+    words = {Verdict.HOLDS: "no trend", Verdict.VIOLATED: "a trend", Verdict.INCONCLUSIVE: "not decided"}
+    return words.get(judged.verdict, "failed"), judged.text
+
+
+def draw(rows: Sequence[QuietGrowth], title: str, suffix: str, own: dict[str, Look] | None = None) -> bytes:
+    """The largest error so far against time, a scheme's with h and with h/2; needs `plots`."""
+    look_of = looks((row.scheme for row in rows), own)
+    shown = [
+        Series(f"{row.scheme}, {name}", row.times.tolist(), curve.tolist(), row.scheme)
+        for row in rows
+        for name, curve in zip(("h", "h/2"), row.largest, strict=True)
+    ]
+    with figure(7.0, 4.4, layout="constrained") as drawn:
+        axes = drawn.subplots()
+        draw_curves(
+            axes, shown, look_of, Axis("time t", log=True), Axis("largest |H − H(y0)| so far", log=True)
+        )
+        drawn.suptitle(title)
+        drawn.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=8)
+        return content(drawn, suffix)

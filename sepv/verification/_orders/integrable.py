@@ -1,0 +1,176 @@
+"""Orbits on which a symplectic or reversible method keeps the energy up to O(h^p) over long times.
+
+One degree of freedom is integrable. A symplectic method has a modified Hamiltonian H̃ = H + h^p H_{p+1} + …, which it
+keeps up to exp(−c/h) (Hairer, Lubich and Wanner, *Geometric Numerical Integration*, IX, Theorem 8.1). A reversible one
+has a modified equation that ρ, the reversal of momenta, reverses: a solution that meets p = 0 twice is closed (V.1 and
+XI). The orbits here do both: B is constant, ρ reverses the flow, and the momentum changes its sign.
+
+Two degrees of freedom are two such systems in other variables, q = S⁻¹Q and p = SᵀP, with a full mass matrix and a
+potential that couples them. A method that commutes with linear maps of q, as all Runge-Kutta methods and compositions
+of kicks and drifts do, decouples there, so that no resonance (XIII) can occur. The frequencies have the golden ratio.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from random import Random
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sepv import problems
+from sepv.errors import Skipped
+from sepv.exact import PHASES, closed_orbit
+from sepv.problem import Array, PolynomialSystem, Problem, Systems, momentum_flip
+from sepv.problems import canonical
+from sepv.record import poly
+from sepv.verification._cases.case import quiet_problem
+
+Indices = NDArray[np.signedinteger[Any]]
+# Steps in a period at the largest step size: ωh = 0.42 and 0.45, a fifth of the leapfrog's limit of stability.
+STEPS = (15, 14)
+GOLDEN = (1 + 5**0.5) / 2
+# A share of the orbit's harmonics. Those from the number of steps in a period on look like slow ones, and may be no
+# more than this beside all others.
+TAIL = 1e-4
+# Most steps in a period of a user's orbit: PHASES resolve harmonics below half their number.
+MOST_STEPS = PHASES // 2
+
+# B of y = (q, p) and of y = (p, q), and the pendulum so written.
+_FORMS = {
+    Systems.SINGLE: (-1.0, "pendulum"),
+    Systems.CANONICAL_SEPARABLE: (-1.0, "pendulum"),
+    Systems.MECHANICAL: (1.0, "pendulum-chain"),
+}
+_NAMES = ("", "one well", "two coupled wells")
+
+
+@dataclass(frozen=True, eq=False)
+class Orbits:
+    """States (d, M) on orbits of a problem, the longest period, and the steps in it at the largest step size."""
+
+    name: str
+    problem: Problem
+    states: Array
+    period: float
+    steps: int
+
+    @property
+    def h(self) -> float:
+        """The largest step size."""
+        return self.period / self.steps
+
+    @property
+    def kinetic(self) -> float:
+        """The largest kinetic energy: the variation of H with the momenta left out."""
+        flip = momentum_flip(self.problem)
+        assert flip is not None
+        resting = np.where(flip[:, None] < 0, 0.0, self.states)
+        return float(np.ptp(self.problem.hamiltonian(resting)))
+
+    def of(self, paths: int) -> Array:
+        """Some of the states (d, paths), spread over the orbit."""
+        return self.states[:, :: max(1, self.states.shape[1] // paths)][:, :paths]
+
+
+class Well(NamedTuple):
+    """½μP² + (ω²/μ)(½Q² + aQ³/3 + bQ⁴/4) from P = 0 and Q = size; a² < 4b makes it the only well."""
+
+    frequency: float
+    inverse_mass: float
+    a: float
+    b: float
+    size: float
+
+
+def orbits_of_class(systems: Systems, seed: int) -> tuple[Orbits, ...]:
+    """A well, the pendulum, and two coupled wells, for schemes of a class; none where the class has no such system."""
+    if systems not in _FORMS:
+        return ()
+    sign, name = _FORMS[systems]
+    random = Random(seed)
+    first = _well(random, random.choice((0.5, 1.0, 2.0)))
+    slow = _well(random, 1.0)
+    pair = slow, _well(random, GOLDEN)
+    shears = ([[1, 0], [1, 1]], [[1, -1], [0, 1]], [[1, 0], [-1, 1]], [[1, 1], [0, 1]])
+    many = random.choice(STEPS)
+    pendulum = problems.pendulum() if name == "pendulum" else problems.pendulum_chain(links=1)
+    return (
+        coupled((first,), [[1]], sign, many),
+        users_orbits(quiet_problem(pendulum)),
+        coupled(pair, random.choice(shears), sign, int(np.ceil(GOLDEN * many))),
+    )
+
+
+def _well(random: Random, frequency: float) -> Well:
+    a, b = random.choice((0.25, 0.375, 0.5)), random.choice((0.25, 0.375, 0.5))
+    inverse_mass = random.choice((0.5, 1.0, 2.0))
+    return Well(frequency, inverse_mass, random.choice((a, -a)), b, random.choice((0.625, 0.75, 0.875)))
+
+
+def coupled(wells: Sequence[Well], S: Sequence[Sequence[int]], sign: float, steps: int) -> Orbits:
+    """Wells in the variables q = S⁻¹Q, p = SᵀP, for a whole S with det S = 1: y = (q, p) for sign 1, (p, q) for −1."""
+    n, R = len(wells), np.rint(np.linalg.inv(S))
+    zero, H = [0.0] * n, []
+    for k, well in enumerate(wells):
+        q, p = list(map(float, S[k])), R[:, k].tolist()
+        Q, P = (poly.linear([*q, *zero]), poly.linear([*zero, *p])) if sign > 0 else (
+            poly.linear([*zero, *q]), poly.linear([*p, *zero]))  # fmt: skip
+        square, stiffness = poly.multiply(Q, Q), well.frequency**2 / well.inverse_mass
+        H += [
+            poly.scale(well.inverse_mass / 2, poly.multiply(P, P)),
+            poly.scale(stiffness / 2, square),
+            poly.scale(stiffness * well.a / 3, poly.multiply(square, Q)),
+            poly.scale(stiffness * well.b / 4, poly.multiply(square, square)),
+        ]
+    system = PolynomialSystem(2 * n, poly.add(*H), canonical(2 * n, sign), ())
+    moved = [_moved(well, (5 * k + (2 * k + 1) * np.arange(PHASES)) % PHASES) for k, well in enumerate(wells)]
+    position, momentum = R @ [own[1] for own in moved], np.transpose(S) @ [own[2] for own in moved]
+    states = np.concatenate([position, momentum] if sign > 0 else [momentum, position])
+    return Orbits(_NAMES[n], problems.build(system), states, max(own[0] for own in moved), steps)
+
+
+def _moved(well: Well, phases: Indices) -> tuple[float, Array, Array]:
+    """The period, and Q and P at these of PHASES: t = s/ω and P = (ω/μ)dQ/ds lead to ω = μ = 1."""
+    period, q, p = _orbit(well.a, well.b, well.size)
+    return period / well.frequency, q[phases], well.frequency / well.inverse_mass * p[phases]
+
+
+@lru_cache(maxsize=64)
+def _orbit(a: float, b: float, size: float) -> tuple[float, Array, Array]:
+    H = {(2, 0): 0.5, (0, 2): 0.5, (3, 0): a / 3, (4, 0): b / 4}
+    problem = problems.build(PolynomialSystem(2, poly.polynomial(2, H), canonical(2, 1.0), ()))
+    orbit = closed_orbit(problem, np.array([size, 0.0]))
+    assert orbit is not None
+    return orbit.period, orbit.states[0], orbit.states[1]
+
+
+@lru_cache(maxsize=32)
+def users_orbits(problem: Problem) -> Orbits:
+    """The orbit of a problem with c = () through its initial state.
+
+    Raises Skipped where the theory is silent, or the orbit too sharp.
+    """
+    if problem.dimension != 2 or problem.initial is None:
+        raise Skipped("theory speaks of one degree of freedom, from an initial state: others may be chaotic")
+    flip = momentum_flip(problem)
+    if flip is None:
+        raise Skipped("the reversal of momenta does not reverse the flow: reversible methods may drift")
+    orbit = closed_orbit(problem, np.array(problem.initial, dtype=np.float64))
+    if orbit is None:
+        raise Skipped("no closed orbit was found through the initial state")
+    (momentum,) = orbit.states[flip < 0]
+    if not momentum.min() < 0 < momentum.max():
+        raise Skipped("the momentum keeps its sign along the orbit: reversible methods may drift")
+    B = problem.structure(orbit.states)
+    if np.ptp(B, axis=-1).any():
+        raise Skipped("B is not constant: symplectic methods keep no modified energy")
+    sizes = np.max(np.abs(np.fft.rfft(problem.gradient(orbit.states), axis=1)), axis=0)
+    tails = np.cumsum(sizes[::-1])[::-1] / np.sum(sizes)
+    resolved = [n for n in range(STEPS[0], MOST_STEPS + 1) if tails[n - 1] <= TAIL]
+    if not resolved:
+        raise Skipped(f"the orbit is too sharp for {MOST_STEPS} steps in a period")
+    return Orbits(problem.name, problem, orbit.states, orbit.period, resolved[0])
