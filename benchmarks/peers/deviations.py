@@ -102,10 +102,7 @@ def section(script: Shown, folder: str) -> str:
     """The library's own words, then the measurement."""
     notes = "\n".join(f"- {note.place}, {note.date}: “{note.quotation}”" for note in script.notes)
     run = f"[`{folder}/{script.name}`]({folder}/{script.name}) prints"
-    return (
-        f"### {script.title}\n\nWhat the library itself says:\n\n{notes}\n\nWhat was measured. {script.body}\n\n"
-        f"{run}\n\n```\n{script.output}\n```"
-    )
+    return f"### {script.title}\n\n{notes}\n\n{script.body}\n\n{run}\n\n```\n{script.output}\n```"
 
 
 def linked(deviations: Sequence[Deviation]) -> str:
@@ -117,8 +114,9 @@ def document(deviations: Sequence[Deviation], command: str) -> str:
     """The page, in Markdown."""
     head = (
         "# Where a measurement differs from a library's documentation\n\n"
-        f"Made by `{command}`; not edited by hand. Each script uses the library alone, and was written after its "
-        "README, docstrings, source and issues were read."
+        "This page lets you check each difference without sepv. Each section quotes the library, whose README, "
+        "docstrings, source and issues were read first, and shows what a script of its own terms prints. "
+        f"Made by `{command}`; not edited by hand."
     )
     return "\n\n".join([head, *(d.text.removeprefix("#") for d in deviations)]) + "\n"
 

@@ -1,11 +1,8 @@
 """blackjax implicit_midpoint: where its solver has not converged the state comes back unmarked.
 
-V = q⁴/4 and a step of 1 from q = 2, p = 0. The fixed-point iteration does not converge; its word, `success =
-False`, is dropped, and the numbers at which it stopped are returned as the next state, with an energy of 32 in the
-place of 4. A sampler rejects such a proposal for its energy; whoever calls the integrator alone is told nothing.
-
-Where it converges it stops at max|x − f(x)| ≤ 1e-6, `convergence_tol`, some eight units of rounding of float32,
-which is JAX's default. In float64 the step keeps areas to that tolerance, and to rounding where the tolerance is 0.
+V = q⁴/4 and a step of 1 from q = 2, p = 0. The fixed-point iteration does not converge, and the numbers at which it
+stopped are returned as the next state. Their energy is 32 in the place of 4, so that a sampler rejects them; whoever
+calls the integrator alone is told nothing.
 
 Exit code 1 while the numbers are returned as a state, 0 where they are marked (an error, or not finite).
 """
@@ -46,9 +43,9 @@ def logdensity(q):
 kinetic = default_metric(jnp.ones(1)).kinetic_energy
 
 
-def step(y, h, **options):
+def step(y, h):
     state = new_integrator_state(logdensity, y[:1], y[1:])
-    end = implicit_midpoint(logdensity, kinetic, **options)(state, h)
+    end = implicit_midpoint(logdensity, kinetic)(state, h)
     return jnp.concatenate([end.position, end.momentum])
 
 
@@ -58,9 +55,4 @@ y1 = step(y0, h)
 q, p = (y0 + y1) / 2
 off = float(jnp.max(jnp.abs(y1 - y0 - h * jnp.stack([p, -(q**3)]))))
 print(f"{name}, h = 1 from (2, 0): ({y1[0]:.6g}, {y1[1]:.6g}), which its equation misses by {off:.3g}")
-for options in ({}, {"convergence_tol": 0.0}):
-    derivative = jax.jacfwd(lambda y, options=options: step(y, 0.1, **options))(jnp.array([0.3, 0.5]))
-    print(
-        f"{name}, h = 0.1 from (0.3, 0.5), {options or 'default'}: det - 1 = {jnp.linalg.det(derivative) - 1:.1e}"
-    )
 sys.exit(bool(jnp.all(jnp.isfinite(y1))) and off > 1)

@@ -1,10 +1,8 @@
 """mici ImplicitLeapfrogIntegrator: a step of size t advances time by 2t.
 
-H = (q² + p²)/2 turns (q, p) by the angle t in the time t. The step of `LeapfrogIntegrator` turns it by t up to
-O(t³), that of `ImplicitLeapfrogIntegrator` by 2t. Its docstring composes A(t/2), B(t/2), C(t/2) and their adjoints;
-its method `_step` calls each of the six with the whole step. Its step is symplectic and reversible, and a sampler
-that adapts its step size finds one half as large: what is off is the length of a trajectory, and a step size that
-is compared with that of another integrator.
+H = (q² + p²)/2 turns (q, p) by the angle t in the time t. The docstring composes six halves of a step; `_step` calls
+each with the whole step. The step is symplectic and reversible, and a sampler that adapts its step size finds one half
+as large. What is off is the length of a trajectory.
 
 Exit code 1 while this is so, 0 where a step of size t turns by t.
 """
@@ -39,10 +37,12 @@ system = mici.systems.EuclideanMetricSystem(
     lambda q: 0.5 * float(q @ q), metric=metric, grad_neg_log_dens=lambda q: q
 )
 ratios = {}
-for name in ("LeapfrogIntegrator", "ImplicitMidpointIntegrator", "ImplicitLeapfrogIntegrator"):
+for name in ("LeapfrogIntegrator", "ImplicitLeapfrogIntegrator"):
+    found = []
     for t in (0.1, 0.05, 0.025):
         start = mici.states.ChainState(pos=np.array([1.0]), mom=np.array([0.0]), dir=1)
         end = getattr(mici.integrators, name)(system, step_size=t).step(start)
         ratios[name] = float(np.arctan2(-end.mom[0], end.pos[0])) / t
-        print(f"mici {version('mici')} {name:26} t = {t:5}: turns by {ratios[name]:.4f} t")
+        found.append(f"{ratios[name]:.4f} t")
+    print(f"mici {version('mici')} {name}, t = 0.1, 0.05, 0.025: turns by {', '.join(found)}")
 sys.exit(abs(ratios["ImplicitLeapfrogIntegrator"] - 1) > 0.1)
