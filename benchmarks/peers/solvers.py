@@ -15,7 +15,7 @@ from typing import Any
 import click
 
 from benchmarks.peers.compliance_measurements import LIBRARIES, release
-from benchmarks.peers.deviations import Deviation, deviations_shown_by, linked
+from benchmarks.peers.deviations import Deviation, deviations_shown_by
 from benchmarks.peers.kept_measurements import measured
 from benchmarks.peers.options import measuring, page_options, put
 from benchmarks.peers.solver import KINDS, Solver, problem_of
@@ -122,7 +122,8 @@ def document(found: Mapping[str, Sequence[Line]], deviations: Sequence[Deviation
         f"Casimirs (*casimir*) and structure (*poisson-map*) on these problems: {_kept(lines)}.",
         "## Where less was measured than is documented",
         "\n".join(short) or "Nowhere.",
-        linked([d for d in deviations if any(_is_about(d.solver, entry) for entry in short)]),
+        "[Shown in the library's own terms](deviations.md)."
+        * any(_is_about(d.solver, entry) for d in deviations for entry in short),
     ]
     return "\n\n".join(p for p in parts if p) + "\n"
 
@@ -133,11 +134,24 @@ def table(library: str, own: Sequence[Line]) -> str:
     for each in own:
         name, kind, strong, step, paths, weak, weak_step, limit, *_ = each.cells
         row = rows.setdefault(name.removeprefix(f"{library} "), {"limit": limit})
-        row[kind] = f"{strong}: {step}, {paths}; {weak}: {weak_step}" + " †" * bool(each.short)
+        # A solver that hands state on is what its paths are.
+        own = f"{paths.partition(' [')[0]} §" if "§" in step else step
+        row[kind] = f"{beside(own, strong)}; {beside(weak_step.removesuffix(' §'), weak)}" + " †" * bool(
+            each.short
+        )
     return markdown(
         ("solver", "limit", *KINDS),
         [(name, *(row.get(key, "") for key in ("limit", *KINDS))) for name, row in rows.items()],
     )
+
+
+def beside(measured: str, documented: str) -> str:
+    """A measured order, with the documented one in brackets where they differ by more than 0.1."""
+    try:
+        same = abs(float(measured.removesuffix(" §")) - float(documented)) <= 0.1
+    except ValueError:  # none is documented, or none was measured
+        same = False
+    return measured if same else f"{measured} ({documented})"
 
 
 def _kept(lines: Sequence[Line]) -> str:
@@ -159,28 +173,25 @@ def _is_about(script: str, entry: str) -> bool:
 def _introduction() -> str:
     problems = "\n".join(f"- {kind}: {text} (`{problem_of(kind).name}`)" for kind, text in KINDS.items())
     return f"""\
-dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j), posed to each solver through its own library's code in float64, with the given
-increments and c_j = ½. One problem for each kind of noise; *commutative* means that the brackets of the noise fields
-vanish, *additive* that the fields are constant:
+This page lets you see the order of a solver for your kind of noise, in dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j). It is
+posed to each solver through its own library's code in float64, with the given increments and c_j = ½. *Commutative*
+means that the brackets of the noise fields vanish, *additive* that the fields are constant:
 
 {problems}
 
-A cell has *strong order documented: of one step, of paths; weak order documented: of one step*. It is empty for a kind
-that the solver does not take, and † marks less than documented. *Limit* is that of the solver; measured from the mean
-of a step of 2⁻¹⁶, it is right where the last section does not say otherwise. Solvers of Itô equations were given Itô's
-form, whose solution is the same.
+A cell has the measured *strong order; weak order*, and in brackets what is documented where that differs by more than
+0.1 (–: nothing). It is empty for a kind that the solver does not take, and † marks less than documented. *Limit* is
+that of the solver, which the mean of a step of 2⁻¹⁶ shows. Solvers of Itô equations were given Itô's form, whose
+solution is the same.
 
-- **Of one step**: slopes of errors by quadrature, as *local-mean*, *local-mean-square* and *local-weak* have them
-  ([laws](laws.md)). The reference shows strong orders up to 1, or 1.5 of a solver that sees space-time areas where the
-  noises commute.
-- **Of paths**: the slope of the rms error at T = {T:g} with {", ".join(map(str, STEPS))} steps and its interval over
-  {PATHS} paths ({SINGLE} of solvers that take one state at a time), which misses with nominal probability {ALPHA:g}.
-  A dash: an order above that of the reference, 1, is documented.
-- **§**: the solver hands state from step to step. The one step is its first; the paths are its own.
-- **Areas** are those of the path of the reference: space-time areas for diffrax's stochastic Runge-Kutta methods and
-  torchsde's `srk`, the areas A_ij for torchsde's `log_ode` and sdeint's methods with repeated integrals. Left alone,
-  torchsde and sdeint draw approximations of A_ij. An approximation of fixed quality lacks a fixed share of a variance
-  h² a step, so that the order is ½ again for small steps (P. Kloeden and E. Platen 1992, §5.8)."""
+- **Measured** are errors of one step, by quadrature, as *local-mean*, *local-mean-square* and *local-weak* have them.
+  The reference shows strong orders up to 1, or 1.5 of a solver that sees space-time areas where the noises commute.
+- **Of paths** the rms error at T = {T:g} with {", ".join(map(str, STEPS))} steps was measured too ({PATHS} paths,
+  {SINGLE} of solvers that take one state at a time). The last section says where its interval, which misses with
+  nominal probability {ALPHA:g}, is less than documented.
+- **§**: the solver hands state from step to step. The strong order is of paths; a weak order is of its first step.
+- **Areas** are those of the reference's path. Left alone, torchsde and sdeint draw approximations of A_ij, whose fixed
+  quality makes the order ½ again for small steps (P. Kloeden and E. Platen 1992, §5.8)."""
 
 
 @click.command()

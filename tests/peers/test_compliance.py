@@ -47,11 +47,11 @@ def test_the_page_groups_solvers_by_their_verdicts_and_marks_what_is_contradicte
     page = compliance.document(found, [deviations.Deviation("lib heun", "### lib heun: no")], "the command")
     lines = page.splitlines()
     assert "5 laws were measured: contract, energy, casimir, symmetry, truncation." in page
-    assert "| lib heun; twin; other box | 1 of 1 |  |  |" in lines
-    assert "| lib open | 0 of 2; energy violated; symmetry open | casimir | truncation |" in lines
-    assert "| lib heun | 1 / 1 † | 1.0 | 1.1 | 5 | 6 |" in lines
+    assert "| lib heun; twin; other box | 1 of 1 |  |" in lines
+    assert "| lib open | 0 of 2; energy violated; symmetry open | casimir |" in lines
+    assert "| lib heun | 1 / 1 † | 1.0, 1.1 | 5, 6 |" in lines
     assert "the command" in page
-    assert "- lib heun: no ([shown](deviations.md))." in lines
+    assert "† less than documented: [shown in the library's own terms](deviations.md)." in lines
 
 
 def absent(name: str) -> Peer:
@@ -92,7 +92,7 @@ def test_an_interrupted_table_goes_on_where_it_was_and_is_the_same(tmp_path, mon
     assert CliRunner().invoke(compliance.main, arguments).exit_code == 0
     assert measured == ["identity", "truncation", "truncation", "mean-square-order"]
     first = out.read_text("utf-8")
-    assert "| sepv energy-preserving | 2 of 3; mean-square-order open |  |  |" in first
+    assert "| sepv energy-preserving | 2 of 3; mean-square-order open |  |" in first
     assert CliRunner().invoke(compliance.main, arguments).exit_code == 0
     assert len(measured) == 4
     assert out.read_text("utf-8") == first

@@ -131,6 +131,13 @@ def test_a_line_says_where_less_was_measured_than_documented() -> None:
     assert math.isinf(float(solvers._number(math.inf).replace("∞", "inf")))
 
 
+def test_the_documented_order_stands_beside_another_one() -> None:
+    assert solvers.beside("0.97 §", "1") == "0.97 §"
+    assert solvers.beside("0.50", "1") == "0.50 (1)"
+    assert solvers.beside("1.00", "–") == "1.00 (–)"
+    assert solvers.beside("?", "1") == "? (1)"
+
+
 def test_a_missing_library_is_left_out_and_said_so(monkeypatch: pytest.MonkeyPatch) -> None:
     def absent(name: str) -> None:
         raise ModuleNotFoundError(f"No module named {name!r}", name=name)
