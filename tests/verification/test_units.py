@@ -41,7 +41,7 @@ def test_verdicts_are_the_same_in_every_unit(name: str) -> None:
     problem = PROBLEMS[name]()
     few = Effort(paths=512)
     usual = findings(schemes.energy_preserving, scaled(problem, Scale()), few)
-    for scale in (Scale(4.0**-8, 2.0**8), Scale(4.0**9, 2.0**-9, 2.0**10), Scale(size=2.0**-18)):
+    for scale in (Scale(4.0**-8, 2.0**8, 2.0**-18), Scale(4.0**9, 2.0**-9, 2.0**10)):
         other = findings(schemes.energy_preserving, scaled(problem, scale), few)
         for a, b in zip(usual, other, strict=True):
             assert (a.verdict, a.checks) == (b.verdict, b.checks), b
