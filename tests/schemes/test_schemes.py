@@ -1,4 +1,4 @@
-"""The schemes against their formulas, written out again in another way."""
+"""The scheme record, and schemes against their formulas, written out again in another way."""
 
 from dataclasses import replace
 
@@ -8,12 +8,12 @@ from hypothesis import given
 from sepv.reference.problem import exact_problem
 
 import sepv
-from sepv import UsageError, problems, schemes
+from sepv import Scheme, UsageError, problems, schemes
 from sepv.problem import Systems
 from sepv.schemes._discrete_gradient import coordinate_increments
 from sepv.schemes._discrete_gradient import step as discrete
 from sepv.solve._formula import Asked
-from sepv.verification import Case, strategies
+from sepv.verification import Case, load_laws, strategies
 from sepv.verification._tolerance import gradient_majorant
 
 
@@ -105,3 +105,48 @@ def test_no_noise_is_the_deterministic_method() -> None:
     for scheme in schemes.PAPER.values():
         quiet = scheme.step(problem, y, 0.1, np.zeros(0))
         assert np.array_equal(quiet, scheme.step(problems.rigid_body(noise=(0.0,)), y, 0.1, np.array([0.7])))
+
+
+def stay(problem, y, h, dW):
+    return y
+
+
+def test_claims_are_names_however_they_are_written() -> None:
+    for claims in (
+        "noise_sum",
+        ["noise-sum"],
+        ("noise-sum ", "noise_sum"),
+        {"noise-sum"},
+        iter(["noise-sum"]),
+    ):
+        assert Scheme("mine", stay, claims=claims).claims == frozenset({"noise-sum"})
+    assert Scheme("mine", stay).claims == frozenset()
+
+
+def test_an_order_is_a_claim_beside_the_others() -> None:
+    """With an order go its local conditions, (3.8) and (3.9), and the right limit."""
+    strong = {"local-mean", "local-mean-square", "mean-square-order", "right-limit"}
+    one = Scheme("mine", stay, claims=["energy"], mean_square_order=1.0)
+    assert one.claims == {"energy", *strong}
+    weak = {"local-weak", "weak-order"}
+    assert Scheme("mine", stay, claims=["energy"], weak_order=1.0).claims == {"energy", *weak}
+    assert Scheme("mine", stay, weak_order=2.0, mean_square_order=0.5).claims == strong | weak
+
+
+def test_a_scheme_is_a_function() -> None:
+    with pytest.raises(UsageError, match="hand over the function itself"):
+        Scheme("mine", "step")
+
+
+def test_every_built_in_scheme_says_what_it_is() -> None:
+    """Where it comes from, its orders, k ≥ 2p (Remark 2.1), and only laws that there are."""
+    laws = {law.name for law in load_laws()}
+    families = [family(s) for family in (schemes.collocation, schemes.gauss) for s in range(1, 7)]
+    several = map(schemes.by_name, schemes.HAMILTONIANS)
+    for scheme in [*schemes.PAPER.values(), *schemes.EXTENSIONS.values(), *several, *families]:
+        assert scheme.claims <= laws
+        assert scheme.source
+        assert scheme.mean_square_order is not None
+        assert scheme.weak_order is not None
+        assert scheme.truncation is None or scheme.truncation >= 2 * scheme.mean_square_order
+        assert schemes.by_name(scheme.name) is schemes.by_name(scheme.name.replace("-", "_")) is scheme
