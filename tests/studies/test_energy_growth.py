@@ -196,3 +196,24 @@ def test_theory_is_not_shown_beyond_its_reach() -> None:
     found = energy_diffusion(schemes.by_name("splitting"), PENDULUM, 2.0**-3)
     assert found.reaches(8.0)
     assert not found.reaches(512.0)
+
+
+def test_without_noise_the_command_shows_two_steps_and_the_verdict_of_the_law(tmp_path: Path) -> None:
+    file, picture = tmp_path / "growth.json", tmp_path / "growth.svg"
+    words = "growth leapfrog explicit-4 energy-preserving --h 0.25 --time 64 --no-noise"
+    said = command(f"{words} --json {file} -o {picture}").stdout
+    data = json.loads(file.read_text())
+    obeys(data, "growth")
+    rows = data["without_noise"]
+    assert data["rows"] == []
+    assert [row["trend"] for row in rows] == ["no trend", "a trend", "no trend"]
+    coarse, fine = (curve[-1] for curve in rows[0]["largest"])
+    assert coarse / fine == pytest.approx(4, rel=0.02)
+    assert "leapfrog: |H − H(y0)| ≤ 0.0067 with h, 0.0017 with h/2, h^2.00; no trend" in said
+    assert "which is rounding" in said
+    assert "leapfrog, h/2" in picture.read_text()
+
+
+def test_without_noise_a_chaotic_problem_has_curves_and_no_verdict() -> None:
+    said = command("growth leapfrog -p henon-heiles --time 8 --no-noise").stdout
+    assert "not judged: theory speaks of one degree of freedom" in said
