@@ -17,7 +17,7 @@ from sepv.verification._failed_step import row
 from sepv.verification._orders.without_noise import Order, StepErrors, orders, quiet_problems, step_errors
 
 
-def run(law: Law, scheme: Scheme, own: Run) -> Finding:  # noqa: ARG001 - nothing is drawn
+def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:  # noqa: ARG001 - nothing is drawn
     """Compare the least power of h with p + ½, for the claimed order p, or 1 where none is claimed."""
     if scheme.asks or scheme.systems in OF_SEVERAL:
         return law.finding(

@@ -18,7 +18,7 @@ from sepv.verification._orders.local_example import step_example
 from sepv.verification._orders.local_orders import MARGIN, judge, strong_order
 
 
-def run(law: Law, scheme: Scheme, own: Run) -> Finding:
+def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
     """Compare the slope with the claimed order, or with order 1 where none is claimed."""
     claimed = scheme.mean_square_order
 
@@ -34,20 +34,20 @@ def run(law: Law, scheme: Scheme, own: Run) -> Finding:
         text = f"of several Hamiltonians the reference of this law is known up to order {known:g}"
         return law.finding(Verdict.NOT_APPLICABLE, message=text)
     finding = judge(
-        law, scheme, own, lambda found: found.rms, lambda found: strong_order(scheme, found.column), needs, 0.5,
+        law, scheme, this_run, lambda errors: errors.rms, lambda errors: strong_order(scheme, errors.column), needs, 0.5,
         example=step_example,
     )  # fmt: skip
     if finding.verdict is not Verdict.HOLDS:
         return finding
-    wrong, steps = lower_order(scheme, own)
+    wrong, steps = lower_order(scheme, this_run)
     finding = replace(finding, checks=finding.checks + steps)
     if wrong is None:
         return finding
     slope, needed, text = wrong
     return replace(
         finding, verdict=Verdict.VIOLATED, defect=slope, bound=needed, message=f"{text}\n{finding.message}",
-        witness={**(finding.witness or {}), "seed": own.effort.seed},
-        replay=f"--law {law.name} --seed {own.effort.seed}",
+        witness={**(finding.witness or {}), "seed": this_run.effort.seed},
+        replay=f"--law {law.name} --seed {this_run.effort.seed}",
     )  # fmt: skip
 
 

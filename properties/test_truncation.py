@@ -42,7 +42,7 @@ SIZES, SMALLEST, LARGEST = 11, 2.0**-60, 0.5
 PARTS, REACH = 16, 1 / 8
 
 
-def run(law: Law, scheme: Scheme, own: Run) -> Finding:
+def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
     """Increments truncated with the scheme's k, for h from 1/2 to 2⁻²⁰."""
     k, points = scheme.truncation, point_law(scheme.increments)
     if points is not None:
@@ -63,19 +63,20 @@ def run(law: Law, scheme: Scheme, own: Run) -> Finding:
         )
     worst, checks = (0.0, 1.0, ""), 0
     for h in STEPS:
-        for ratio, text in _ratios(h, k, own.effort.seed):
+        for ratio, text in _ratios(h, k, this_run.effort.seed):
             checks += 1
             if not ratio <= worst[0]:
                 worst = (ratio, 1.0, text)
-    for found in _responses(scheme, k, own.effort.seed):
+    for response in _responses(scheme, k, this_run.effort.seed):
         checks += 1
-        if not found[0] <= worst[0]:
-            worst = (found[0], 1.0, found[1])
+        if not response[0] <= worst[0]:
+            worst = (response[0], 1.0, response[1])
     verdict = Verdict.VIOLATED if not worst[0] <= 1 else Verdict.HOLDS
     message = worst[2] if verdict is Verdict.VIOLATED else ""
     return law.finding(
         verdict, defect=worst[0], bound=1.0, checks=checks, message=message,
-        witness={"truncation": k, "seed": own.effort.seed}, replay=f"--law {law.name} --seed {own.effort.seed}",
+        witness={"truncation": k, "seed": this_run.effort.seed},
+        replay=f"--law {law.name} --seed {this_run.effort.seed}",
     )  # fmt: skip
 
 
@@ -87,7 +88,7 @@ def _ratios(h: float, k: int, seed: int) -> list[tuple[float, str]]:
     bound = bounded.truncation_bound(h, k)
     loss = float(lost_variance(h, k))
     allowed = (1 + 2 * math.sqrt(2 * k * abs(math.log(h)))) * h**k
-    found = [
+    ratios = [
         # Roundings of √h, the product and the quotient, one each.
         (
             float(np.max(np.abs(zeta))) / (bound * (1 + 4 * 2.0**-53)),
@@ -97,8 +98,8 @@ def _ratios(h: float, k: int, seed: int) -> list[tuple[float, str]]:
     ]
     for p in (1, 2, 3, 4, 8):
         ratio = float(truncated_moment(h, k, p) / moment(p))
-        found.append((ratio, f"E|ζ|^{p} exceeds E|ξ|^{p} by the factor {ratio!r} at h = {h!r}"))
-    return found
+        ratios.append((ratio, f"E|ζ|^{p} exceeds E|ξ|^{p} by the factor {ratio!r} at h = {h!r}"))
+    return ratios
 
 
 def _responses(scheme: Scheme, k: int, seed: int) -> Iterator[tuple[float, str]]:
@@ -110,9 +111,9 @@ def _responses(scheme: Scheme, k: int, seed: int) -> Iterator[tuple[float, str]]
     places = rng.permuted(np.tile(np.arange(count), (SIZES, 1)), axis=1) + rng.random((SIZES, count))
     shares = iter(((np.arange(SIZES)[:, None] + places / count) / SIZES).T)
     for problem in problems:
-        own = [next(shares) for _ in range(np.count_nonzero(problem.c))]
+        drawn = [next(shares) for _ in range(np.count_nonzero(problem.c))]
         try:
-            for j, share in zip(np.flatnonzero(problem.c), own, strict=True):
+            for j, share in zip(np.flatnonzero(problem.c), drawn, strict=True):
                 for posed, h, A in _steps(scheme, problem, int(j), k, share):
                     size, place = _weakest(scheme, posed, h, A, int(j), int(rng.integers(1 - PARTS, PARTS)))
                     text = (

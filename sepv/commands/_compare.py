@@ -98,7 +98,7 @@ def compare(
         methods, failed = _methods(names, system, line.update)
         block: Any = cli.candidates((), programs, line.update) if programs else nullcontext([])
         with block as others:
-            methods += [replace(from_scheme(own, system), name=name) for name, own in others]
+            methods += [replace(from_scheme(program, system), name=name) for name, program in others]
             if not methods:
                 raise failed[names[0]]
             given = {key: options[key] for key in ("paths", "repeats", "seed", "workers")}

@@ -175,7 +175,7 @@ def _course(course: View) -> View | None:
 
     None for a file of somebody else's with nothing to draw.
     """
-    steps, kept = len(course["drift"]) - 1, course["kept"]
+    steps, conserved = len(course["drift"]) - 1, course["kept"]
     names = [f"component {i} of y" for i in course["components"]]
     path, exact = course["states"], course["exact"]
     if len(path) == 1:  # over the steps
@@ -187,13 +187,13 @@ def _course(course: View) -> View | None:
     flat = [[0, steps], [0.0, 0.0]] if exact else []
     panels = [
         _panel(path, exact, names, 0.0),
-        _panel(drift, flat, ["step", f"{kept}(y) − {kept}(y₀)"], FLAT * (course["size"] or 0)),
+        _panel(drift, flat, ["step", f"{conserved}(y) − {conserved}(y₀)"], FLAT * (course["size"] or 0)),
     ]
     if None in panels:
         return None
     largest = max(abs(v) for v in course["drift"] if v is not None)
     words = f"{counted(steps, 'time')} the step of the counterexample, from its state"
-    words += f"; {kept} changes by {number(largest)} at most"
+    words += f"; {conserved} changes by {number(largest)} at most"
     return {"panels": panels, "exact": bool(exact), "words": words, "ended": plain(course["ended"], 200)}
 
 

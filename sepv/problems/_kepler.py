@@ -63,5 +63,5 @@ def mean_attraction(q0: Array, q1: Array) -> Array:
     area = q0[0] * q1[1] - q0[1] * q1[0]
     across = 2 * area * (r0 + r1) / ((r0 * r1) ** 2 * np.where(opening > 0, opening, 1.0)) / square
     split = np.stack([along * b[0] + across * b[1], along * b[1] - across * b[0]])
-    found: Array = np.where((opening < 1) & (opening > 0), split, force)
-    return found
+    mean: Array = np.where((opening < 1) & (opening > 0), split, force)
+    return mean

@@ -81,8 +81,8 @@ def _bodies(
         return np.stack([y[2 * i] - y[2 * j], y[2 * i + 1] - y[2 * j + 1]])
 
     def distance(y: Array, i: int, j: int) -> Array:
-        found: Array = np.sqrt(dot(between(y, i, j), between(y, i, j)))
-        return found
+        r: Array = np.sqrt(dot(between(y, i, j), between(y, i, j)))
+        return r
 
     def hamiltonian(y: Array) -> Array:
         kinetic = 0.5 * sum(w * p * p for w, p in zip(inverse, y[2 * n :], strict=True))

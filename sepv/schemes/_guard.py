@@ -185,11 +185,11 @@ def guarded(scheme: Scheme) -> Scheme:
         y, state = path
         noise = dW.copy() if further is None else joined(scheme.asks, dW, further)
         note_step(lambda: _step_in_words(problem, y, h, dW))
-        given, kept = scheme.numbers(y), scheme.numbers(noise)
-        noise = kept.copy()
+        given, increments = scheme.numbers(y), scheme.numbers(noise)
+        noise = increments.copy()
         with translated(problem, y, h, noise):
             y1, state = carry(scheme, shown(problem), given, state, h, noise, any_path=True)
-        require_unchanged(y=(scheme.numbers(y), given), dW=(kept, noise))
+        require_unchanged(y=(scheme.numbers(y), given), dW=(increments, noise))
         finite = np.nan_to_num(y1) if isinstance(y1, np.ndarray) else y1
         check_answer(finite, y, scheme.dtype)
         return np.asarray(y1, dtype=np.float64), state

@@ -45,8 +45,8 @@ def with_courses(report: Report) -> dict[str, Any]:
         if single and left > 0 and not report.interrupted:
             with suppress(Exception):
                 work = partial(course, report.scheme, finding, left)
-                if found := attempted(f"the course of {finding.law} of {report.target}", work):
-                    law["course"] = found
+                if drawn := attempted(f"the course of {finding.law} of {report.target}", work):
+                    law["course"] = drawn
     return data
 
 

@@ -223,9 +223,9 @@ def measured(
     ours: list[Any] = []
     theirs: list[Any] = []
     with both(target, head, base) as sides:
-        for side, found in zip(sides, (ours, theirs), strict=True):
+        for side, record in zip(sides, (ours, theirs), strict=True):
             for case in cases:
                 share = (len(ours) + len(theirs)) / (2 * len(cases))
                 progress(f"work and errors, {side.label} checkout, {case['name']}", share)
-                found.append(side.ask({"measure": case}))
+                record.append(side.ask({"measure": case}))
     return {"target": target, "cases": ours}, {"target": target, "cases": theirs}
