@@ -34,8 +34,8 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
         text = f"of several Hamiltonians the reference of this law is known up to order {known:g}"
         return law.finding(Verdict.NOT_APPLICABLE, message=text)
     finding = judge(
-        law, scheme, this_run, lambda errors: errors.rms, lambda errors: strong_order(scheme, errors.column), needs, 0.5,
-        example=step_example,
+        law, scheme, this_run, lambda errors: errors.rms, lambda errors: strong_order(scheme, errors.column),
+        needs, 0.5, example=step_example,
     )  # fmt: skip
     if finding.verdict is not Verdict.HOLDS:
         return finding

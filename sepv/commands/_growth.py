@@ -59,8 +59,10 @@ def growth(
     system = load_problem(problem)
     rows: list[study.Growth] = []
     quiet_rows: list[without_noise.QuietGrowth] = []
-    names = targets or (() if programs else tuple(schemes.PAPER))
-    with showing() as shown, cli.candidates(names, programs, shown.update) as wanted:
+    with (
+        showing() as shown,
+        cli.candidates(targets, programs, shown.update, usual=schemes.PAPER) as wanted,
+    ):
         quiet = no_noise or not system.noises or any(scheme.deterministic for _, scheme in wanted)
         for number, (_, scheme) in enumerate(wanted):
             shown.update(scheme.name, number / len(wanted))

@@ -64,8 +64,8 @@ def hard(
     from sepv.console import showing
     from sepv.studies import run_hard_cases as run
 
-    targets = [target] if target else [] if programs else ["energy-preserving"]
-    with showing(quiet) as shown, cli.candidates(targets, programs, shown.update) as chosen:
+    targets, usual = [target] if target else [], ["energy-preserving"]
+    with showing(quiet) as shown, cli.candidates(targets, programs, shown.update, usual=usual) as chosen:
         target, scheme = chosen[0]
         seen = run(scheme, cases, steps=steps, laws=laws, seed=seed, progress=shown.update)
     cases_seen = [s.to_json() for s in seen]

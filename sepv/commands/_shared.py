@@ -7,7 +7,7 @@ import os
 import shlex
 import sys
 import traceback
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import wraps
 from typing import Any
@@ -56,9 +56,9 @@ SECONDS = 1e9
 Names = tuple[str, ...]
 
 
-def say(text: str, *, err: bool = True) -> None:
-    """A line on stderr, or stdout; control characters in names and messages of others do not pass."""
-    click.echo(printable(text), err=err)
+def say(text: str) -> None:
+    """A line on stderr; control characters in names and messages of others do not pass."""
+    click.echo(printable(text), err=True)
 
 
 def save_json(path: str | None, name: str, data: dict[str, Any], *, indent: int | None = 1) -> None:
@@ -132,17 +132,19 @@ INITIAL = click.option(
 
 @contextmanager
 def candidates(
-    targets: Iterable[str], programs: Iterable[str], say: Callable[[str], None], problems: Iterable[Any] = ()
-) -> Iterator[list[tuple[str, Any]]]:
+    targets: Sequence[str], programs: Sequence[str], say: Callable[[str], None], problems: Iterable[Any] = (),
+    usual: Iterable[str] = (),
+) -> Iterator[list[tuple[str, Any]]]:  # fmt: skip
     """(how a command names it, scheme) of every target and every program; the programs end with the block.
 
+    Without any, the `usual` targets are taken.
     A function is called when it is loaded, and what it calls may be compiled then: `say` is told whose turn it is.
     """
     from sepv.schemes import load_scheme
 
     with ExitStack() as stack:
         schemes_found = []
-        for target in targets:
+        for target in targets or (() if programs else usual):
             say(f"waiting for the first step of {target}")
             schemes_found.append((target, load_scheme(target, problems=problems)))
         for command in programs:
