@@ -84,7 +84,7 @@ def test_imports_between_rooms_go_one_way() -> None:
             arrows.setdefault(room(module), set()).update(map(room, imports(path) - {"sepv"}))
     lowest_first = order({a: b - {a} for a, b in arrows.items()})
     for ground in ("sepv.console", "sepv.statistics"):
-        assert not arrows[ground] - {ground}, f"{ground} imports {arrows[ground]}"
+        assert arrows[ground] <= {ground, "sepv._lazy"}, f"{ground} imports {arrows[ground]}"
     assert lowest_first.index("sepv.problem") < lowest_first.index("sepv.schemes")
     assert lowest_first.index("sepv.schemes") < lowest_first.index("sepv.verification")
 
