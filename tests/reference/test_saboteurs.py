@@ -187,7 +187,7 @@ def test_both_counts_are_printed_without_and_with_known_witnesses() -> None:
     assert known.startswith("with known witnesses: 1 of 1 saboteurs")
 
 
-PAGE = doc("teeth.md")
+PAGE = doc("real-faults.md")
 NAMES = [s.name for s in historical.SABOTEURS]
 
 
