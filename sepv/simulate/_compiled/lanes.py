@@ -17,6 +17,8 @@ from sepv.simulate._compiled.layout import CACHE_LINE
 from sepv.simulate._compiled.signatures import BEGIN, FILL
 from sepv.simulate._wiener import MIXING, STREAMS
 
+# The number of levels that `fill` halves together, 64 steps: only the driver's pieces of single paths are so long.
+TOGETHER = 6
 _OPTIONS: Any = {"error_model": "numpy", "nogil": True, "cache": True}
 _kernel: Any = njit(**_OPTIONS)
 # Inlined: a call counts the references of its arrays, which takes longer than the work for one lane.
@@ -155,6 +157,15 @@ def coarse(rng: Any, top: Any, factors: Any, base: int, halvings: int, halves: A
         length *= 2
 
 
+@_inline
+def _draw(rng: Any, s: int, out: Any, i: int, j: int, scratch: Any) -> None:
+    """Draw a normal from stream s for each lane into out[i, j]."""
+    if out.shape[2] == 1:  # inlined: a call that passes three arrays counts their references
+        out[i, j, 0] = _ziggurat(rng, s, 0, _next(rng, s, 0))
+    else:
+        normals(rng, s, out, i, j, scratch)
+
+
 @njit(FILL, **_OPTIONS)
 def fill(  # noqa: PLR0912 - in one piece, since calls that pass several arrays count references
     out: Any, first: int, count: int, rng: Any, stack: Any, top: Any, factors: Any, above: int, scratch: Any
@@ -167,7 +178,9 @@ def fill(  # noqa: PLR0912 - in one piece, since calls that pass several arrays 
     prefer_512_bit()
     fine = rng.shape[0] - 1
     noises, lanes = out.shape[1], out.shape[2]
-    for i in range(count):
+    below = min(fine, TOGETHER)
+    i = 0
+    while i < count:
         n = first + i
         level = fine
         while level > 0 and n & 1 == 0:
@@ -182,23 +195,30 @@ def fill(  # noqa: PLR0912 - in one piece, since calls that pass several arrays 
                 for k in range(lanes):
                     out[i, j, k] = top[n, j, k]
             else:
-                if lanes == 1:  # inlined: a call that passes three arrays counts their references
-                    out[i, j, 0] = _ziggurat(rng, 0, 0, _next(rng, 0, 0))
-                else:
-                    normals(rng, 0, out, i, j, scratch)
+                _draw(rng, 0, out, i, j, scratch)
                 for k in range(lanes):
                     out[i, j, k] *= factors[0]
-        for deeper in range(level + 1, fine + 1):
+        # The last levels are halved together where all their steps are asked for.
+        together = below if level <= fine - below and i + (1 << below) <= count else 0
+        for deeper in range(level + 1, fine + 1 - together):
             for j in range(noises):
-                if lanes == 1:
-                    stack[deeper, j, 0] = _ziggurat(rng, deeper, 0, _next(rng, deeper, 0))
-                else:
-                    normals(rng, deeper, stack, deeper, j, scratch)
+                _draw(rng, deeper, stack, deeper, j, scratch)
                 for k in range(lanes):
                     whole = out[i, j, k]
                     left = 0.5 * whole + factors[above + deeper] * stack[deeper, j, k]
                     out[i, j, k] = left
                     stack[deeper, j, k] = whole - left
+        for deeper in range(fine + 1 - together, fine + 1):
+            apart = 1 << (fine - deeper)
+            for left_half in range(i, i + (1 << together), 2 * apart):
+                for j in range(noises):
+                    _draw(rng, deeper, out, left_half + apart, j, scratch)
+                    for k in range(lanes):
+                        whole = out[left_half, j, k]
+                        left = 0.5 * whole + factors[above + deeper] * out[left_half + apart, j, k]
+                        out[left_half, j, k] = left
+                        out[left_half + apart, j, k] = whole - left
+        i += 1 << together
 
 
 @njit(BEGIN, **_OPTIONS)
