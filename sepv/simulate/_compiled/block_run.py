@@ -119,6 +119,12 @@ class Chunk:
             self.stack = aligned((blocks, streams, m, self.lanes))
             coarse = grid.base << grid.top if streams and grid.base <= wiener.TOP else 0
             self.top = aligned((blocks, coarse, m, self.lanes))
+        L, m, piece = self.lanes, self.problem.noises, max(16, 1024 // self.lanes)
+        buffer, points, halves = (
+            aligned((n, m, L)) for n in (piece, piece * (self.values.size > 0), len(self.top[0]) // 2)
+        )
+        scratch = aligned((L,), np.uint64), aligned((-(-L // 64) * 64,), np.uint8)
+        scratch[1][:] = 0
         left_over = LEFT_OVER(self._solve)
         # Not `ctypes.cast`, whose references go round: the arrays of a chunk would wait for the garbage collector.
         address = ctypes.c_void_p.from_buffer(left_over).value
@@ -126,7 +132,8 @@ class Chunk:
             self.driver.BEGINNING, self.driver.FILLING, module.ADVANCING, address,
             self.S, self.I, self.W, self.start, self.task.count, self.words, self.task.first, self.rng, self.stack,
             self.top, self.spreads, self.grid.base, self.grid.top, self.given, self.task.place, self.done, goal,
-            self.task.h, self.bound, self.thresholds, self.values, self.kernel.parameters,
+            self.task.h, self.bound, self.thresholds, self.values, self.kernel.parameters, buffer, points, halves,
+            scratch,
         )  # fmt: skip
         if self.raised is not None:
             raised, self.raised = self.raised, None

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from numba import njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, populate_array
 
 from sepv.simulate._compiled.functions import select
-from sepv.simulate._compiled.lanes import aligned, begin, fill, scratch_of
+from sepv.simulate._compiled.lanes import begin, fill
 from sepv.simulate._compiled.layout import ALIVE, DONE, FAILED, LANES, LIVING
 from sepv.simulate._compiled.signatures import RUN, address, call_advance, call_begin, call_fill
 
@@ -105,6 +104,7 @@ def run(
     beginning: int, filling: int, advance: Any, left_over: Any, S: Any, I: Any, W: Any, start: Any, living: int,
     words: Any, path: int, rng: Any, stack: Any, top: Any, factors: Any, base: int, halvings: int, given: Any,
     place: int, n0: int, n1: int, h: float, bound: float, thresholds: Any, values: Any, P: Any,
+    buffer: Any, points: Any, halves: Any, scratch: Any,
 ) -> None:  # fmt: skip
     """Run steps n0 … n1 − 1 of a chunk of blocks; S, I, W, rng, stack and top are its state, set up where n0 = 0.
 
@@ -112,19 +112,15 @@ def run(
 
     Increments are drawn, or those of lanes `place` and on of `given` (N, m, M) if that is not empty; if there are
     `values`, the scheme gets the one between whose thresholds the increment lies. `advance` calls `left_over` for lanes
-    that are not done.
+    that are not done. The last four are room for increments, points, `coarse` and `normals`.
     """
-    noises, lanes = W.shape[1], W.shape[2]
-    piece = max(16, 1024 // lanes)
-    buffer = aligned(piece * noises * lanes).reshape((piece, noises, lanes))
-    points = np.empty((piece if values.shape[0] > 0 else 0, noises, lanes))
-    scratch = scratch_of(lanes)
+    piece, lanes = buffer.shape[0], W.shape[2]
     for b in range(S.shape[0]):
         alive, own = True, min(b, rng.shape[0] - 1)
         if n0 == 0:  # one block at a time, so that its data are in the cache when they are used
             _settle(S, I, W, start, living, b)
         if n0 == 0 and rng.shape[1] > 0:
-            drawing = (rng[own], top[own], words, path + b * lanes, factors, base, halvings, scratch)
+            drawing = (rng[own], top[own], words, path + b * lanes, factors, base, halvings, halves, scratch)
             call_begin(beginning, drawing)
         for n in range(n0, n1, piece):
             count = min(piece, n1 - n)

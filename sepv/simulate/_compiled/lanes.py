@@ -13,14 +13,12 @@ from numba import njit
 from numba.np.random._constants import fi_double, ki_double, wi_double, ziggurat_nor_inv_r, ziggurat_nor_r
 
 from sepv.simulate._compiled.functions import lowest_bit, marked, prefer_512_bit, select
-from sepv.simulate._compiled.layout import CACHE_LINE
-from sepv.simulate._compiled.signatures import BEGIN, FILL
+from sepv.simulate._compiled.signatures import BEGIN, COARSE, DRAW, FILL, MIX, ZIGGURAT
 from sepv.simulate._wiener import MIXING, STREAMS
 
 # The number of levels that `fill` halves together, 64 steps: only the driver's pieces of single paths are so long.
 TOGETHER = 6
 _OPTIONS: Any = {"error_model": "numpy", "nogil": True, "cache": True}
-_kernel: Any = njit(**_OPTIONS)
 # Inlined: a call counts the references of its arrays, which takes longer than the work for one lane.
 _inline: Any = njit(error_model="numpy", forceinline=True, cache=True)
 _WIDTH = np.array(wi_double, dtype=np.float64)
@@ -47,7 +45,7 @@ def _next(rng: Any, s: int, k: int) -> Any:
     return out
 
 
-@_kernel
+@njit(MIX, **_OPTIONS)
 def mix(rng: Any, s: int) -> None:
     """Turn the seeds of a stream into its initial states by the first draws, which are not used."""
     prefer_512_bit()
@@ -63,7 +61,7 @@ def _uniform(rng: Any, s: int, k: int) -> float:
     return np.int64(_next(rng, s, k) >> np.uint64(11)) * _UNIT
 
 
-@_inline
+@njit(ZIGGURAT, error_model="numpy", forceinline=True, cache=True)
 def _ziggurat(rng: Any, s: int, k: int, r: Any) -> float:
     """Continue the ziggurat from the draw r."""
     while True:
@@ -87,10 +85,11 @@ def _ziggurat(rng: Any, s: int, k: int, r: Any) -> float:
         r = _next(rng, s, k)
 
 
-@_kernel
+@njit(DRAW, **_OPTIONS)
 def normals(rng: Any, s: int, out: Any, i: int, j: int, scratch: Any) -> None:
-    """Draw a standard normal from stream s of rng (streams, 4, L) for each lane into out[i, j]; see `scratch_of`.
+    """Draw a standard normal from stream s of rng (streams, 4, L) for each lane into out[i, j].
 
+    scratch : the draws (L,), and a byte for each lane that the ziggurat has not finished, 0 in those beyond L
     Arrays are passed whole: a slice counts its references, which takes longer than a normal.
     """
     prefer_512_bit()
@@ -112,23 +111,7 @@ def normals(rng: Any, s: int, out: Any, i: int, j: int, scratch: Any) -> None:
             out[i, j, k] = _ziggurat(rng, s, k, raw[k])
 
 
-@_kernel
-def aligned(size: int) -> Any:
-    """An empty vector of this many float64 that starts at a cache line."""
-    room = np.empty(size + CACHE_LINE // 8)
-    first = -room.ctypes.data % CACHE_LINE // 8
-    return room[first : first + size]
-
-
-@_kernel
-def scratch_of(lanes: int) -> Any:
-    """Scratch arrays for `normals`: the draws, and the lanes that the ziggurat has not finished."""
-    late = aligned(-(-lanes // 64) * 8)
-    late[:] = 0.0
-    return aligned(lanes).view(np.uint64), late.view(np.uint8)
-
-
-@_kernel
+@njit(COARSE, **_OPTIONS)
 def coarse(rng: Any, top: Any, factors: Any, base: int, halvings: int, halves: Any, scratch: Any) -> None:
     """Draw the coarse part of a block, top (n, m, L) with n = base·2^halvings, level by level in place.
 
@@ -157,7 +140,7 @@ def coarse(rng: Any, top: Any, factors: Any, base: int, halvings: int, halves: A
         length *= 2
 
 
-@_inline
+@njit(DRAW, error_model="numpy", forceinline=True, cache=True)
 def _draw(rng: Any, s: int, out: Any, i: int, j: int, scratch: Any) -> None:
     """Draw a normal from stream s for each lane into out[i, j]."""
     if out.shape[2] == 1:  # inlined: a call that passes three arrays counts their references
@@ -176,7 +159,7 @@ def fill(  # noqa: PLR0912 - in one piece, since calls that pass several arrays 
     here; `above` is the number of its halvings.
     """
     prefer_512_bit()
-    fine = rng.shape[0] - 1
+    fine = max(rng.shape[0] - 1, 0)  # without noise there are no streams
     noises, lanes = out.shape[1], out.shape[2]
     below = min(fine, TOGETHER)
     i = 0
@@ -223,11 +206,20 @@ def fill(  # noqa: PLR0912 - in one piece, since calls that pass several arrays 
 
 @njit(BEGIN, **_OPTIONS)
 def begin(
-    rng: Any, top: Any, words: Any, path: int, factors: Any, base: int, halvings: int, scratch: Any
+    rng: Any,
+    top: Any,
+    words: Any,
+    path: int,
+    factors: Any,
+    base: int,
+    halvings: int,
+    halves: Any,
+    scratch: Any,
 ) -> None:
     """Set up the streams of a block, rng (streams, 4, L), of paths `path` and on, and its coarse increments `top`.
 
-    words (streams, 3) starts the streams (`sepv.simulate._wiener.stream_words`); `scratch` is that of `scratch_of`.
+    words (streams, 3) starts the streams (`sepv.simulate._wiener.stream_words`); `halves` is that of `coarse`, and
+    `scratch` that of `normals`.
     """
     for s in range(rng.shape[0]):
         for k in range(rng.shape[2]):
@@ -236,6 +228,4 @@ def begin(
             rng[s, 3, k] = np.uint64(1)
         mix(rng, s)
     if top.shape[0] > 0:
-        n, noises, lanes = top.shape[0] // 2, top.shape[1], top.shape[2]
-        halves = aligned(n * noises * lanes).reshape((n, noises, lanes))
         coarse(rng, top, factors, base, halvings, halves, scratch)

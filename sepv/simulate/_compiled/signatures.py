@@ -21,15 +21,22 @@ _integers, _int, _float = types.int64[::1], types.int64, types.float64
 ADVANCE = _int(_vector, _integers, _block, _int, _int, _float, _float, _vector, _int)
 # start(S, I, increments, P): compute the invariants of a block whose states are set.
 START = types.void(_vector, _integers, _block, _vector)
-# See `sepv.simulate._compiled.lanes` and `sepv.simulate._compiled.driver`.
+# See `sepv.simulate._compiled.lanes` and `sepv.simulate._compiled.driver`. Without signatures numba would compile a
+# function again where an argument is a constant.
 _scratch = types.Tuple((types.uint64[::1], types.uint8[::1]))
 _words = types.uint64[:, ::1]
 _streams, _stacks = types.uint64[:, :, :, ::1], types.float64[:, :, :, ::1]
-FILL = types.void(_block, _int, _int, types.uint64[:, :, ::1], _block, _block, _vector, _int, _scratch)
-BEGIN = types.void(types.uint64[:, :, ::1], _block, _words, _int, _vector, _int, _int, _scratch)
+_states = types.uint64[:, :, ::1]
+MIX = types.void(_states, _int)
+ZIGGURAT = _float(_states, _int, _int, types.uint64)
+DRAW = types.void(_states, _int, _block, _int, _int, _scratch)
+COARSE = types.void(_states, _block, _vector, _int, _int, _block, _scratch)
+FILL = types.void(_block, _int, _int, _states, _block, _block, _vector, _int, _scratch)
+BEGIN = types.void(_states, _block, _words, _int, _vector, _int, _int, _block, _scratch)
 RUN = types.void(
     _int, _int, _int, _int, _matrix, types.int64[:, ::1], _block, _vector, _int, _words, _int, _streams, _stacks,
     _stacks, _vector, _int, _int, _block, _int, _int, _int, _float, _float, _vector, _vector, _vector,
+    _block, _block, _block, _scratch,
 )  # fmt: skip
 
 
