@@ -40,7 +40,7 @@ from sepv.verification._cases.users_problems import as_taken, problems_of
 from sepv.verification._failed_step import failed_step
 from sepv.verification._law import sparing
 from sepv.verification._orders.local_errors import two_noises
-from sepv.verification._tolerance import rounding_walk
+from sepv.verification._tolerance import rounding_variances
 from sepv.verification._units import units_for, units_of
 
 PATHS = 60
@@ -222,7 +222,9 @@ def energy_walk(
     H0, unit = [exact.hamiltonian(exact.state(start)) for start in y.T], float(energy_ulp(problem, y0, y0))
     rows: list[np.ndarray] = []
     carried = Carried(scheme)
-    walks, alive, checkpoint, failed = [], np.arange(paths), FIRST, ""
+    alive, checkpoint, failed = np.arange(paths), FIRST, ""
+    # The variance of each path's own roundings so far, and their mean in a step at each checkpoint.
+    spent, widths = np.zeros(paths), []
     for n in range(1, steps + 1):
         value, status, *_ = advance(guarded_scheme, problem, y[:, alive], h, dW[n - 1][:, alive], carried)
         if not failed and np.any(status != Status.CONVERGED):
@@ -233,6 +235,7 @@ def energy_walk(
         alive = alive[status == Status.CONVERGED]
         carried.keep(status == Status.CONVERGED)
         y[:, alive] = value[:, status == Status.CONVERGED]
+        spent[alive] += rounding_variances(problem.gradient(y[:, alive]), y[:, alive])
         if n == checkpoint:
             if not rows and unit <= TINY and alive.size:
                 # From y0 = 0, or from a rest point of the drift, the unit is that of the states reached.
@@ -242,12 +245,26 @@ def energy_walk(
                 defect = float(exact.hamiltonian(exact.state(y[:, k])) - H0[k]) / unit
                 row[k] = max(-BEYOND, min(BEYOND, defect))
             rows.append(row)
-            walk = rounding_walk(problem.gradient(y[:, alive]), y[:, alive]) / unit
-            walks.append(walk if walk < EXPLODED else 0.0)
+            width = np.full(paths, np.nan)
+            width[alive] = np.sqrt(spent[alive] / n) / unit
+            widths.append(width)
             checkpoint *= 2
         if not alive.size:
             return np.full((1, paths), np.nan), 0.0, failed
-    return np.array(rows), float(np.sqrt(np.mean(np.square(walks)))), failed
+    return *in_own_roundings(np.array(rows), np.array(widths)), failed
+
+
+def in_own_roundings(defects: Array, widths: Array) -> tuple[Array, float]:
+    """Defects (checkpoints, paths) as if all paths had equal roundings, and the rounding of a step that they then have.
+
+    `widths` has the root mean square rounding of a step up to each checkpoint, on each path. From the origin, or where
+    paths differ, it grows and differs a lot; a defect over its own √n-fold is normal nevertheless.
+    """
+    alive = np.isfinite(widths)
+    known = np.where(alive & (widths < EXPLODED), widths, 0.0)  # what an explosion reaches does not excuse it
+    common = float(np.sqrt(np.sum(known**2) / max(1, np.count_nonzero(alive))))
+    own = np.where(known > 0, np.maximum(known, common / SPREAD), common)
+    return (defects * (common / own) if common else defects), common
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:

@@ -231,15 +231,20 @@ def casimir_ulp(A: Array, y0: Array, y1: Array) -> float:
     return EPS * max(*slopes, TINY)
 
 
-def rounding_walk(gradient: Array, states: Array) -> float:
-    """The root mean square change of an invariant by the rounding of one step, averaged over states (see above).
+def rounding_variances(gradient: Array, states: Array) -> Array:
+    """The mean square change (M,) of an invariant by the rounding of one step to each of the states (see above).
 
     `gradient` (d, M) is the invariant's at `states` (d, M). 0 where it overflows, which excuses nothing.
     """
     with np.errstate(all="ignore"):
         roundings = gradient * np.spacing(np.abs(states))
-        walk = float(np.sqrt(np.mean(np.sum(roundings * roundings, axis=0)) / 12))
-    return walk if np.isfinite(walk) else 0.0
+        variances = np.sum(roundings * roundings, axis=0) / 12
+    return np.where(np.isfinite(variances), variances, 0.0)
+
+
+def rounding_walk(gradient: Array, states: Array) -> float:
+    """The root mean square change of an invariant by the rounding of one step, averaged over states."""
+    return float(np.sqrt(np.mean(rounding_variances(gradient, states))))
 
 
 def state_ulp(*states: Array) -> float:

@@ -62,3 +62,23 @@ def test_a_problem_that_is_skipped_is_left_out() -> None:
     assert finding.verdict is Verdict.HOLDS
     assert finding.checks == rounding.PATHS
     assert "rigid-body, h = 0.01: skipped: two components only" in finding.message
+
+
+def test_paths_with_other_roundings_are_judged_by_their_own() -> None:
+    """From the origin roundings grow, on each path otherwise: 60 such paths looked like a drift of each."""
+    rng = np.random.default_rng(5)
+    checkpoints = rounding.FIRST * 2 ** np.arange(4)
+    for _ in range(100):
+        sizes = W * np.exp(rng.standard_normal(rounding.PATHS)) * np.linspace(0, 2, 256)[:, None]
+        walk = np.cumsum(sizes * rng.standard_normal(sizes.shape), axis=0)[checkpoints - 1]
+        widths = np.sqrt(np.cumsum(sizes**2, axis=0)[checkpoints - 1] / checkpoints[:, None])
+        own, common = rounding.in_own_roundings(walk, widths)
+        assert not [r.name for r in rounding.judge(own, common) if r.size > r.allowed]
+
+
+def test_an_explosion_is_not_excused_by_what_it_reaches() -> None:
+    own, common = rounding.in_own_roundings(
+        np.full((4, 2), 1e150), np.array([[0.1, 0.1]] * 3 + [[1e120, 0.1]])
+    )
+    assert common < 0.2
+    assert np.min(own) > 1e148
