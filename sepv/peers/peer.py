@@ -108,10 +108,15 @@ def scheme(target: str) -> Scheme:
     return _one(target, library, {**peer.schemes, **peer.integrators})
 
 
-def method(target: str) -> Method:
-    """The solver of that name under the best driver known. Raises TargetError as `scheme`."""
+def method(target: str) -> Method | None:
+    """The solver of that name under the best driver known; None for an integrator, which is compared step by step.
+
+    Raises TargetError as `scheme`.
+    """
     library = library_of(target)
-    return _one(target, library, load(library).methods)
+    peer = load(library)
+    known: dict[str, Method | None] = {**dict.fromkeys(peer.integrators), **peer.methods}
+    return _one(target, library, known)
 
 
 def _one(target: str, library: str, known: Mapping[str, _Kind]) -> _Kind:

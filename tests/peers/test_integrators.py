@@ -9,13 +9,14 @@ import pytest
 
 from benchmarks.peers import integrators as page
 from benchmarks.peers.deviations import _notes
-from sepv.errors import Skipped
+from sepv.errors import Skipped, TargetError
 from sepv.exact import exact_flow
 from sepv.peers.peer import Peer, names
 from sepv.problem import Problem, mechanics
 from sepv.problems import by_name, henon_heiles, pendulum, planets, rigid_body
 from sepv.problems._mechanical import positions_first
 from sepv.schemes import Scheme, load_scheme
+from sepv.studies._compare.method import load_method
 from sepv.verification import Effort, verify
 
 LIBRARIES = (
@@ -84,6 +85,16 @@ def test_systems_that_a_library_cannot_take_are_left_out() -> None:
     scheme = peer("scipy").integrators["dop853"]
     with pytest.raises(Skipped, match="mechanical problem"):
         scheme.step(rigid_body(noise=()), np.ones(3), 0.1, NONE)
+
+
+def test_an_integrator_is_compared_step_by_step_and_a_wrong_name_lists_them() -> None:
+    scheme, problem = peer("mici").integrators["leapfrog"], henon_heiles(noise=())
+    method, y = load_method("mici-leapfrog", problem), np.array(problem.initial, dtype=np.float64)
+    assert method.deterministic
+    after = scheme.step(problem, scheme.step(problem, y, 0.1, NONE), 0.1, NONE)
+    np.testing.assert_array_equal(method.prepare(problem, y, 0.1, np.zeros((2, 0, 1)))().y[:, 0], after)
+    with pytest.raises(TargetError, match="mici-leapfrog, mici-"):
+        load_method("mici-leapfrogs", problem)
 
 
 def orbit_in_space(G: float, tilt: float) -> Problem:

@@ -242,9 +242,9 @@ def load_method(target: str, problem: Problem) -> Method:
     if target == EXACT:
         return exact_time_change()
     peers = import_module("sepv.peers.peer")  # a room above: its records are made of those of this file
-    if peers.library_of(target):
-        loaded: Method = peers.method(target)
-        return loaded
+    driven: Method | None = peers.method(target) if peers.library_of(target) else None
+    if driven is not None:
+        return driven
     if ":" in target:
         named = load_object(target)
         if isinstance(named, Method):
