@@ -51,7 +51,7 @@ def _processed(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 def _projected(problem: Problem, y: Array, h: float, _dW: Array) -> Array:
     """Symmetric projection of the trapezoidal rule: ỹ = y + λ∇H(y), ỹ1 = Φ(ỹ), y1 = ỹ1 + λ∇H(y1), H(y1) = H(y).
 
-    E. Hairer, BIT 40 (2000). λ by the secant method, y1 by fixed-point iteration.
+    E. Hairer, BIT 40 (2000). λ by the secant method from Newton's first step, y1 by fixed-point iteration.
     """
     shape, y = y.shape, y.reshape(len(y), -1)
     g, H = problem.gradient(y), problem.hamiltonian(y)
@@ -66,9 +66,10 @@ def _projected(problem: Problem, y: Array, h: float, _dW: Array) -> Array:
             y1 = new
         raise Refused("the projection does not converge")
 
-    last, share = np.zeros(y.shape[1]), np.full(y.shape[1], 1e-4)
-    off = problem.hamiltonian(end(last)) - H
-    y1 = y
+    last = np.zeros(y.shape[1])
+    y1 = end(last)
+    off, steepness = problem.hamiltonian(y1) - H, 2 * np.sum(g * g, axis=0)
+    share = -off / np.where(steepness == 0, 1.0, steepness)
     for _ in range(20):
         y1 = end(share)
         new = problem.hamiltonian(y1) - H
