@@ -64,15 +64,12 @@ def test_a_fast_oscillator_with_unit_noise_accuses_nobody(name: str, rate: float
 OWN = ("energy-preserving", "euler-heun", "milstein")
 # Each problem, each scheme and each scale in every run, all of them with each other in the deep one.
 EVERY_RUN = [(list(PROBLEMS)[n % len(PROBLEMS)], OWN[n % 3], scale) for n, scale in enumerate(SCALES)]
-# y/1e6 rounds where y/2^20 does not: *rounding* then calls the walk of H along (2.1) a drift, 0.60 against 0.53.
-WRONG = ("toda", "energy-preserving", Scale(size=1e6))
 
 
 def each() -> Iterator[Any]:
     for case in product(PROBLEMS, OWN, SCALES):
         marks = [] if case in EVERY_RUN else [pytest.mark.deep]
-        known = pytest.mark.xfail(strict=True, reason="a right scheme is accused where y/1e6 rounds")
-        yield pytest.param(*case, marks=[*marks, known] if case == WRONG else marks)
+        yield pytest.param(*case, marks=marks)
 
 
 @pytest.mark.parametrize(("problem", "scheme", "scale"), list(each()))
