@@ -57,7 +57,7 @@ class Pictures:
 
     @property
     def colours(self) -> list[tuple[str, str, str]]:
-        """Rows (variable, colour on light, colour on dark) for the style sheet, of the colours drawn."""
+        """Rows (variable, colour on light, colour on dark) of the pictures' colours, for the style sheet."""
         return [(f"k{n}", light, dark) for n, (light, dark) in enumerate(self._colours.items())]
 
     @property

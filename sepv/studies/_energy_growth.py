@@ -129,7 +129,7 @@ def judged(
     scheme: str, times: Array, errors: Array, *, rounding: float, failed: int = 0,
     derived: EnergyDiffusion | None = None,
 ) -> Growth:  # fmt: skip
-    """The record from errors (L, M) of H at times (L,), the last ones T/4, T/2 and T."""
+    """The growth of errors of H (L, M) of M paths at times (L,), of which the last three are T/4, T/2 and T."""
     paths = errors.shape[1]
     rates = (errors[-1] - errors[-3]) / (times[-1] - times[-3])
     half = float(students_t(LEVEL / 2, paths - 1) * np.std(rates, ddof=1) / np.sqrt(paths))

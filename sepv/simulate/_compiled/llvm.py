@@ -104,7 +104,7 @@ class _Lines:
         return as_float(a), as_float(b)
 
     def named(self, name: str) -> Any:
-        """The value of a name; numbers become constants."""
+        """The LLVM value of a name; a name that stands for a Python number gives a constant."""
         found = self.names[name]
         if isinstance(found, (int, np.integer)):
             return ir.Constant(_INT, int(found))

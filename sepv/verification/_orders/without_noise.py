@@ -142,7 +142,10 @@ class StepErrors:
 
 
 def step_errors(scheme: Scheme, problem: Problem) -> StepErrors:
-    """Step each state once with every size, finer than all steps that fail or that the flow does not reach."""
+    """The errors of one step from each state.
+
+    A step size is used if no step of this size or of a smaller one failed, and if the exact flow reaches so far.
+    """
     units, asked = units_of(problem), guarded(scheme)
     starts = np.array(list(sample_states(problem, units.length))[:STATES]).T
     h = SIZES * units.time
