@@ -189,6 +189,21 @@ def test_compiled_code_that_was_cut_off_is_compiled_again(tmp_path, monkeypatch)
     assert store.load.__wrapped__(text).twice(1.5) == 3.0
 
 
+def test_threads_that_ask_for_one_module_wait_for_the_whole_of_it(tmp_path, monkeypatch) -> None:
+    from sepv.simulate._compiled import store
+
+    monkeypatch.setenv("SEPV_CACHE_DIR", str(tmp_path))
+    inner = store.name_of(text := "import time\n\ntime.sleep(0.2)\nANSWER = 42\n")
+
+    def ask(_: int) -> object:
+        store.load(text)
+        return store.load(f"from {inner} import ANSWER\n")
+
+    with ThreadPoolExecutor(4) as threads:
+        modules = list(threads.map(ask, range(4)))
+    assert all(module is modules[0] and module.ANSWER == 42 for module in modules)
+
+
 def test_the_first_ensemble_leaves_the_import_of_blas_to_code_that_calls_it() -> None:
     code = """if True:
         import sys, numpy as np, sepv

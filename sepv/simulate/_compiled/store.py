@@ -9,8 +9,9 @@ import os
 import re
 import sys
 import tempfile
-from collections.abc import Iterator
-from functools import cache
+import threading
+from collections.abc import Callable, Iterator
+from functools import cache, wraps
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -87,7 +88,23 @@ def name_of(text: str) -> str:
     return "sepv_kernel_" + hashlib.sha256(b"\0".join(parts)).hexdigest()[:24]
 
 
-@cache
+# A module that one thread is executing is in sys.modules already, where another would find only a part of it.
+_LOADING = threading.RLock()
+
+
+def _by_one_thread(function: Callable[[str], ModuleType]) -> Callable[[str], ModuleType]:
+    """The function with its answers kept; a thread that asks while another is answered waits."""
+    kept = cache(function)
+
+    @wraps(function)
+    def asked(text: str) -> ModuleType:
+        with _LOADING:
+            return kept(text)
+
+    return asked
+
+
+@_by_one_thread
 def ordinary(name: str) -> ModuleType:
     """The module `driver` or `lanes`, compiled, identified by its content and its linked code.
 
@@ -99,7 +116,7 @@ def ordinary(name: str) -> ModuleType:
     return load(text)
 
 
-@cache
+@_by_one_thread
 def load(text: str) -> ModuleType:
     """The module with this source, compiled, or read from the cache if it was compiled before."""
     name = name_of(text)
