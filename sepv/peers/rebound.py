@@ -152,7 +152,8 @@ PEER = Peer(
         "whfast-barycentric": _planetary("whfast", 2, SYMPLECTIC, _WHFAST, coordinates="barycentric"),
         "whfast-lazy": _planetary("whfast", 2, SYMPLECTIC, _WHFAST, kernel="lazy", corrector=17),
         "saba": _planetary("saba", None, SYMPLECTIC, _SABA),
-        "mercurius": _planetary("mercurius", None, SYMPLECTIC, 'MERCURIUS: "a hybrid symplectic integrator".'),
+        # Hybrids that change between two integrators: nothing is claimed of them.
+        "mercurius": _planetary("mercurius", None, (), 'MERCURIUS: "a hybrid symplectic integrator".'),
         "trace": _planetary("trace", None, (), 'TRACE: "a hybrid (almost) time-reversible integrator".'),
         "eos": _planetary("eos", None, (), "EOS"),
     },
