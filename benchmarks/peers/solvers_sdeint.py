@@ -86,7 +86,7 @@ def _solver(name: str, strong: float | None, source: str, *, handed_on: bool = F
     )
 
 
-_README = "sdeint, README of release 0.3"
+_README = "sdeint 0.3, README"
 SOLVERS = (
     _solver("itoEuler", None, f"{_README}: no order is stated"),
     _solver("itoSRI2", 1.0, f'{_README}: "order 1.0 strong"; its docstring: for an arbitrary noise matrix'),
