@@ -19,26 +19,16 @@ from sepv.schemes import Scheme
 SYMPLECTIC = ("symplecticity", "poisson-map", "volume")
 REVERSIBLE = ("symmetry", "reversibility")
 
-# Sizes of states that are usual in some unit, as for the laws (`sepv.verification._cases.ends`).
-USUAL = (2.0**-21, 2.0**21)
-
 # A function (system, q, p, h) -> (q1, p1).
 Advance = Callable[[Mechanics, Array, Array, float], tuple[Any, Any]]
 
 
 def integrator(
-    name: str, advance: Advance, *, order: float | None = None, source: str, absolute: str = "", **facts: Any
+    name: str, advance: Advance, *, order: float | None = None, source: str, **facts: Any
 ) -> Scheme:
-    """The scheme of a step of length h from (q, p); `facts` are further ones of `sepv.Scheme`.
-
-    A library may have a threshold with a unit, named by `absolute`: it means nothing for states of extreme size, which
-    are skipped with these words.
-    """
+    """The scheme of a step of length h from (q, p); `facts` are further ones of `sepv.Scheme`."""
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-        size = float(np.max(np.abs(y)))
-        if absolute and size > 0 and not USUAL[0] <= size <= USUAL[1]:
-            raise Skipped(absolute)
         try:
             system = mechanics(problem)
         except UsageError:

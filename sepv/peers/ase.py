@@ -40,7 +40,6 @@ def _advance(system: Mechanics, q: Array, p: Array, h: float) -> tuple[Array, Ar
 
 velocity_verlet = integrator(
     "ase VelocityVerlet", _advance, order=2, claims=SYMPLECTIC + REVERSIBLE,
-    absolute="ASE keeps the force where atoms move by less than 1e-15 Å (Calculator.check_state)",
     source='ase.md.verlet.VelocityVerlet: "MD with NVE ensemble and velocity Verlet time integration."',
 )  # fmt: skip
 

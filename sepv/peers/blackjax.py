@@ -30,16 +30,10 @@ def _step(make: Any, V: Any, inverse_mass: Any, q: Any, p: Any, h: Any) -> tuple
     return state.position, state.momentum
 
 
-_SOLVER = "its solver has absolute tolerances: convergence_tol, and divergence_tol=1e10"
-
-
 def _scheme(name: str, order: int, note: str = "", **options: Any) -> Scheme:
     advance = advance_by(partial(_step, partial(getattr(integrators, name), **options)))
     claims = SYMPLECTIC + REVERSIBLE
-    absolute = _SOLVER if name == "implicit_midpoint" else ""
-    return integrator(
-        f"blackjax {name}{note}", advance, order=order, claims=claims, source=_MODULE, absolute=absolute
-    )
+    return integrator(f"blackjax {name}{note}", advance, order=order, claims=claims, source=_MODULE)
 
 
 # The page names no orders; these are of the methods that the source describes.
