@@ -14,7 +14,14 @@ from sepv.errors import Skipped
 from sepv.schemes import OF_SEVERAL, Scheme
 from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 from sepv.verification._failed_step import row
-from sepv.verification._orders.without_noise import Order, StepErrors, orders, quiet_problems, step_errors
+from sepv.verification._orders.without_noise import (
+    Order,
+    StepErrors,
+    orders,
+    quiet_problems,
+    rounds_step_sizes,
+    step_errors,
+)
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:  # noqa: ARG001 - nothing is drawn
@@ -26,6 +33,7 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:  # noqa: ARG001 - n
     claimed = scheme.order or 1.0
     least, lines, measured, checks = claimed + 0.5, [], [], 0
     judged: list[tuple[StepErrors, int, Order]] = []
+    coarse: list[str] = []
     skipped: list[Skipped] = []
     for problem in quiet_problems(scheme):
         try:
@@ -38,6 +46,11 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:  # noqa: ARG001 - n
         if errors.h.size < 4:
             why = f"{problem.name}: steps were not solved, or no flow; {errors.failed}"
             return law.finding(Verdict.ERROR, checks=checks, message=why)
+        if h := rounds_step_sizes(scheme, problem):
+            coarse.append(
+                f"{problem.name}: steps of h(1 − 2⁻²⁸) and h(1 + 2⁻²⁸) are equal in every digit, h = {h:.3g}: h or y1 "
+                "is rounded to 32 bits or fewer"
+            )
         seen = orders(scheme, errors, least)
         s = min(range(len(seen)), key=lambda k: _first(seen[k], _OF_STATES))
         judged.append((errors, s, seen[s]))
@@ -59,9 +72,10 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:  # noqa: ARG001 - n
             lines.append(
                 "order 0 is no convergence; if it is the scheme's own solver: Scheme(…, solver_tolerance=…)"
             )
+    verdict = Verdict.VIOLATED if coarse else worst.verdict
     return law.finding(
-        worst.verdict, defect=worst.value if np.isfinite(worst.value) else None, bound=least, at_least=True,
-        checks=checks, message="\n".join(lines), witness={"measured": measured}, replay=f"--law {law.name}",
+        verdict, defect=worst.value if np.isfinite(worst.value) else None, bound=least, at_least=True,
+        checks=checks, message="\n".join(coarse + lines), witness={"measured": measured}, replay=f"--law {law.name}",
     )  # fmt: skip
 
 
@@ -97,7 +111,7 @@ law = Law(
     source="GNI II.1",
     unit="power of h",
     cost=0.3,
-    steps=279,
+    steps=369,
     run=run,
     replay=replay,
 )

@@ -130,6 +130,18 @@ def test_a_tolerance_is_no_order(tolerance: float, *, stated: bool) -> None:
     assert found(scheme).verdict is Verdict.HOLDS
 
 
+@pytest.mark.parametrize(
+    ("facts", "verdict"),
+    [({}, Verdict.VIOLATED), ({"solver_tolerance": 1e-6}, Verdict.HOLDS)],
+    ids=["", "stated"],
+)
+def test_a_step_size_in_32_bits_is_told_from_one_in_64(facts: dict[str, Any], verdict: Verdict) -> None:
+    rounded = replace(_own(lambda p, y, h, dW: LEAPFROG.step(p, y, float(np.float32(h)), dW)), **facts)
+    finding = found(rounded, order=2.0)
+    assert finding.verdict is verdict
+    assert ("h or y1 is rounded to 32 bits" in finding.message) is (verdict is Verdict.VIOLATED)
+
+
 def test_errors_that_do_not_fall_accuse_nobody() -> None:
     h = 4 * RATIO ** -np.arange(31.0)
     flat = judge(h, np.full(31, 1e-7), 4.5, 1e-14, 2e-11)

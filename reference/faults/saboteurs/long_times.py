@@ -53,6 +53,16 @@ def drift_of_a_rounded_step(problem: Problem, y: Array, h: float, dW: Array) -> 
 
 @SABOTEURS.like(
     leapfrog,
+    "the step size is rounded to 32 bits, and all else is computed in 64: symplectic and symmetric for every h",
+    ("deterministic-order", "random-step"),
+)
+def single_precision_step_size(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """The leapfrog with h to 24 binary digits."""
+    return leapfrog.step(problem, y, float(np.float32(h)), dW)
+
+
+@SABOTEURS.like(
+    leapfrog,
     "each step of the leapfrog ends with the momenta times 0.9999",
     ("long-time-energy", "symplecticity", "volume", "identity"),
 )

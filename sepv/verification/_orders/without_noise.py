@@ -30,6 +30,7 @@ from sepv.problem import Array, Problem, is_several, sample_states
 from sepv.record import EPS
 from sepv.schemes import Scheme, guarded
 from sepv.simulate import advance
+from sepv.solve import Status
 from sepv.verification._cases.case import quiet, quiet_problem
 from sepv.verification._cases.users_problems import items, sources
 from sepv.verification._failed_step import first_failed
@@ -57,6 +58,12 @@ WHOLE = 0.05
 SMALL = 2.0**-4
 # Members of a family of random systems that are asked beside its named problems.
 MEMBERS = 2
+# Step sizes, in the problem's unit of time, at which h is moved by this share of itself, up and down. A quarter of a
+# unit of the last place of 32 bits lies between the two at most; in 64 bits it is millions of such units.
+PROBED = 1 / np.array([3.0, 5.0, 7.0, 11.0, 13.0])
+NUDGE = 2.0**-28
+# Least movement in a step, as a share of the state, at which a nudged step must show in the last digits: 2⁻³⁷ of it.
+MOVES = 2.0**-10
 
 
 @dataclass(frozen=True)
@@ -168,6 +175,31 @@ def step_errors(scheme: Scheme, problem: Problem) -> StepErrors:
     errors = np.array(rows).reshape(-1, starts.shape[1]).T / units.length
     scale, flow = float(np.max(np.abs(starts))) / units.length, max((f.error for f in flows), default=0.0)
     return StepErrors(problem, kept, errors, starts, scale, flow / units.length, steps, failed)
+
+
+def rounds_step_sizes(scheme: Scheme, problem: Problem) -> float | None:
+    """A step size h that the scheme rounds to 32 bits or fewer, or None.
+
+    Steps of h(1 − 2⁻²⁸) and h(1 + 2⁻²⁸) must differ by 2⁻²⁷ h|f|, which is far above the rounding of y1. If h is
+    rounded to 24 binary digits, both are the same step for seven of eight h, in every digit. The error of a step is
+    then up to 2⁻²⁴ h|f| for h → 0: no order at all. Its slope does not tell it from a solver's tolerance.
+    """
+    if scheme.dtype != "float64" or scheme.solver_tolerance > NUDGE:  # they say that they are no more exact
+        return None
+    units, asked = units_of(problem), guarded(scheme)
+    starts = np.array(list(sample_states(problem, units.length))[:STATES]).T
+    none = np.zeros((0, starts.shape[1]))
+    alike, probes = list[float](), 0
+    for h in PROBED * units.time:
+        (below, first, *_), (above, second, *_) = (
+            advance(asked, problem, starts, float(h * factor), none) for factor in (1 - NUDGE, 1 + NUDGE)
+        )
+        moved = np.linalg.norm(below - starts, axis=0) > MOVES * np.linalg.norm(starts, axis=0)
+        shown = (first == Status.CONVERGED) & (second == Status.CONVERGED) & moved
+        if np.any(shown):
+            probes += 1
+            alike += [float(h)] * bool(np.all(below[:, shown] == above[:, shown]))
+    return alike[0] if 2 * len(alike) > probes else None
 
 
 def orders(scheme: Scheme, found: StepErrors, least: float) -> list[Order]:
