@@ -42,7 +42,8 @@ IMITATED = {
         "midpoint": "off-the-middle three-sweeps",
         "splitting": "time-of-place tangent-of-first scaled-a-little",
         "yoshida-4": "triple-jump-in-digits",
-        "leapfrog": "force-of-first-kick kick-of-another-mass drift-of-a-rounded-step single-precision-step-size a-little-friction",
+        "leapfrog": "force-of-first-kick kick-of-another-mass drift-of-a-rounded-step a-little-friction "
+        "single-precision-step-size",
         "blanes-moan-4": "stored-in-single-precision",
         "stochastic-midpoint": "second-noise-louder away-from-the-origin",
         "area-midpoint": "areas-of-other-sign",
