@@ -6,7 +6,7 @@ wholly below the value, and can accuse; `above` one that lies above it, and can 
 one miss. The last rows are verdicts: how often a law, run at that alpha on one problem, calls the scheme violated.
 
 Schemes of order 2 and more are measured as their laws measure them, on the weighted samples of
-`sepv.verification._orders.tilting`, which have no quantile.
+`sepv.properties._orders.tilting`, which have no quantile.
 
 The laws use an alpha near 3e-6, where no count reaches. What is measured is how the misses compare with what they
 should be as alpha falls; the verdicts show what is left of them where it takes two intervals to accuse.
@@ -21,18 +21,18 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from sepv.properties import test_mean_square_order, test_right_limit, test_weak_order
+from sepv.properties import StrongErrors, test_mean_square_order, test_right_limit, test_weak_order
+from sepv.properties import mean_square_slope as slope
+from sepv.properties._orders.convergence import first, join, quantile_slope, strong_errors
+from sepv.properties._orders.means import decay, leading, limit_errors, moment_errors
+from sepv.properties._orders.tilting import tilted_errors
+from sepv.properties._sequential import FIRST_LOOK, Assess, Setup, is_tilted, setups_for
 
 from benchmarks import over, start
 from sepv import problems, schemes
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme
-from sepv.verification import StrongErrors, Verdict
-from sepv.verification import mean_square_slope as slope
-from sepv.verification._orders.convergence import first, join, quantile_slope, strong_errors
-from sepv.verification._orders.means import decay, leading, limit_errors, moment_errors
-from sepv.verification._orders.tilting import tilted_errors
-from sepv.verification._sequential import FIRST_LOOK, Assess, Setup, is_tilted, setups_for
+from sepv.verification import Verdict
 
 ALPHAS = (0.05, 0.01, 0.001)
 # For --deep; and so many batches are drawn at once.

@@ -1,7 +1,7 @@
 """Mean-square and weak orders of s-stage collocation, with invariants beside them: ``python -m benchmarks.orders``.
 
 Against the exact flow at the random time, every step size with paths of its own, importance sampled from two stages on
-(`sepv.verification._orders.tilting`): the mean square of an error of order s is a (4s + 2)th moment, which
+(`sepv.properties._orders.tilting`): the mean square of an error of order s is a (4s + 2)th moment, which
 plain paths do not see. Intervals are 99 %. Defects are the largest over 256 plain paths, relative to the
 invariant's size at the start, in binary64.
 
@@ -20,6 +20,10 @@ from itertools import combinations, permutations
 import numpy as np
 from rich.console import Console
 from rich.table import Table
+from sepv.properties import StrongErrors
+from sepv.properties import mean_square_slope as slope
+from sepv.properties._orders.convergence import strong_errors
+from sepv.properties._orders.tilting import tilted_errors
 
 import sepv
 from benchmarks import over, start
@@ -29,10 +33,6 @@ from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.record import poly
 from sepv.schemes._scheme import truncation_for
 from sepv.statistics import Estimate, jackknife
-from sepv.verification import StrongErrors
-from sepv.verification import mean_square_slope as slope
-from sepv.verification._orders.convergence import strong_errors
-from sepv.verification._orders.tilting import tilted_errors
 
 ALPHA = 0.01
 # Means that stand less than this many standard errors out of the noise show no slope.
@@ -123,7 +123,7 @@ def weak_slope(errors: StrongErrors, alpha: float) -> Estimate:
     """The slope of log |E e| over the step sizes whose mean error stands out of the noise.
 
     NaN, with an infinite interval, where fewer than two do. Laws judge by `leading` and `decay` of
-    `sepv.verification._orders.means`.
+    `sepv.properties._orders.means`.
     """
     d, paths = errors.errors.shape[1:]
     size = np.linalg.norm(errors.errors.mean(axis=2), axis=1)

@@ -9,11 +9,11 @@ import argparse
 
 from rich.console import Console
 from rich.table import Table
+from sepv.properties import mean_square_slope as slope
+from sepv.properties._orders.convergence import strong_errors
 
 from benchmarks import over, start
 from sepv import problems, schemes
-from sepv.verification import mean_square_slope as slope
-from sepv.verification._orders.convergence import strong_errors
 
 # (T, numbers of steps). Lotka-Volterra needs h ≤ 2⁻⁷: at coarser steps some have no solution, and explicit
 # schemes leave the octant.

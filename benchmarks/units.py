@@ -15,6 +15,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from sepv.properties._orders.local_errors import five_noises
 
 from benchmarks import over, start
 from sepv import problems, schemes
@@ -23,7 +24,6 @@ from sepv.problems import started
 from sepv.record import poly
 from sepv.schemes import Scheme
 from sepv.verification import Effort, Finding, Verdict, verify
-from sepv.verification._orders.local_errors import five_noises
 
 
 class Scale(NamedTuple):

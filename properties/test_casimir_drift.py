@@ -10,12 +10,12 @@ from __future__ import annotations
 from functools import partial
 
 import numpy as np
+from sepv.properties._trace_formula import Quantity, measured, short
 
 from sepv.problem import Array, Problem, Systems, noise_vectors
 from sepv.schemes import Scheme
 from sepv.verification import Case, Cases, Effort, Measurement, require, searched
 from sepv.verification._tolerance import casimir_bound, casimir_ulp, pushes
-from sepv.verification._trace_formula import Quantity, measured, short
 
 
 def with_casimirs(case: Case) -> Case | None:
@@ -48,7 +48,7 @@ def _size(A: Array, y: Array) -> Array:
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """The worst Casimir; the bound is that of `sepv.verification._trace_formula` with |∇C| ≤ |A|(|y0| + |y1|)."""
+    """The worst Casimir; the bound is that of `sepv.properties._trace_formula` with |∇C| ≤ |A|(|y0| + |y1|)."""
     problem, y, h, _ = case.build()
     casimirs = (*problem.casimirs, *problem.linear_casimirs)
     measurements = (measured(scheme, problem, y, h, quantity(problem, A, y, h)) for A in casimirs)

@@ -10,12 +10,13 @@ from __future__ import annotations
 
 from typing import Any
 
+from sepv.properties._orders.convergence import StrongErrors, mean_square_order
+from sepv.properties._sequential import Assessment, Setup, judge
+
 from sepv.problem import Problem
 from sepv.schemes import Scheme, Systems
 from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 from sepv.verification._law import pathwise
-from sepv.verification._orders.convergence import StrongErrors, mean_square_order
-from sepv.verification._sequential import Assessment, Setup, judge
 
 T, STEPS = 0.5, (4, 16, 64)
 # Half the distance to the neighbouring multiples of ½.

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from sepv.properties._decay import damped, factor, residual
 from sepv.reference.problem import exact_problem
 
 from sepv.problem import Systems
 from sepv.schemes import Scheme, ask
 from sepv.verification import Case, Cases, Effort, Measurement, casimir_bound, require, searched
-from sepv.verification._decay import damped, factor, residual
 from sepv.verification._tolerance import casimir_ulp
 
 
@@ -18,7 +18,7 @@ def with_casimirs(case: Case) -> Case | None:
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """The worst C(y1) − e^{−pγh}C(y0), p = 2 and 1; the bound is that of `sepv.verification._decay`."""
+    """The worst C(y1) − e^{−pγh}C(y0), p = 2 and 1; the bound is that of `sepv.properties._decay`."""
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)
     exact = exact_problem(case.problem, 40)

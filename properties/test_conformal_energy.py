@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from sepv.properties._decay import damped, factor, residual
 from sepv.reference.problem import exact_problem
 
 from sepv.errors import Skipped
 from sepv.problem import PolynomialSystem, Systems
 from sepv.schemes import Scheme, ask
 from sepv.verification import Case, Cases, Effort, Measurement, energy_bound, energy_ulp, require, searched
-from sepv.verification._decay import damped, factor, residual
 
 
 def degree_of(case: Case) -> int:
@@ -25,7 +25,7 @@ def homogeneous(case: Case) -> Case | None:
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """H(y1) − e^{−pγh}H(y0); the bound is that of `sepv.verification._decay`."""
+    """H(y1) − e^{−pγh}H(y0); the bound is that of `sepv.properties._decay`."""
     problem, y, h, dW = case.build()
     p = degree_of(case)
     if not p:

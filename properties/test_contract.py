@@ -19,6 +19,7 @@ from random import Random
 from typing import Any
 
 import numpy as np
+from sepv.properties._states_of_a_path import keeps_states
 
 from sepv.errors import SchemeFault, SepvError, StepFailure
 from sepv.problem import Array, PolynomialSystem, Problem
@@ -29,7 +30,6 @@ from sepv.verification._cases.case import taken_by, to_json, to_token
 from sepv.verification._cases.users_problems import may_ask
 from sepv.verification._cases.without_solution import MADE, made, proof
 from sepv.verification._search import Check
-from sepv.verification._states_of_a_path import keeps_states
 
 # States in a batch: more than one, and few, because the law "reproducibility" has larger batches.
 BATCH = 3

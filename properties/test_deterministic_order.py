@@ -1,7 +1,7 @@
 """y1 = φ_h(y0) + O(h^(p+1)) for a method of order p and c = (): the order without noise.
 
 The slope of the error of one step against the exact flow is extrapolated to h = 0
-(`sepv.verification._orders.without_noise`). The least order of all problems and states counts; a higher one holds.
+(`sepv.properties._orders.without_noise`). The least order of all problems and states counts; a higher one holds.
 """
 
 from __future__ import annotations
@@ -9,12 +9,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-
-from sepv.errors import Skipped
-from sepv.schemes import OF_SEVERAL, Scheme
-from sepv.verification import Effort, Finding, Law, Run, Verdict, require
-from sepv.verification._failed_step import row
-from sepv.verification._orders.without_noise import (
+from sepv.properties._failed_step import row
+from sepv.properties._orders.without_noise import (
     Order,
     StepErrors,
     orders,
@@ -22,6 +18,10 @@ from sepv.verification._orders.without_noise import (
     rounds_step_sizes,
     step_errors,
 )
+
+from sepv.errors import Skipped
+from sepv.schemes import OF_SEVERAL, Scheme
+from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:  # noqa: ARG001 - nothing is drawn

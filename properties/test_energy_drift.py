@@ -10,6 +10,8 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 
+from sepv.properties._trace_formula import Quantity, measured, short
+
 from sepv import problems
 from sepv.errors import Skipped
 from sepv.problem import Array, GivenProblem, HamiltoniansProblem, PolynomialSystem, Problem, Systems
@@ -17,7 +19,6 @@ from sepv.problems import drift_of_energy
 from sepv.record import PolynomialMap
 from sepv.schemes import Scheme
 from sepv.verification import Case, Cases, Effort, Measurement, energy_bound, energy_ulp, require, searched
-from sepv.verification._trace_formula import Quantity, measured, short
 
 
 def steady(case: Case) -> Case | None:
@@ -31,7 +32,7 @@ def steady(case: Case) -> Case | None:
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """|E[H_0(y1)] − H_0(y0) − hσ|, with the bound of `sepv.verification._trace_formula`."""
+    """|E[H_0(y1)] − H_0(y0) − hσ|, with the bound of `sepv.properties._trace_formula`."""
     problem, y, h, _ = case.build()
     if (
         not isinstance(case.problem, PolynomialSystem)

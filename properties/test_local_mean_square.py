@@ -1,7 +1,7 @@
 """(3.9): the rms error of one step is O(h^(p+1/2)) for a claimed mean-square order p, by quadrature over ΔW.
 
 The slope is read off where it is asymptotic. At h drawn from the whole range, with noises of several sizes, no error is
-of a lower order than elsewhere (`sepv.verification._orders.any_step`).
+of a lower order than elsewhere (`sepv.properties._orders.any_step`).
 """
 
 from __future__ import annotations
@@ -9,13 +9,14 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+from sepv.properties._orders.any_step import lower_order
+from sepv.properties._orders.local_errors import LocalErrors
+from sepv.properties._orders.local_example import step_example
+from sepv.properties._orders.local_orders import MARGIN, judge, strong_order
+
 from sepv.schemes import Scheme, Systems, order_of
 from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 from sepv.verification._law import pathwise
-from sepv.verification._orders.any_step import lower_order
-from sepv.verification._orders.local_errors import LocalErrors
-from sepv.verification._orders.local_example import step_example
-from sepv.verification._orders.local_orders import MARGIN, judge, strong_order
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from typing import Any
 
+from sepv.properties._orders.local_example import weak_example
+from sepv.properties._orders.local_orders import judge, mean_slope
+
 from sepv.schemes import Scheme, order_of
 from sepv.verification import Effort, Finding, Law, Run, require
 from sepv.verification._law import about_noise
-from sepv.verification._orders.local_example import weak_example
-from sepv.verification._orders.local_orders import judge, mean_slope
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:

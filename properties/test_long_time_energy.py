@@ -2,8 +2,8 @@
 
 Such a method keeps a modified Hamiltonian, or has a reversible modified equation, for times of the order exp(c/h)
 (E. Hairer, C. Lubich and G. Wanner, *Geometric Numerical Integration*, IX.8 and XI.3). It is asked on orbits where that
-theory speaks (`sepv.verification._orders.integrable`). Two things are judged
-(`sepv.verification._orders.long_times`): the mean energy has no trend beyond what the windows of the means leave of the
+theory speaks (`sepv.properties._orders.integrable`). Two things are judged
+(`sepv.properties._orders.long_times`): the mean energy has no trend beyond what the windows of the means leave of the
 oscillation, and the oscillation falls like h^p.
 
 A claim of *symplecticity* and of an order does not imply this one. It is measured without a claim, as every law is.
@@ -15,6 +15,9 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
+from sepv.properties._orders.integrable import Orbits, orbits_of_class, users_orbits
+from sepv.properties._orders.long_times import Judged, power, trend
+
 from sepv.errors import Skipped
 from sepv.problem import Systems, damping_of, is_several
 from sepv.schemes import OF_SEVERAL, Scheme, takes
@@ -23,8 +26,6 @@ from sepv.verification._cases.case import quiet_problem
 from sepv.verification._cases.from_problem import describe
 from sepv.verification._cases.users_problems import items
 from sepv.verification._law import sparing
-from sepv.verification._orders.integrable import Orbits, orbits_of_class, users_orbits
-from sepv.verification._orders.long_times import Judged, power, trend
 
 # Paths on an orbit: the interval of the growth is over paths. Fewer for a scheme that takes one state at a time.
 PATHS, SPARED_PATHS = 8, 4

@@ -1,7 +1,7 @@
 """Theorems 3.3 and 3.4: mean-square order, measured against the exact flow at the random time.
 
 `violated` needs two intervals below the order: that of the slope of the rms error, and that of the slope of a quantile
-of the error, which does not depend on the tails (`sepv.verification._orders.convergence.mean_square_order`).
+of the error, which does not depend on the tails (`sepv.properties._orders.convergence.mean_square_order`).
 """
 
 from __future__ import annotations
@@ -9,13 +9,14 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from sepv.properties._orders.convergence import StrongErrors, above_floor, floors, mean_square_order
+from sepv.properties._orders.local_orders import unclaimed
+from sepv.properties._sequential import Assess, Assessment, hold_level, is_tilted, judge
+
 from sepv.problem import Problem, column
 from sepv.schemes import Scheme, order_of
 from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 from sepv.verification._law import pathwise
-from sepv.verification._orders.convergence import StrongErrors, above_floor, floors, mean_square_order
-from sepv.verification._orders.local_orders import unclaimed
-from sepv.verification._sequential import Assess, Assessment, hold_level, is_tilted, judge
 
 # Orders of one-step methods for (1.1) are multiples of ½. An interval of the slope above the middle between p and the
 # next lower order rejects that order. The middle also leaves room for the pre-asymptotic part of a slope, which for the

@@ -7,11 +7,12 @@ Integration*, V.1, Theorem 1.5). No step has h < 0.
 
 from __future__ import annotations
 
+from sepv.properties._way_back import measured
+
 from sepv.problem import Systems, momentum_flip
 from sepv.problems import build
 from sepv.schemes import Scheme, ask
 from sepv.verification import Case, Cases, Effort, Measurement, require, searched
-from sepv.verification._way_back import measured
 
 
 def reversible(case: Case) -> Case | None:

@@ -16,15 +16,15 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from sepv.properties._orders.convergence import StrongErrors, above_floor, floors, mean_square_order
+from sepv.properties._orders.means import leading, limit_errors
+from sepv.properties._sequential import Assess, Assessment, is_tilted, judge
 
 from sepv.errors import Skipped
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme
 from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 from sepv.verification._law import pathwise, sparing
-from sepv.verification._orders.convergence import StrongErrors, above_floor, floors, mean_square_order
-from sepv.verification._orders.means import leading, limit_errors
-from sepv.verification._sequential import Assess, Assessment, is_tilted, judge
 
 # The law must not hold for a limit whose noise or drift is wrong by this much; twice as much where steps are spared.
 RESOLUTION, SPARED = 0.01, 0.02

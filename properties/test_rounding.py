@@ -21,6 +21,8 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
+from sepv.properties._failed_step import failed_step
+from sepv.properties._orders.local_errors import two_noises
 from sepv.reference.problem import exact_problem
 
 from sepv import problems
@@ -37,9 +39,7 @@ from sepv.verification import Effort, Finding, Law, Run, Verdict, energy_ulp, re
 from sepv.verification._cases.from_problem import describe
 from sepv.verification._cases.of_law import NOT_KEPT, UNDAMPED
 from sepv.verification._cases.users_problems import as_taken, problems_of
-from sepv.verification._failed_step import failed_step
 from sepv.verification._law import sparing
-from sepv.verification._orders.local_errors import two_noises
 from sepv.verification._tolerance import rounding_variances
 from sepv.verification._units import units_for, units_of
 

@@ -5,11 +5,12 @@ The dependence on h and ΔW through Δ alone is the law "random-step".
 
 from __future__ import annotations
 
+from sepv.properties._way_back import measured
+
 from sepv.errors import SchemeFault, Skipped, StepFailure
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme, SchemeCrash, ask
 from sepv.verification import Case, Cases, Effort, Measurement, require, searched
-from sepv.verification._way_back import measured
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:

@@ -7,12 +7,12 @@ It is the law "poisson-map" for constant B alone: Runge-Kutta methods that keep 
 from __future__ import annotations
 
 import numpy as np
+from sepv.properties._poisson_map import check
 
 from sepv.problem import Systems, derivative_of_structure
 from sepv.schemes import Scheme
 from sepv.verification import Case, Cases, Effort, require, searched
 from sepv.verification._contraction import shortened
-from sepv.verification._poisson_map import check
 
 
 def constant(case: Case) -> Case | None:

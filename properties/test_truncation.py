@@ -8,7 +8,7 @@ responds with c_j|f|(1 ± x), x = L(h + c_j√h A_h) for L ≥ |f′|: its large
 the smallest, 1.3 for x ≤ REACH, and 2 is allowed. A scheme that clips at less than 31/32 of A_h, that is with k′ <
 0.93 k, responds by less than half in the last sixteenth.
 
-The h are drawn from 2⁻⁶⁰ to ½, and H is divided where x is too large (`sepv.verification._orders.any_step`). On a
+The h are drawn from 2⁻⁶⁰ to ½, and H is divided where x is too large (`sepv.properties._orders.any_step`). On a
 user's problem, and where H is not given as data, they end at x = REACH, and h, also in A_h, is in the problem's own
 time; a scheme that clips by itself, by h alone, is judged to its own clip. A noise that moves y by less than a
 solver's possible error is not judged.
@@ -21,6 +21,9 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from sepv.properties._orders.any_step import scaled
+from sepv.properties._orders.local_errors import problems_for
+from sepv.properties._orders.local_orders import CLEAR, FLOOR
 from sepv.reference.increments import lost_variance, moment, truncated_moment
 
 from sepv.errors import Skipped
@@ -31,9 +34,6 @@ from sepv.simulate import truncation as bounded
 from sepv.simulate import wiener
 from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 from sepv.verification._law import about_noise
-from sepv.verification._orders.any_step import scaled
-from sepv.verification._orders.local_errors import problems_for
-from sepv.verification._orders.local_orders import CLEAR, FLOOR
 from sepv.verification._units import rates_at, units_for
 
 STEPS = tuple(2.0**-n for n in range(1, 21))

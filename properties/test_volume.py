@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.linalg import lu
+from sepv.properties._poisson_map import tangent
 
 from sepv.problem import Array, Problem, Systems, derivative_of_structure
 from sepv.problems import build
@@ -17,7 +18,6 @@ from sepv.record import EPS
 from sepv.schemes import Scheme
 from sepv.verification import Case, Cases, Effort, Measurement, require, searched
 from sepv.verification._contraction import shortened
-from sepv.verification._poisson_map import tangent
 
 # A divergence below this share of its terms counts as 0: beyond the error of differences of B. It is in the bound.
 NONE = 1e-8

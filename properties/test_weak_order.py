@@ -16,7 +16,7 @@ violation, hence the coefficient. A coefficient that is small beside the error p
 hence the fall. Where the means are within the noise, the verdict is `inconclusive`, with the number of paths needed.
 
 With increments of a few points nothing is sampled: E g(y_N) is a sum over all paths
-(`sepv.verification._orders.weak_trees`), and its error has a slope without noise.
+(`sepv.properties._orders.weak_trees`), and its error has a slope without noise.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ import math
 from typing import Any
 
 import numpy as np
+from sepv.properties._orders import local_orders
+from sepv.properties._orders.convergence import StrongErrors, above_floor, mean_square_order
+from sepv.properties._orders.means import Coefficient, decay, leading, moment_errors
+from sepv.properties._orders.weak_trees import ENOUGH, tree_errors
+from sepv.properties._sequential import Assess, Assessment, hold_level, is_tilted, judge
 
 from sepv.problem import Array, Problem, column
 from sepv.schemes import Scheme, order_of, point_law
 from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 from sepv.verification._law import about_noise
-from sepv.verification._orders import local_orders
-from sepv.verification._orders.convergence import StrongErrors, above_floor, mean_square_order
-from sepv.verification._orders.means import Coefficient, decay, leading, moment_errors
-from sepv.verification._orders.weak_trees import ENOUGH, tree_errors
-from sepv.verification._sequential import Assess, Assessment, hold_level, is_tilted, judge
 
 # Weak orders are integers (the expansion is in powers of h): half the distance to the next lower one.
 MARGIN = 0.5

@@ -157,7 +157,7 @@ def test_the_oracle_imports_no_suspect() -> None:
 def test_laws_do_not_import_their_neighbours() -> None:
     for module, path in MODULES.items():
         if module.startswith("sepv.properties"):
-            assert not any(name.startswith("sepv.properties") for name in imports(path)), module
+            assert not any(name.startswith("sepv.properties.test_") for name in imports(path)), module
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from typing import Any
 
 import click
 import numpy as np
+from sepv.properties._sequential import FALSE_ALARM, FIRST_LOOK
 
 from benchmarks.peers.compliance_measurements import (
     LIBRARIES,
@@ -39,7 +40,6 @@ from sepv.schemes import Scheme, energy_preserving
 from sepv.simulate import ensemble, wiener
 from sepv.verification import LAWS, Effort, Law, Verdict, energy_ulp, load_laws
 from sepv.verification._report import MARKS
-from sepv.verification._sequential import FALSE_ALARM, FIRST_LOOK
 
 COMMAND = "python -m benchmarks.peers.compliance"
 # Energy defects are those of this many paths and steps.

@@ -10,6 +10,10 @@ from importlib.metadata import packages_distributions, version
 from typing import Any
 
 import numpy as np
+from sepv.properties import StrongErrors
+from sepv.properties import mean_square_slope as slope
+from sepv.properties._orders.convergence import log_decay
+from sepv.properties._sequential import FALSE_ALARM, Setup, setups
 
 from benchmarks.peers.environments import VERSIONS
 from benchmarks.peers.kept_measurements import Cell
@@ -21,10 +25,7 @@ from sepv.peers.posing import PathSolver
 from sepv.problem import Problem
 from sepv.schemes import Scheme
 from sepv.simulate import wiener
-from sepv.verification import Effort, Law, StrongErrors, Verdict, verify
-from sepv.verification import mean_square_slope as slope
-from sepv.verification._orders.convergence import log_decay
-from sepv.verification._sequential import FALSE_ALARM, Setup, setups
+from sepv.verification import Effort, Law, Verdict, verify
 
 LIBRARIES = tuple(VERSIONS)
 # The orders of whole paths are those of so many.
@@ -132,7 +133,7 @@ def _paths(solver: PathSolver, setup: Setup, seed: int) -> dict[str, Any]:
 
 
 def _path_errors(solver: PathSolver, problem: Problem, setup: Setup, seed: int) -> StrongErrors:
-    """As `sepv.verification._orders.convergence.strong_errors`, with whole paths by the solver's own code."""
+    """As `sepv.properties._orders.convergence.strong_errors`, with whole paths by the solver's own code."""
     start, steps = np.array(problem.initial, dtype=np.float64), setup.steps
     finest = steps[-1]
     fine = wiener.increments(seed, T=setup.T, steps=finest, noises=problem.noises, paths=ORDER_PATHS)

@@ -14,6 +14,10 @@ from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
+from sepv.properties import StrongErrors
+from sepv.properties import gaussian_rule_for as rule_for
+from sepv.properties import mean_square_slope as slope
+from sepv.properties._orders.local_errors import local_states, one_step, rule_degree
 
 from benchmarks.peers.compliance_measurements import _text_of, release
 from benchmarks.peers.kept_measurements import Cell
@@ -24,10 +28,7 @@ from sepv.problem import Array, Problem, matvec, noise_field
 from sepv.problem._hamiltonians import noise_slope
 from sepv.schemes import Scheme
 from sepv.simulate import RoughPath, run_chunk
-from sepv.verification import Effort, StrongErrors, Verdict, load_laws, verify
-from sepv.verification import gaussian_rule_for as rule_for
-from sepv.verification import mean_square_slope as slope
-from sepv.verification._orders.local_errors import local_states, one_step, rule_degree
+from sepv.verification import Effort, Verdict, load_laws, verify
 
 LOCAL = ("local-mean", "local-mean-square", "local-weak")
 KEPT = ("casimir", "poisson-map")

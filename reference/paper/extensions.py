@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from sepv.properties import local_errors
 
 from sepv import problems, schemes
 from sepv.exact import heun
@@ -11,7 +12,7 @@ from sepv.record import EPS
 from sepv.schemes import step_with_areas, step_with_stages, weakly
 from sepv.simulate import wiener
 from sepv.studies import Axis
-from sepv.verification import Run, local_errors
+from sepv.verification import Run
 
 from . import judge
 from .record import Job, Panel, Results, Size, Statement, points

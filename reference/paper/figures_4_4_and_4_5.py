@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from sepv.properties import GROWTH_LEVEL as LEVEL
+from sepv.properties import growth_exponent as exponent
 
 from sepv import problems, schemes
 from sepv.studies import DOUBLINGS, Axis, Growth, growth
-from sepv.verification import GROWTH_LEVEL as LEVEL
-from sepv.verification import growth_exponent as exponent
 
 from . import judge, order, runs
 from .record import TIME, Job, Panel, Results, Size, Statement, points, series

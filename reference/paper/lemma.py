@@ -17,12 +17,12 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from sepv.properties import gaussian_rule as rule
 
 from sepv import problems, schemes
 from sepv.problem import Array, NamedProblem, Problem, derivative_along, matvec, slope_along, vector_field
 from sepv.schemes import structure_curvature, structure_slope
 from sepv.studies import Axis
-from sepv.verification import gaussian_rule as rule
 
 from . import judge
 from .record import Job, Panel, Results, Size, Statement, points

@@ -7,11 +7,12 @@ solution. Both are integrals over ΔŴ given y_n, and no sampling is needed.
 from __future__ import annotations
 
 import numpy as np
+from sepv.properties import gaussian_rule as rule
+from sepv.properties import local_errors
 
 from sepv import problems, schemes
 from sepv.studies import Axis
-from sepv.verification import Run, local_errors
-from sepv.verification import gaussian_rule as rule
+from sepv.verification import Run
 
 from . import judge
 from .record import SENTENCE, STATED, Job, Panel, Results, Size, Statement, points

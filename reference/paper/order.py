@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from sepv.properties import StrongErrors
+from sepv.properties import mean_square_slope as slope
 
 from sepv.record import EPS
-from sepv.verification import StrongErrors
-from sepv.verification import mean_square_slope as slope
 
 from . import judge, record, runs
 from .record import Job, Panel, Results, Size, Statement, points

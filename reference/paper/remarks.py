@@ -6,6 +6,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from sepv.properties import StrongErrors, local_errors
+from sepv.properties import mean_square_slope as slope
 
 from sepv import problems
 from sepv.exact import exact_flow
@@ -17,8 +19,7 @@ from sepv.schemes import energy_preserving as SCHEME
 from sepv.simulate import Ensemble, ensemble, truncate, wiener
 from sepv.solve import Status
 from sepv.studies import Axis
-from sepv.verification import Run, StrongErrors, local_errors
-from sepv.verification import mean_square_slope as slope
+from sepv.verification import Run
 
 from . import judge
 from .order import ALPHA

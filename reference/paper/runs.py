@@ -10,6 +10,8 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from sepv.properties import StrongErrors
+from sepv.properties import energy_rounding_walk as rounding_walk
 
 from sepv import problems, schemes
 from sepv.exact import exact_flow
@@ -21,8 +23,6 @@ from sepv.simulate import choose_engine as choose
 from sepv.simulate import run_task as run
 from sepv.simulate import truncation as bounded
 from sepv.studies import Series
-from sepv.verification import StrongErrors
-from sepv.verification import energy_rounding_walk as rounding_walk
 
 from .judge import decide
 from .record import Job, Results, Size, Statement, sentence, series, stated_in

@@ -34,8 +34,8 @@ import numpy as np
 
 from sepv.exact import PHASES, Orbit, closed_orbit
 from sepv.problem import Array, Problem
+from sepv.properties import gaussian_rule_for as rule_for
 from sepv.schemes import Scheme, ask
-from sepv.verification import gaussian_rule_for as rule_for
 
 # Between neighbouring orbits, |y| by that: central differences leave its square, 1e-6 of the derivative.
 APART = 1e-3

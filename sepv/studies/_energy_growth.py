@@ -25,15 +25,15 @@ import numpy as np
 from sepv.errors import UsageError
 from sepv.files import finite
 from sepv.problem import Array, Problem
+from sepv.properties import GROWTH_LEVEL as LEVEL
+from sepv.properties import energy_rounding_walk as rounding_walk
+from sepv.properties import growth_exponent as exponent
+from sepv.properties import growth_kind as kind_of
 from sepv.schemes import Look, Scheme
 from sepv.simulate import ensemble
 from sepv.statistics import students_t
 from sepv.studies._energy_diffusion import EnergyDiffusion, energy_diffusion
 from sepv.studies._picture import Axis, Series, content, draw_curves, figure, looks
-from sepv.verification import GROWTH_LEVEL as LEVEL
-from sepv.verification import energy_rounding_walk as rounding_walk
-from sepv.verification import growth_exponent as exponent
-from sepv.verification import growth_kind as kind_of
 
 # A bounded error oscillates: between two times its size may double, which is a slope of 1 over one doubling and of at
 # most 1/4 over four. Its period has to be below T/2^DOUBLINGS.

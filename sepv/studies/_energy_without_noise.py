@@ -1,7 +1,7 @@
 """Energy over long times without noise, c = (): the largest |H(y_n) − H(y_0)| up to t, with steps h and h/2.
 
 The method of the law *long-time-energy* judges it where theory speaks, on a closed orbit of one degree of freedom
-(`sepv.verification._orders.integrable`). Elsewhere the curves stand alone.
+(`sepv.properties._orders.integrable`). Elsewhere the curves stand alone.
 """
 
 from __future__ import annotations
@@ -15,17 +15,10 @@ import numpy as np
 from sepv.errors import Skipped, UsageError
 from sepv.files import finite
 from sepv.problem import Array, Problem, is_several
+from sepv.properties import EnergyPath, Stopped, allowed_rounding, trend, users_orbits
 from sepv.schemes import Look, Scheme
 from sepv.studies._picture import Axis, Series, content, draw_curves, figure, looks
-from sepv.verification import (
-    EnergyPath,
-    Stopped,
-    Verdict,
-    allowed_rounding,
-    quiet_problem,
-    trend,
-    users_orbits,
-)
+from sepv.verification import Verdict, quiet_problem
 
 # Points of a curve, and paths on an orbit.
 POINTS, PATHS = 256, 8

@@ -1,9 +1,9 @@
 """From a scheme to verdicts: laws, their cases, their bounds, and the run that measures them.
 
 Read `_law` first (a law, an effort, a verdict), then `_verify` (a run over all laws) with `_laws` (their list) and
-`_outcome` (the report). `_search` has laws about single steps, whose cases come from `strategies` and `_cases`;
-`_sequential` laws about whole paths, and `_orders` laws about orders. `_tolerance` derives every bound. `_report`
-prints a run, `_profiles` summarises its findings. The laws themselves, one a file, are `sepv.properties`.
+`_outcome` (the report). `_search` has laws about single steps, whose cases come from `strategies` and `_cases`.
+`_tolerance` derives every bound. `_report` prints a run, `_profiles` summarises its findings. The laws themselves,
+one a file, and what they measure with, are `sepv.properties`.
 """
 
 from __future__ import annotations
@@ -57,18 +57,7 @@ if TYPE_CHECKING:
     from sepv.verification._against import against, read_report
     from sepv.verification._course import with_courses
     from sepv.verification._coverage import show as show_coverage
-    from sepv.verification._growth import LEVEL as GROWTH_LEVEL
-    from sepv.verification._growth import exponent as growth_exponent
-    from sepv.verification._growth import kind_of as growth_kind
-    from sepv.verification._growth import rounding_walk as energy_rounding_walk
     from sepv.verification._junit_and_badge import badge_json, junit_xml
-    from sepv.verification._orders.convergence import StrongErrors
-    from sepv.verification._orders.convergence import slope as mean_square_slope
-    from sepv.verification._orders.gaussian import rule as gaussian_rule
-    from sepv.verification._orders.gaussian import rule_for as gaussian_rule_for
-    from sepv.verification._orders.integrable import users_orbits
-    from sepv.verification._orders.local_errors import local_errors
-    from sepv.verification._orders.long_times import EnergyPath, Stopped, allowed_rounding, trend
     from sepv.verification._progress import watching
     from sepv.verification._report import same_error
 
@@ -79,14 +68,7 @@ __getattr__, __dir__ = lazily(
         "_course": "with_courses",
         "_coverage": "show_coverage=show",
         "_github": "*github",
-        "_growth": "GROWTH_LEVEL=LEVEL energy_rounding_walk=rounding_walk growth_exponent=exponent "
-        "growth_kind=kind_of",
         "_junit_and_badge": "badge_json junit_xml",
-        "_orders.convergence": "StrongErrors mean_square_slope=slope",
-        "_orders.gaussian": "gaussian_rule=rule gaussian_rule_for=rule_for",
-        "_orders.integrable": "users_orbits",
-        "_orders.local_errors": "local_errors",
-        "_orders.long_times": "EnergyPath Stopped allowed_rounding trend",
         "_progress": "watching",
         "_report": "*report same_error",
     },

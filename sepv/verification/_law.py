@@ -187,7 +187,7 @@ class Run:
     ----------
     effort : Effort
     paths : dict
-        Errors over paths, by their setup (`sepv.verification._sequential.Setup`).
+        Errors over paths, by their setup (`sepv.properties._sequential.Setup`).
     steps : dict
         Errors of one step, by their problem, which is compared by identity.
     """

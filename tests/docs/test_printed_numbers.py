@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from sepv.properties._trace_formula import mean_after
 from sepv.properties.test_energy_drift import quantity
 from sepv.reference.faults.saboteurs import SABOTEURS
 from sepv.reference.paper.remarks import _solvable
@@ -20,7 +21,6 @@ from sepv.problems._polynomial_system import drift_of_energy, started
 from sepv.record import _polynomial as poly
 from sepv.schemes import Scheme
 from sepv.studies._solvability.map import solvability_map
-from sepv.verification._trace_formula import mean_after
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 

@@ -5,6 +5,7 @@ import math
 import mpmath
 import numpy as np
 import pytest
+from sepv.properties._orders.tilting import tilted_errors
 
 from sepv import exact_flow, problems, schemes
 from sepv.errors import UsageError
@@ -14,7 +15,6 @@ from sepv.record._binary64 import EPS
 from sepv.schemes._scheme import truncation_for
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
-from sepv.verification._orders.tilting import tilted_errors
 
 
 @pytest.mark.parametrize("A", [0.0, 0.5, 2.0, 5.0, 12.0])

@@ -4,12 +4,12 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from sepv.properties._orders.gaussian import rule
+from sepv.properties._orders.local_errors import five_noises
 from sepv.reference.generator import is_linear, moments
 
 from sepv import problems
 from sepv.problem import PolynomialSystem, Problem
-from sepv.verification._orders.gaussian import rule
-from sepv.verification._orders.local_errors import five_noises
 
 
 def data_of(problem: Problem) -> PolynomialSystem:

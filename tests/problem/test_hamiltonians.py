@@ -12,6 +12,8 @@ from drawn import drawn_systems
 from drawn import steps as steps_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sepv.properties._orders.local_errors import local_errors
+from sepv.properties._orders.local_moments import exponents
 from sepv.reference.generator import moments
 
 import sepv
@@ -43,8 +45,6 @@ from sepv.verification._cases import case as cases
 from sepv.verification._cases.case import from_token, to_token
 from sepv.verification._cases.shrink import shrunk
 from sepv.verification._contraction import contraction_ball
-from sepv.verification._orders.local_errors import local_errors
-from sepv.verification._orders.local_moments import exponents
 
 QUICK = Effort(examples=4, shrink_checks=0)
 KEPT = (

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from sepv.properties._orders.gaussian import rule_for
 
 import sepv
 from benchmarks.peers.solver import problem_of
@@ -15,7 +16,6 @@ from sepv.schemes._further_increments import as_matrix, as_rows, rows_of_any_pat
 from sepv.schemes._order_claims import Orders
 from sepv.simulate import _areas as areas
 from sepv.verification import Effort, Verdict, verify
-from sepv.verification._orders.gaussian import rule_for
 
 LOCAL = ["local-mean", "local-mean-square", "local-weak"]
 

@@ -6,6 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from doors import verdicts
+from sepv.properties._orders.gaussian import point_rule
+from sepv.properties._orders.weak_trees import tree
 
 import sepv
 from sepv import problems, schemes
@@ -18,8 +20,6 @@ from sepv.schemes._scheme import PATHWISE
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.verification import Verdict
-from sepv.verification._orders.gaussian import point_rule
-from sepv.verification._orders.weak_trees import tree
 
 # Gauss-Hermite quadrature with four points: moments up to 7, enough for weak order 3.
 _INNER, _OUTER = math.sqrt(3 - math.sqrt(6)), math.sqrt(3 + math.sqrt(6))

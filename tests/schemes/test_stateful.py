@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from sepv.properties._states_of_a_path import keeps_states
 
 import sepv
 from benchmarks.right_schemes import RIGHT
@@ -16,7 +17,6 @@ from sepv.schemes._guard import guarded
 from sepv.schemes._stateful import joined_lanes, lanes
 from sepv.solve import Status
 from sepv.verification import Effort
-from sepv.verification._states_of_a_path import keeps_states
 
 HEUN = RIGHT["reversible-heun"]
 FEW = Effort(examples=1)

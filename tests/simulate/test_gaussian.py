@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
+from sepv.properties._orders.gaussian import rule
 from sepv.reference.increments import bound, lost_variance, moment, truncated_moment
-
-from sepv.verification._orders.gaussian import rule
 
 STEPS = (2.0**-2, 2.0**-6, 2.0**-13, 2.0**-40)
 

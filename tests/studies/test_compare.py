@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from click.testing import Result
 from doors import obeys
+from sepv.properties._orders.convergence import strong_errors
 
 import sepv
 from sepv import problems, schemes
@@ -27,7 +28,6 @@ from sepv.studies._compare.method import Ends, Followed, Method, exact_time_chan
 from sepv.studies._compare.record import Comparison, Point, Seconds, time_to_error
 from sepv.studies._compare.run import compare, one_core
 from sepv.studies._evaluation_count import Work, counted
-from sepv.verification._orders.convergence import strong_errors
 
 ROOT = Path(__file__).resolve().parents[2]
 STEPS = (4, 8, 16)

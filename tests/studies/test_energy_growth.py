@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from doors import command, obeys
+from sepv.properties._growth import exponent, kind_of
+from sepv.properties._orders.gaussian import rule
 
 from sepv import problems, schemes
 from sepv.errors import UsageError
 from sepv.problem import Array
 from sepv.studies._energy_diffusion import energy_diffusion
 from sepv.studies._energy_growth import DOUBLINGS, growth, judged
-from sepv.verification._growth import exponent, kind_of
-from sepv.verification._orders.gaussian import rule
 
 PENDULUM = problems.pendulum()
 C2 = 1.25  # c1² + c2²

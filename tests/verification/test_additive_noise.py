@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from sepv.properties import test_casimir_drift as casimir_drift
 from sepv.properties import test_energy_drift as energy_drift
 from sepv.properties import test_identity as identity
+from sepv.properties._trace_formula import mean_after
 from sepv.reference.generator import moments
 
 from benchmarks import additive_noise
@@ -29,7 +30,6 @@ from sepv.problem._hamiltonians import noise_vectors
 from sepv.problems._polynomial_system import drift_of_energy
 from sepv.record import _polynomial as poly
 from sepv.verification import Case
-from sepv.verification._trace_formula import mean_after
 
 DRIFT = ["energy-drift", "casimir-drift"]
 FEW = {"examples": 2, "shrink_checks": 0}

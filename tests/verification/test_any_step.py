@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from sepv.properties import test_truncation as truncation
+from sepv.properties._orders import any_step
+from sepv.properties._orders.local_errors import cases, two_noises
 
 from sepv import schemes
 from sepv.problem import Array, Problem
 from sepv.schemes import energy_preserving
 from sepv.schemes._scheme import Step
 from sepv.verification import Effort, Verdict, verify
-from sepv.verification._orders import any_step
-from sepv.verification._orders.local_errors import cases, two_noises
 
 right = energy_preserving.step
 

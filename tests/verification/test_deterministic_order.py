@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from doors import finding
+from sepv.properties._orders.without_noise import RATIO, judge
 
 import sepv
 from benchmarks.right_schemes.other_formulas import MECHANICAL
@@ -16,7 +17,6 @@ from sepv.schemes import Scheme
 from sepv.schemes._leapfrog import composed
 from sepv.schemes._one_step import Explicit
 from sepv.verification import Finding, Verdict
-from sepv.verification._orders.without_noise import RATIO, judge
 
 LAW = "deterministic-order"
 LEAPFROG, YOSHIDA, BLANES_MOAN = (sepv.schemes.by_name(n) for n in ("leapfrog", "yoshida-4", "blanes-moan-4"))

@@ -7,6 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from sepv.properties._orders.local_errors import local_states
+from sepv.properties._orders.local_moments import moments_at
+from sepv.properties._orders.local_orders import judge_slope
 
 from sepv import problems, schemes
 from sepv.errors import Skipped, StepFailure
@@ -15,9 +18,6 @@ from sepv.problem import Array, HamiltoniansProblem, Problem, vector_field
 from sepv.schemes import Scheme, energy_preserving
 from sepv.schemes._scheme import Step, as_lanes
 from sepv.verification import Report, Verdict, verify
-from sepv.verification._orders.local_errors import local_states
-from sepv.verification._orders.local_moments import moments_at
-from sepv.verification._orders.local_orders import judge_slope
 
 LOCAL = ("local-mean", "local-mean-square", "local-weak")
 H = 2.0 ** -np.arange(6.0, 27.0, 2.0)

@@ -7,16 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sepv.reference.faults.saboteurs import SABOTEURS
-
-from benchmarks.right_schemes import RIGHT
-from sepv import Scheme, Skipped, problems, schemes, verify
-from sepv.exact import PHASES
-from sepv.problem import Array, Problem, Systems
-from sepv.record import EPS
-from sepv.verification import Effort, Run, Verdict, load_laws, quiet_problem
-from sepv.verification._orders.integrable import TAIL, orbits_of_class, users_orbits
-from sepv.verification._orders.long_times import (
+from sepv.properties._orders.integrable import TAIL, orbits_of_class, users_orbits
+from sepv.properties._orders.long_times import (
     APART,
     LEAKS,
     PERIODS,
@@ -28,6 +20,14 @@ from sepv.verification._orders.long_times import (
     trend,
     weights,
 )
+from sepv.reference.faults.saboteurs import SABOTEURS
+
+from benchmarks.right_schemes import RIGHT
+from sepv import Scheme, Skipped, problems, schemes, verify
+from sepv.exact import PHASES
+from sepv.problem import Array, Problem, Systems
+from sepv.record import EPS
+from sepv.verification import Effort, Run, Verdict, load_laws, quiet_problem
 
 (LAW,) = load_laws(["long-time-energy"])
 NONE = [0.0] * SIZES

@@ -11,13 +11,13 @@ from typing import Any
 
 import pytest
 from doors import command, doc, obeys
+from sepv.properties._orders.local_orders import Slope, order_shown
 from sepv.properties.test_mean_square_order import MARGIN, order_above
 
 import sepv
 from sepv.errors import UsageError
 from sepv.verification import PROFILES, SUITE, Effort, Finding, Report, Verdict, load_laws
 from sepv.verification._junit_and_badge import badge_json
-from sepv.verification._orders.local_orders import Slope, order_shown
 from sepv.verification._profiles import found, missing, profiled, requirements
 
 DOC = doc("profiles.md")

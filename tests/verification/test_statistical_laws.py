@@ -8,6 +8,15 @@ from doors import finding, measured, verdicts
 from sepv.properties import test_commutation as commutation
 from sepv.properties import test_mean_square_order as mean_square
 from sepv.properties import test_weak_order as weak
+from sepv.properties._orders.convergence import (
+    StrongErrors,
+    mean_square_order,
+    quantile_slope,
+    strong_errors,
+)
+from sepv.properties._orders.means import decay, leading, limit_errors, moment_errors
+from sepv.properties._sequential import FIRST_LOOK, sampled, setups_for
+from sepv.properties._sequential import _wanted as wanted
 
 from benchmarks.right_schemes import RIGHT
 from sepv import problems, schemes, verify
@@ -18,15 +27,6 @@ from sepv.schemes._one_step import Solved
 from sepv.solve import Status
 from sepv.solve._solution import Solution
 from sepv.verification import Effort, Finding, Run, Verdict
-from sepv.verification._orders.convergence import (
-    StrongErrors,
-    mean_square_order,
-    quantile_slope,
-    strong_errors,
-)
-from sepv.verification._orders.means import decay, leading, limit_errors, moment_errors
-from sepv.verification._sequential import FIRST_LOOK, sampled, setups_for
-from sepv.verification._sequential import _wanted as wanted
 
 SAMPLED = ("mean-square-order", "weak-order", "right-limit")
 RIGID = problems.rigid_body()

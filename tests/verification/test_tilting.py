@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from sepv.properties._orders.convergence import slope, strong_errors
+from sepv.properties._orders.tilting import tilted_errors, tilted_increments
 
 from sepv import problems, schemes
-from sepv.verification._orders.convergence import slope, strong_errors
-from sepv.verification._orders.tilting import tilted_errors, tilted_increments
 
 
 @pytest.mark.parametrize("c", [(1.0,), (1.0, 0.5, 0.0)])

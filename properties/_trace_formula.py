@@ -16,6 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from sepv.properties._orders.gaussian import rule_for
 
 from sepv.problem import Array, Problem
 from sepv.record import EPS, TINY, PolynomialMap
@@ -24,7 +25,6 @@ from sepv.verification._cases.case import Case
 from sepv.verification._cases.from_problem import measured_radius
 from sepv.verification._contraction import contraction_ball
 from sepv.verification._law import Measurement
-from sepv.verification._orders.gaussian import rule_for
 from sepv.verification._tolerance import operations, step_residual
 
 

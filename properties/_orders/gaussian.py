@@ -7,7 +7,7 @@ such rules while that is cheap, then products of small Gauss-Hermite rules, and 
 the points ±√m e_j: all weights are positive, so that no error of a step can cancel another in a mean square.
 
 `rule_for` has a step's further arguments: areas, space-time areas or halves. Nodes are in units of √h, further rows too
-(A = √h · row, H = √h · row), as `sepv.verification._orders.local_errors` scales them.
+(A = √h · row, H = √h · row), as `sepv.properties._orders.local_errors` scales them.
 """
 
 from __future__ import annotations

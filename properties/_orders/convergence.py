@@ -18,6 +18,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from sepv.properties._failed_step import failed_step
 
 from sepv.exact import exact_ends
 from sepv.exact import finer_increments as finer
@@ -28,7 +29,6 @@ from sepv.schemes import Scheme
 from sepv.simulate import Ensemble, areas, run_chunk, seen, wiener
 from sepv.solve import Status
 from sepv.statistics import Estimate, binomial, jackknife
-from sepv.verification._failed_step import failed_step
 
 # Errors below this many eps·scale are rounding: such step sizes are left out.
 FLOOR = 1e4
@@ -46,7 +46,7 @@ class StrongErrors:
     `failures` counts paths with a step that was not solved or left the domain, for the smallest number of steps where
     there are any. Then paths with more steps need not have been run, and have no errors (NaN). `reference` is the rms
     error of a reference that is not exact, else 0. `ends` (L, d, M) and `W` (L, m, M) are y(T) and W(T), `weights`
-    (L, M) the likelihood ratios that `squared` and `errors` already carry: `sepv.verification._orders.means` needs
+    (L, M) the likelihood ratios that `squared` and `errors` already carry: `sepv.properties._orders.means` needs
     them, and they are empty if it is not used. `tolerance` is that of the scheme's own solver, `failed` the first
     step of a path that failed, in words.
     """
@@ -262,7 +262,7 @@ def mean_square_order(
     alpha/2, whatever the tails. It is above `low` if one interval shows it and the other does not contradict, or if
     the bulk shows it and the sampled rms error falls as fast.
 
-    The intervals are those of `more` times the paths. `weighted` samples, of `sepv.verification._orders.tilting`, have
+    The intervals are those of `more` times the paths. `weighted` samples, of `sepv.properties._orders.tilting`, have
     light tails and no quantile.
     """
     rms = slope(errors, alpha if weighted else alpha / 2)

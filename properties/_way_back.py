@@ -10,10 +10,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-
-from sepv.problem import Array, DampedProblem, HamiltoniansProblem
 from sepv.reference.equations_by_class import equation_for
 from sepv.reference.steps import step_condition
+
+from sepv.problem import Array, DampedProblem, HamiltoniansProblem
 from sepv.schemes import Scheme, ask
 from sepv.verification._amplification import amplification
 from sepv.verification._cases.case import Case

@@ -12,6 +12,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from sepv.properties._failed_step import row
+from sepv.properties._orders.local_errors import step_sizes, two_noises
+from sepv.properties._orders.local_orders import CLEAR, FLOOR, MARGIN, strong_order
 
 from sepv.errors import Skipped
 from sepv.exact import FlowFailure, exact_flow
@@ -31,10 +34,7 @@ from sepv.schemes import Scheme, guarded
 from sepv.simulate import advance
 from sepv.solve import Status
 from sepv.verification._cases.users_problems import problems_of
-from sepv.verification._failed_step import row
 from sepv.verification._law import Run
-from sepv.verification._orders.local_errors import step_sizes, two_noises
-from sepv.verification._orders.local_orders import CLEAR, FLOOR, MARGIN, strong_order
 from sepv.verification._units import units_for
 
 # Pairs of step sizes, one drawn from each of as many equal parts of the range: at most 2.1 octaves are between two, so

@@ -20,6 +20,9 @@ from itertools import combinations_with_replacement
 from math import factorial
 
 import numpy as np
+from sepv.properties._failed_step import first_failed
+from sepv.properties._orders.gaussian import Rule, point_rule, rule_for
+from sepv.properties._orders.local_moments import FULL_DEGREE, SPLIT, exponents, moments_at, moments_of
 
 from sepv import problems
 from sepv.errors import Skipped
@@ -42,10 +45,7 @@ from sepv.record import EPS, poly
 from sepv.schemes import CLASSICAL, Scheme, guarded, order_of, point_law
 from sepv.simulate import advance
 from sepv.verification._cases.users_problems import as_taken, problems_of
-from sepv.verification._failed_step import first_failed
 from sepv.verification._law import Run, sparing
-from sepv.verification._orders.gaussian import Rule, point_rule, rule_for
-from sepv.verification._orders.local_moments import FULL_DEGREE, SPLIT, exponents, moments_at, moments_of
 from sepv.verification._units import units_for
 
 LEVELS = 10

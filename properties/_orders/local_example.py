@@ -5,12 +5,12 @@ from __future__ import annotations
 from itertools import combinations_with_replacement
 
 import numpy as np
+from sepv.properties._failed_step import row
+from sepv.properties._orders import local_errors as local
+from sepv.properties._orders.gaussian import point_rule
 
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme, guarded, point_law
-from sepv.verification._failed_step import row
-from sepv.verification._orders import local_errors as local
-from sepv.verification._orders.gaussian import point_rule
 
 
 def mean_example(scheme: Scheme, problem: Problem, h: float) -> str:

@@ -13,17 +13,17 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from sepv.properties._failed_step import row
+from sepv.properties._orders.convergence import StrongErrors, first, join, strong_errors
+from sepv.properties._orders.local_errors import two_noises
+from sepv.properties._orders.tilting import tilted_errors
 
 from sepv import problems
 from sepv.errors import Skipped
 from sepv.problem import NamedProblem, Problem, Systems
 from sepv.schemes import Scheme, guarded
 from sepv.verification._cases.users_problems import problems_of
-from sepv.verification._failed_step import row
 from sepv.verification._law import Effort, Finding, Law, Run, Verdict, sparing
-from sepv.verification._orders.convergence import StrongErrors, first, join, strong_errors
-from sepv.verification._orders.local_errors import two_noises
-from sepv.verification._orders.tilting import tilted_errors
 from sepv.verification._units import units_of
 
 FALSE_ALARM = 1e-4
@@ -93,7 +93,7 @@ def setups(
 
     For (1.1), a non-constant B with one noise and a non-quadratic H with two: no large step of theirs is unsolvable.
     The coarsest step is halved where increments are not truncated or are drawn by
-    `sepv.verification._orders.tilting`: a random step then may be more than 1, far from any asymptotics.
+    `sepv.properties._orders.tilting`: a random step then may be more than 1, far from any asymptotics.
     """
     names = {
         Systems.NAMBU: ("rigid-body", "lotka-volterra"),
@@ -152,7 +152,7 @@ def _built_in(problem: Problem) -> bool:
 
 
 def is_tilted(scheme: Scheme) -> bool:
-    """True if `sepv.verification._orders.tilting` draws its errors, which then carry weights."""
+    """True if `sepv.properties._orders.tilting` draws its errors, which then carry weights."""
     return scheme.mean_square_order is not None and scheme.mean_square_order >= TILTED
 
 
@@ -262,7 +262,7 @@ def _explained(
 def worst_path(problem: Problem, errors: StrongErrors, seed: int, *, drawn: bool) -> str:
     """The path with the largest error at the finest step: y0, W(T), y(T), the scheme's end, and the increments.
 
-    `drawn` if paths are those of `sepv.simulate.increments`, and not of `sepv.verification._orders.tilting`.
+    `drawn` if paths are those of `sepv.simulate.increments`, and not of `sepv.properties._orders.tilting`.
     """
     sizes = np.nan_to_num(errors.squared[-1], nan=np.inf)
     k = int(np.argmax(np.where(errors.weights[-1] > 0, sizes, -1.0)))

@@ -12,7 +12,7 @@ Means of weighted errors are the means under the Wiener measure, without bias. S
 of each other: which increments matter depends on the step.
 
 Increments that Remark 2.1 truncates are truncated for the exact solution too, as in
-`sepv.verification._orders.convergence`: what is estimated is the scheme's own error. What clipping adds is known in
+`sepv.properties._orders.convergence`: what is estimated is the scheme's own error. What clipping adds is known in
 closed form (`sepv.exact.clipping_error`), and has to be added where the size of the error counts and not its order.
 """
 
@@ -22,11 +22,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+from sepv.properties._orders.convergence import StrongErrors, clipped, errors_of
 
 from sepv.exact import exact_flow
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme
-from sepv.verification._orders.convergence import StrongErrors, clipped, errors_of
 
 _CHUNK = 256
 # Errors below this many eps·scale are rounding. Rare paths count little here, and common ones have small errors, so
@@ -64,7 +64,7 @@ def tilted_errors(
 ) -> StrongErrors:  # fmt: skip
     """Strong errors from samples tilted for a scheme of this mean-square order; errors carry their weights.
 
-    Otherwise as `sepv.verification._orders.convergence.strong_errors`. Its `squared` is w|e|² and its `errors` are
+    Otherwise as `sepv.properties._orders.convergence.strong_errors`. Its `squared` is w|e|² and its `errors` are
     w·e, so that means over paths estimate E|e|² and E e.
     """
     powers = (2 * round(2 * order + 1), 2 * round(order + 1))

@@ -16,10 +16,10 @@ from dataclasses import dataclass
 from itertools import combinations_with_replacement
 
 import numpy as np
+from sepv.properties._orders.convergence import StrongErrors
 
 from sepv.problem import Array, Problem, combined_field
 from sepv.statistics import students_t
-from sepv.verification._orders.convergence import StrongErrors
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """The energy of a method without noise over many periods: its trend, and the power of h of its oscillation.
 
-**No trend.** Along an orbit of a symplectic or reversible method (`sepv.verification._orders.integrable`) the energy is
+**No trend.** Along an orbit of a symplectic or reversible method (`sepv.properties._orders.integrable`) the energy is
 quasi-periodic, H(y_n) = Σ_k f_k e^{ikω̃hn}, but for exp(−c/h). Its mean over a window of N steps with weights w_j ∝
 sin⁴(πj/N) is f_0 + Σ_{k≠0} f_k e^{ikω̃hτ} W(kω̃hN/2π), W the transform of the weights,
 
@@ -15,7 +15,7 @@ to less than this. Rounding adds its walk, and a solver's tolerance its sum. A m
 mean by rτ, and a change of LEAKS L A over 1.5 windows is seen: that of the whole oscillation in four hundred periods.
 
 A mean that moves further is a trend if it also grows: the exponent of its growth with τ, by the interval over paths of
-`sepv.verification._growth`, must exclude a bounded one. Theory is for small h: a step at which the energy moves by
+`sepv.properties._growth`, must exclude a bounded one. Theory is for small h: a step at which the energy moves by
 more than GROSS of the kinetic energy is halved first.
 
 **The power of h.** Let e_n = H(y_n) − H(y_0), n ≤ N, on a fixed time with the same weights. y_n has an expansion in
@@ -30,16 +30,16 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from sepv.properties._failed_step import first_failed
+from sepv.properties._growth import exponent, grows, kind_of, rounding_walk
+from sepv.properties._orders.integrable import Orbits
 
 from sepv.problem import Array, Problem
 from sepv.record import EPS
 from sepv.schemes import Scheme, guarded
 from sepv.simulate import Carried, advance
 from sepv.solve import Status
-from sepv.verification._failed_step import first_failed
-from sepv.verification._growth import exponent, grows, kind_of, rounding_walk
 from sepv.verification._law import Verdict
-from sepv.verification._orders.integrable import Orbits
 
 # Periods in a window, for the mean and for the oscillation.
 PERIODS, SHORT = 4, 2

@@ -18,12 +18,12 @@ from collections.abc import Callable
 from itertools import combinations_with_replacement, product
 
 import numpy as np
+from sepv.reference.generator import is_linear, moments
 
 from sepv.errors import Skipped
 from sepv.exact import runge_kutta
 from sepv.problem import Array, HamiltoniansProblem, PolynomialSystem, Problem, noise_field, vector_field
 from sepv.record import EPS
-from sepv.reference.generator import is_linear, moments
 from sepv.schemes import DORMAND_PRINCE_8
 
 # All monomials up to this degree are tested; beyond it powers of a few linear forms, which are small where these are.

@@ -23,6 +23,9 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
+from sepv.properties._failed_step import first_failed
+from sepv.properties._orders.local_errors import cases
+from sepv.properties._orders.local_orders import CLEAR, FLOOR, ROUNDING
 
 from sepv.errors import Skipped
 from sepv.exact import FlowFailure, exact_flow
@@ -33,10 +36,7 @@ from sepv.simulate import advance
 from sepv.solve import Status
 from sepv.verification._cases.case import quiet, quiet_problem
 from sepv.verification._cases.users_problems import items, sources
-from sepv.verification._failed_step import first_failed
 from sepv.verification._law import Verdict
-from sepv.verification._orders.local_errors import cases
-from sepv.verification._orders.local_orders import CLEAR, FLOOR, ROUNDING
 from sepv.verification._units import units_of
 
 # Step sizes in the problem's unit of time, √2 apart: from 4, where high orders are far above rounding, to 2⁻¹³.

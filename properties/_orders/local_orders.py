@@ -13,6 +13,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from sepv.properties._orders.local_errors import LEVELS, LocalErrors, local_errors, problems_for
 
 from sepv.errors import Skipped
 from sepv.files import finite
@@ -20,7 +21,6 @@ from sepv.problem import Array, Problem
 from sepv.record import EPS
 from sepv.schemes import Scheme, order_of
 from sepv.verification._law import Finding, Law, Run, Verdict
-from sepv.verification._orders.local_errors import LEVELS, LocalErrors, local_errors, problems_for
 
 # Half the distance of local rms orders, which are multiples of ½. Slopes at the fine end are within 0.1 of their
 # limits; the slowest to converge are those where clipping contributes h^(k+1)|ln h|^(-3/2).
