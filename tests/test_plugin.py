@@ -126,12 +126,6 @@ def test_an_error_fails_claimed_or_not(pytester: pytest.Pytester) -> None:
     result.stdout.fnmatch_lines(["*energy (Prop. 3.1) error*", "*out of order*"])
 
 
-def test_schemes_can_be_named_in_the_configuration(pytester: pytest.Pytester) -> None:
-    pytester.makeini("[pytest]\nsepv_schemes =\n    mine:honest\n    euler-heun\n")
-    result = laws(pytester, k="identity")
-    result.assert_outcomes(passed=1, skipped=1, deselected=2 * (len(LAWS) - 1))
-
-
 def test_two_lines_in_a_test_file_do_as_well(pytester: pytest.Pytester) -> None:
     pytester.makepyfile(
         mine=MINE,

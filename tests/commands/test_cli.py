@@ -1,6 +1,5 @@
 """What a user sees: tables, counterexamples, files, exit codes, and one clear message for each mistake."""
 
-import json
 import re
 from pathlib import Path
 
@@ -8,42 +7,7 @@ import pytest
 from doors import command
 
 from sepv.commands._cli import main
-from sepv.verification import LAWS, Verdict
-
-
-def test_verify_prints_the_table_and_writes_json(call, tmp_path: Path) -> None:
-    result = call("verify energy-preserving --law energy --law casimir --examples 2 --json out.json")
-    assert result.exit_code == 0, result.output
-    for word in ("Prop. 3.1", "Prop. 3.2", "holds", "ulp of H", "All 2 claimed laws hold."):
-        assert word in result.output
-    report = json.loads((tmp_path / "out.json").read_text())
-    assert set(report) == {"made", "suite", "scheme", "profiles", "counts", "laws"}
-    assert sum(report["counts"].values()) == len(report["laws"]) == report["suite"]["laws"] == 2
-    for law in report["laws"]:
-        assert law["verdict"] == "holds"
-        assert 0 <= law["defect"] <= law["bound"]
-    assert {p.name for p in tmp_path.iterdir()} == {"out.json", "mine.py"}
-
-
-def test_a_violation_shows_a_counterexample_that_replays(call) -> None:
-    result = call("verify midpoint --law energy --examples 2")
-    assert result.exit_code == 0  # not claimed
-    assert "violated" in result.output
-    command = re.search(r"sepv (verify midpoint --law energy --replay \S+)", result.output)
-    assert command
-    again = call(command[1])
-    assert again.exit_code == 1
-    assert "violated" in again.output
-    assert "H(y1) − H(y0)" in again.output
-    # The same witness is harmless for a scheme that obeys the law.
-    assert call(command[1].replace("midpoint", "energy-preserving")).exit_code == 0
-
-
-def test_claims_make_violations_count(call) -> None:
-    assert call("verify midpoint --law energy --claim energy --shrink-checks 0").exit_code == 1
-    result = call("verify mine:correct --claim energy,casimir --law energy --law casimir", "")
-    assert result.exit_code == 0
-    assert "All 2 claimed laws hold" in result.output
+from sepv.verification import LAWS
 
 
 def test_a_claim_that_would_not_be_measured_is_refused(call) -> None:
@@ -85,12 +49,6 @@ def test_a_quiet_line_names_its_target_where_there_are_several(call) -> None:
     assert "midpoint: 2 laws: 1 holds, 1 violated; " in both[-1]
     (alone,) = call("verify midpoint --law identity --examples 2 -q").output.splitlines()
     assert alone.startswith("1 law: 1 holds; ")
-
-
-def test_counts_of_laws_are_singular_or_plural() -> None:
-    assert [Verdict.HOLDS.of(n) for n in (1, 2)] == ["1 holds", "2 hold"]
-    assert [Verdict.VIOLATED.of(n) for n in (1, 2)] == ["1 violated", "2 violated"]
-    assert [Verdict.ERROR.of(n) for n in (1, 2)] == ["1 error", "2 errors"]
 
 
 def test_arguments_in_another_order_are_named_before_anything_is_measured(call) -> None:
@@ -152,20 +110,13 @@ def test_several_targets_give_a_matrix(call) -> None:
     assert "+ claimed" in result.output
 
 
-def test_list_shows_everything(call) -> None:
-    result = call("list")
-    assert result.exit_code == 0
-    for word in ("discrete-gradient", "lotka-volterra", "mean-square-order", "Prop. 3.2"):
-        assert word in result.output
-
-
 def test_a_raising_scheme_is_an_error_of_every_law_and_debug_shows_it(call) -> None:
     code = "def step(problem, y, h, dW):\n    raise RuntimeError('out of order')\n"
     result = call("verify mine:step --examples 2 --paths 64 --shrink-checks 2", code)
     assert result.exit_code == 3
     # Truncation is about the increments that the scheme asks for, a function of one state has no batch, and some
     # laws are for schemes of another class of systems.
-    assert f"7 not applicable, {len(LAWS) - 7} error" in result.output
+    assert f"7 not applicable, {len(LAWS) - 7} errors" in result.output
     assert "out of order" in result.output
     shown = call("verify mine:step --examples 2 --law energy --debug", code)
     assert "Traceback" in shown.output or isinstance(shown.exception, RuntimeError)

@@ -4,11 +4,15 @@ import json
 import shlex
 import sys
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from doors import ROOT, command, obeys, verdicts
+from drawn import by_hand
 
-from sepv.schemes import load_problem, load_scheme
+from sepv.problem import vector_field
+from sepv.schemes import load_scheme
 
 PROGRAM = shlex.join([sys.executable, str(ROOT / "examples" / "euler_heun_plain.py")])
 
@@ -133,42 +137,28 @@ def test_laws_about_many_steps_fit_the_problems_beyond_the_paper(problem: str) -
     assert set(found.values()) <= {"holds", "inconclusive"}, found
 
 
-NARROW = '''
-import numpy as np
-import sepv
-from sepv.problem._fields import vector_field
-
-def ring():
+def narrow(y: Any) -> Any:
     """States within 1 % of the circle; what is outside has no meaning."""
-    return sepv.Problem(
-        2,
-        lambda y: np.stack([np.stack([0 * y[0], 0 * y[0] - 1]), np.stack([0 * y[0] + 1, 0 * y[0]])]),
-        lambda y: 0.5 * (y[0] ** 2 + y[1] ** 2),
-        lambda y: 1.0 * y,
-        noise=(0.5,),
-        initial=(0.0, 1.0),
-        domain=DOMAIN,
-    )
+    return np.abs(np.sqrt(np.sum(y**2, axis=0)) - 1) < 0.01
 
-def step(problem, y, h, dW):
-    if np.any(np.abs(np.sqrt(np.sum(y**2, axis=0)) - 1) > 0.01):
+
+def on_the_circle(problem: Any, y: Any, h: float, dW: Any) -> Any:
+    if not np.all(narrow(y)):
         raise ArithmeticError("no such state")
     delta = problem.random_step(h, dW)
-    f = vector_field(problem, y)
-    return y + delta * vector_field(problem, y + 0.5 * delta * f)
+    return y + delta * vector_field(problem, y + 0.5 * delta * vector_field(problem, y))
 
-def first_lane(problem, y, h, dW):
+
+def first_lane(problem: Any, y: Any, h: float, dW: Any) -> Any:
     start = y if y.ndim == 1 else np.repeat(y[:, :1], y.shape[1], axis=1)
     return y + problem.random_step(h, dW) * vector_field(problem, start)
-'''
 
 
-@pytest.mark.parametrize("domain", ["None", "lambda y: np.abs(np.sqrt(np.sum(y**2, axis=0)) - 1) < 0.01"])
-def test_a_step_on_a_narrow_domain_is_seen_to_take_batches(folder: Path, domain: str) -> None:
-    module = f"narrow_{len(domain)}"
-    (folder / f"{module}.py").write_text(NARROW.replace("DOMAIN", domain))
-    ring = load_problem(f"{module}:ring")
-    assert load_scheme(f"{module}:step", problems=[ring]).batched
-    assert not load_scheme(f"{module}:first_lane", problems=[ring]).batched
-    if ring.domain is not None:  # without one a law may ask about any state
-        assert verdicts(f"{module}:step", "contract", ring, examples=5) == {"contract": "holds"}
+@pytest.mark.parametrize("domain", [None, narrow])
+def test_a_step_on_a_narrow_domain_is_seen_to_take_batches(domain: Any) -> None:
+    square = {"hamiltonian": lambda y: 0.5 * (y[0] ** 2 + y[1] ** 2), "gradient": lambda y: 1.0 * y}
+    ring = by_hand(**square, noise=(0.5,), initial=(0.0, 1.0), domain=domain)
+    assert load_scheme(on_the_circle, problems=[ring]).batched
+    assert not load_scheme(first_lane, problems=[ring]).batched
+    if domain is not None:  # without one a law may ask about any state
+        assert verdicts(on_the_circle, "contract", ring, examples=5) == {"contract": "holds"}

@@ -231,7 +231,7 @@ def test_numbers_of_json_are_read_in_one_way() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["pendulum", "rigid-body", "maxwell-bloch", "noncommuting-tops", "two-spins"]
+    "name", ["pendulum", "rigid-body", "maxwell-bloch", "noncommuting-tops", "two-spins", "kepler", "toda"]
 )
 def test_a_built_in_problem_goes_to_a_file_and_back(name: str) -> None:
     problem = problems.by_name(name)

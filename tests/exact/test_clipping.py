@@ -63,10 +63,3 @@ def test_clipping_costs_little_beside_the_errors_of_a_scheme(s: int) -> None:
     costs = [clipping_error(body, T=1.0, steps=8, k=k) for k in (4 * s, 2 * s)]
     assert costs[0] < 0.1 * own
     assert costs[1] > 0.5 * own
-
-
-def test_one_stage_keeps_the_truncation_of_the_paper() -> None:
-    for scheme in (schemes.energy_preserving, schemes.midpoint, schemes.collocation(1), schemes.gauss(1)):
-        assert scheme.truncation == 2
-    for scheme in (schemes.explicit(4), schemes.projected(8), schemes.gauss(3)):
-        assert scheme.truncation == 4 * scheme.mean_square_order

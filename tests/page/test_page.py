@@ -293,16 +293,6 @@ def test_text_of_strangers() -> None:
     assert name("") == "(no name)"
 
 
-def test_the_command_makes_one_page_of_files_of_several_kinds(reader: Any) -> None:
-    reader.sepv("sepv verify midpoint --law energy --examples 2 --json midpoint.json")
-    reader.sepv("sepv reproduce text --json paper.json")
-    said = reader.sepv("sepv report midpoint.json paper.json --out page.html")
-    assert re.fullmatch(r"page\.html: \d+ kB\n", said)
-    words = " ".join(" ".join(Reader((reader.folder / "page.html").read_text()).words).split())
-    assert "sepv verify midpoint --law energy --replay" in words
-    assert "Remark 2.1" in words
-
-
 CHROMIUM = next((p for p in ("chromium", "chromium-browser", "google-chrome") if shutil.which(p)), None)
 FLAGS = [
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",

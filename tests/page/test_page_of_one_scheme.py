@@ -4,7 +4,6 @@ import html
 import re
 import time
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -188,8 +187,3 @@ def test_a_share_and_memory_are_said_as_the_table_says_them(report: sepv.Report)
     for words in ("holds on 71 %", "depends on earlier calls"):
         assert words in page
         assert words in str(partly)
-
-
-def test_a_page_is_made_without_a_folder_of_its_own(report: sepv.Report, tmp_path: Path) -> None:
-    (tmp_path / "page.html").write_text(report.html(), encoding="utf-8")
-    assert report.html() == (tmp_path / "page.html").read_text(encoding="utf-8")

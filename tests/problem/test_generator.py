@@ -5,7 +5,6 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from sepv.properties._orders.gaussian import rule
-from sepv.properties._orders.local_errors import five_noises
 from sepv.reference.generator import is_linear, moments
 
 from sepv import problems
@@ -47,16 +46,3 @@ def test_series_and_quadrature_of_the_closed_form_agree(make: type) -> None:
         left.append(mean - series @ h ** np.arange(3.0))
     assert np.abs(left[0]).max() < 1e-6
     assert left[0] / left[1] == pytest.approx(np.full(4, 8.0), rel=0.05)
-
-
-def test_the_first_coefficient_is_the_ito_drift() -> None:
-    """L x = f + ½ Σ c_j² f′f at y0."""
-    from sepv.problem import vector_field
-    from sepv.problem._fields import derivative_along
-
-    problem = five_noises()
-    y0 = np.asarray(problem.initial)
-    found = moments(data_of(problem), tuple(y0.tolist()), ((1, 0, 0), (0, 1, 0), (0, 0, 1)), 1)
-    f = vector_field(problem, y0)
-    drift = f + 0.5 * float(np.sum(problem.c**2)) * derivative_along(problem, y0, f)
-    assert [float(row[1]) for row in found] == pytest.approx(drift.tolist(), rel=1e-9)

@@ -318,16 +318,19 @@ def test_schemes_refuse_what_they_do_not_take() -> None:
         (schemes.darboux_lie, body, np.asarray(body.initial), [none], "b_ij y_i y_j"),
         (schemes.isospectral_midpoint, problems.random_lotka_volterra(), np.ones(3), [np.zeros(3)], "so"),
         (schemes.stochastic_midpoint, problems.noncommuting_tops(), np.ones(3), [none], "several structures"),
+        (schemes.stochastic_midpoint, problems.pushed_rigid_body(), np.ones(3), [none], "vectors"),
+        (schemes.both_invariants, problems.pendulum(), np.ones(2), [none], "pendulum is not given as"),
+        (schemes.leapfrog, problems.rigid_body(), np.ones(3), [np.zeros(1)], "not mechanical"),
+        (
+            schemes.splitting,
+            problems.kepler(),
+            np.ones(4),
+            [none[:1]],
+            "kepler gives no exact flows of parts of H",
+        ),
     ):
         with pytest.raises(Skipped, match=words):
             scheme.step(problem, state, 0.1, *noise)
-
-
-def test_the_midpoint_rule_of_one_hamiltonian_is_the_midpoint_rule() -> None:
-    problem = problems.rigid_body()
-    y, dW = np.asarray(problem.initial), np.array([0.2])
-    found = schemes.stochastic_midpoint.step(problem, y, 0.1, dW)
-    assert np.allclose(found, schemes.midpoint.step(problem, y, 0.1, dW), atol=4e-16)
 
 
 # The trace formula.
@@ -347,11 +350,3 @@ def test_balls_bound_all_hamiltonians(system: PolynomialSystem) -> None:
     radius, r = contraction_ball(problem, y)
     for j in range(problem.noises):
         assert radius * np.max(np.abs(noise_field(problem, j, y))) <= r
-
-
-@pytest.mark.parametrize("name", ["energy-preserving", "several-structures", "euler-heun", "modified-weak-2"])
-def test_schemes_for_one_hamiltonian_refuse_several(name: str) -> None:
-    with pytest.raises(UsageError, match="several Hamiltonians"):
-        sepv.ensemble(name, "random-inertia", h=0.125, T=1.0, paths=3)
-    with pytest.raises(UsageError, match="several structures or Hamiltonians"):
-        sepv.exact_flow("random-inertia", [1.0])

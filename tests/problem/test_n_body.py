@@ -29,7 +29,10 @@ def test_the_flow_keeps_momentum_and_angular_momentum(problem: Problem) -> None:
     assert np.abs(momenta((y + 1e-30j * field)[:, None]).imag).max() < 1e-30 * 64 * EPS
 
 
-@pytest.mark.parametrize("problem", BODIES, ids=lambda problem: f"{problem.name}-{problem.dimension}")
+WITH_MEANS = [*BODIES, problems.kepler(), problems.toda()]
+
+
+@pytest.mark.parametrize("problem", WITH_MEANS, ids=lambda problem: f"{problem.name}-{problem.dimension}")
 def test_the_mean_gradient_is_that_of_fine_quadrature_and_telescopes(problem: Problem) -> None:
     rng = np.random.default_rng(3)
     y0 = np.asarray(problem.initial)[:, None] + 0.01 * rng.standard_normal((problem.dimension, 20))

@@ -9,7 +9,7 @@ from sepv.reference.steps import reference_step
 
 import sepv
 from sepv import problems, schemes
-from sepv.errors import ProblemError, Skipped, UsageError
+from sepv.errors import ProblemError, UsageError
 from sepv.problem import PolynomialSystem, Systems
 from sepv.record import _polynomial as poly
 from sepv.verification import Case, state_ulp
@@ -58,11 +58,6 @@ def test_lotka_volterra_keeps_both_where_the_paper_keeps_one() -> None:
     assert drifts["both-invariants"][1] < 1e-13
     assert drifts["energy-preserving"][0] < 1e-13
     assert drifts["energy-preserving"][1] > 1e-4
-
-
-def test_other_problems_are_skipped_by_name() -> None:
-    with pytest.raises(Skipped, match="pendulum is not given as"):
-        schemes.both_invariants.step(problems.pendulum(), np.array([0.2, 1.0]), 0.1, np.zeros(2))
 
 
 def test_wrong_descriptions_are_refused() -> None:

@@ -25,14 +25,6 @@ def test_parameters_are_the_papers() -> None:
     }  # fmt: skip
 
 
-def test_the_casimir_of_lotka_volterra_is_one() -> None:
-    problem = problems.lotka_volterra()
-    y = np.array([1.0, 1.9, 0.5])
-    b, d = -1.0, -0.5
-    slope = np.array([1 / y[0], b * d / y[1], -d / y[2]])
-    assert np.max(np.abs(slope @ problem.structure(y))) < 1e-15
-
-
 @settings(max_examples=12)
 @given(strategies.casimir_systems())
 def test_casimirs_by_construction_are_casimirs(data: PolynomialSystem) -> None:
@@ -50,12 +42,6 @@ def test_energies_of_a_long_chain_have_the_same_bits_alone_and_in_a_batch() -> N
     chain, y = sepv.problems.toda(particles=12), np.random.default_rng(0).standard_normal((24, 40))
     alone = [chain.hamiltonian(y[:, [k]])[0] for k in range(40)]
     assert np.array_equal(chain.hamiltonian(y), alone)
-
-
-def test_a_problem_made_by_hand_is_accepted_and_solved() -> None:
-    problem = by_hand(initial=(1.0, 0.5))
-    y1 = sepv.schemes.energy_preserving.step(problem, np.array([1.0, 0.5]), 0.1, np.array([0.2]))
-    assert abs(problem.hamiltonian(y1) - problem.hamiltonian(np.array([1.0, 0.5]))) < 1e-15
 
 
 def test_functions_that_complex_steps_mislead_are_accepted() -> None:

@@ -56,22 +56,6 @@ def _map(p: poly.Polynomial) -> poly.PolynomialMap:
     return poly.PolynomialMap((), (p,))
 
 
-def test_casimirs_of_b_are_casimirs_of_every_structure() -> None:
-    """The rigid body turned about its axes of inertia: H_1 = H_0² has the field 2H_0 f, and keeps |y|² too."""
-    drift = problems.rigid_body()
-    problem = commuting_hamiltonians(drift, [lambda y: 2 * drift.hamiltonian(y) * drift.gradient(y)])
-    y = np.array([0.3, -0.7, 0.5])
-    S = problem.noise_structures[0](y)
-    # S is 2H_0 B, of size 0.6, from some dozen products; y has length 0.9.
-    f = 2 * drift.hamiltonian(y) * drift.structure(y) @ drift.gradient(y)
-    assert np.allclose(S @ y, 0, rtol=0, atol=8 * EPS)
-    assert np.allclose(S @ drift.gradient(y), f, rtol=0, atol=8 * EPS)
-    path = sepv.integrate(schemes.several_structures, problem, h=0.01, T=2.0, seed=1).y
-    # 200 steps, each with a few roundings of H = 0.6 and |y|² = 0.8: a walk, √200 = 14, five times.
-    assert np.ptp(drift.hamiltonian(path)) < 5 * 14 * EPS
-    assert np.ptp(np.sum(path**2, axis=0)) < 5 * 14 * EPS
-
-
 def test_hamiltonians_that_do_not_commute_are_refused_with_their_bracket() -> None:
     with pytest.raises(ProblemError, match=r"\{H_0, H_1\} = -0\.2 at y = \[0\.2, 0\.1\]"):
         commuting_hamiltonians(
@@ -95,30 +79,36 @@ def test_closed_forms_are_what_fine_steps_converge_to(name: str) -> None:
     assert np.max(np.abs(problem.hamiltonian(exact) - energy)) <= 16 * EPS * slope * np.max(np.abs(exact))
 
 
-def test_schemes_for_one_structure_refuse_several() -> None:
-    problem = problems.noncommuting_tops()
-    y, dW = np.asarray(problem.initial), np.zeros(2)
-    for scheme in [*schemes.PAPER.values(), schemes.collocation(2), schemes.gauss(2), schemes.explicit(4)]:
-        with pytest.raises(UsageError, match="several-structures"):
-            scheme.step(problem, y, 0.1, dW)
+SEVERAL_HAMILTONIANS = ("random-inertia", "pushed-rigid-body")
+FOR_ONE = [*schemes.PAPER.values(), schemes.collocation(2), schemes.gauss(2), schemes.explicit(4)]
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("noncommuting-tops", "several-structures"), ("random-inertia", "several Hamiltonians")],
+)
+def test_schemes_for_one_structure_refuse_several_and_several_hamiltonians(name: str, words: str) -> None:
+    problem = problems.by_name(name)
+    several = [schemes.several_structures, schemes.modified_weak_two] * (name in SEVERAL_HAMILTONIANS)
+    for scheme in (*FOR_ONE, *several):
+        with pytest.raises(UsageError, match=words):
+            scheme.step(problem, np.asarray(problem.initial), 0.1, np.zeros(2))
     with pytest.raises(UsageError, match="several structures"):
         sepv.exact_flow(problem, 1.0)
 
 
-def test_one_structure_is_the_energy_preserving_scheme_to_the_bit() -> None:
+PAIRS = [("several-structures", "energy-preserving"), ("stochastic-midpoint", "midpoint")]
+
+
+@pytest.mark.parametrize(("several", "one"), PAIRS)
+def test_with_one_structure_and_hamiltonian_a_scheme_for_several_is_that_for_one(
+    several: str, one: str
+) -> None:
     problem = problems.rigid_body(noise=(1.0, 0.5))
     y, dW = np.asarray(problem.initial), np.array([0.1, -0.2])
-    several = schemes.several_structures.step(problem, y, 0.1, dW)
+    found, known = (schemes.by_name(name).step(problem, y, 0.1, dW) for name in (several, one))
     # Up to the order in which h B and the c_j ΔW_j B are added up: a rounding of y.
-    assert np.max(np.abs(several - schemes.energy_preserving.step(problem, y, 0.1, dW))) <= EPS
-
-
-def test_ensembles_take_several_structures() -> None:
-    problem = problems.noncommuting_tops()
-    ends = sepv.ensemble(schemes.several_structures, problem, h=1 / 32, T=1.0, paths=64)
-    assert not ends.status.any()
-    # 32 steps with a few roundings each of an energy of order 1.
-    assert ends.energy_defect.max() < 32 * EPS
+    assert np.max(np.abs(found - known)) <= EPS
 
 
 def test_wrong_structures_are_refused() -> None:

@@ -70,24 +70,6 @@ def test_a_divided_scheme_says_what_it_is_and_its_failures_what_they_were_asked(
     assert caught.value.delta == 20.25
 
 
-def test_both_invariants_are_kept_by_the_parts() -> None:
-    problem = problems.lotka_volterra()
-    scheme = divided(schemes.both_invariants)
-    paths = (sepv.integrate(scheme, problem, h=0.5, T=16.0, seed=seed) for seed in range(20))
-    path = next(path for path in paths if path.divisions > 0)
-    assert np.ptp(problem.hamiltonian(path.y)) < 1e-12
-    assert np.ptp(problem.nambu.casimir(path.y)) < 1e-12
-
-
-def test_depth_has_an_end_and_the_failure_is_said() -> None:
-    problem = problems.lotka_volterra()
-    y = np.asarray(problem.initial)
-    for scheme in (schemes.energy_preserving, divided(schemes.energy_preserving, 1)):
-        with pytest.raises(StepFailure):
-            scheme.step(problem, y, 0.5, np.array([3.0]))
-    assert np.isfinite(divided(schemes.energy_preserving, 8).step(problem, y, 0.5, np.array([3.0]))).all()
-
-
 def test_division_is_never_on_in_verification() -> None:
     """A divided scheme claims nothing, and no scheme of ours is one."""
     assert not divided(schemes.energy_preserving).claims

@@ -105,14 +105,6 @@ def test_steps_that_are_too_coarse_say_so() -> None:
         scheme.step(problem, y[:, bad], 0.5, dW[:, bad])
 
 
-def test_it_claims_what_the_explicit_method_does_and_the_invariants() -> None:
-    scheme, plain = schemes.projected(8), schemes.explicit(8)
-    for key in ("truncation", "mean_square_order", "weak_order", "batched"):
-        assert getattr(scheme, key) == getattr(plain, key)
-    assert scheme.claims == plain.claims - {"equivariance"} | {"energy", "casimir"}
-    assert "projection" in scheme.source
-
-
 def test_a_batch_has_the_bits_of_its_states_with_eight_components() -> None:
     """From eight on `np.sum` adds the components of a single state in pairs."""
     rng = np.random.default_rng(5)

@@ -99,6 +99,31 @@ def test_members_that_a_family_does_not_have_are_refused(family, members, words)
             family(member)
 
 
+STAGES = range(1, 7)
+
+
+@pytest.mark.parametrize(
+    ("family", "members", "order", "k", "claimed", "not_claimed"),
+    [
+        # Order p in Δ is mean-square and weak order p/2 with k = 2p (Remark 2.1).
+        (schemes.explicit, (4, 8), 0.5, 2.0, "noise-sum expansion truncation", "energy casimir symmetry"),
+        (schemes.projected, (4, 8), 0.5, 2.0, "energy casimir noise-sum truncation", "equivariance symmetry"),
+        (schemes.gauss, STAGES, 1, 4, "casimir midpoint symmetry truncation", "energy"),
+        (schemes.collocation, STAGES, 1, 4, "energy casimir midpoint symmetry truncation", ""),
+    ],
+    ids=lambda value: getattr(value, "__name__", ""),
+)
+def test_a_member_of_a_family_says_what_it_is(family, members, order, k, claimed, not_claimed):
+    for member in members:
+        scheme = family(member)
+        assert scheme.name == f"{family.__name__}-{member}"
+        assert scheme.mean_square_order == scheme.weak_order == order * member
+        # One stage keeps the truncation of the paper.
+        assert (scheme.truncation, scheme.batched) == (2 if member == 1 else k * member, True)
+        assert set(claimed.split()) <= scheme.claims
+        assert not set(not_claimed.split()) & scheme.claims
+
+
 def test_no_noise_is_the_deterministic_method() -> None:
     problem = problems.rigid_body(noise=())
     y = np.array([0.8, 0.6, 0.0])
@@ -141,7 +166,8 @@ def test_a_scheme_is_a_function() -> None:
 def test_every_built_in_scheme_says_what_it_is() -> None:
     """Where it comes from, its orders, k ≥ 2p (Remark 2.1), and only laws that there are."""
     laws = {law.name for law in load_laws()}
-    families = [family(s) for family in (schemes.collocation, schemes.gauss) for s in range(1, 7)]
+    families = [family(s) for family in (schemes.collocation, schemes.gauss) for s in STAGES]
+    families += [family(p) for family in (schemes.explicit, schemes.projected) for p in (4, 8)]
     several = map(schemes.by_name, schemes.HAMILTONIANS)
     for scheme in [*schemes.PAPER.values(), *schemes.EXTENSIONS.values(), *several, *families]:
         assert scheme.claims <= laws

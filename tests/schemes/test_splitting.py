@@ -1,11 +1,9 @@
 """Splittings, leapfrogs, Gonzalez' scheme and the one of weak order 2: what their derivations say."""
 
 import numpy as np
-import pytest
 
 import sepv
 from sepv import problems, schemes
-from sepv.errors import Skipped
 from sepv.problem import PolynomialSystem, Systems, mechanics
 from sepv.record import _polynomial as poly
 from sepv.schemes import ask
@@ -41,13 +39,7 @@ def test_the_way_back_and_the_order_against_the_exact_flow() -> None:
     assert np.all(np.abs(-np.diff(np.log2(errors)) - 3) < 0.2)  # local order three: c = 0 has order two
 
 
-def test_a_problem_without_flows_is_skipped_by_name() -> None:
-    with pytest.raises(Skipped, match=r"kepler gives no exact flows of parts of H \(Problem.flows\)"):
-        schemes.splitting.step(problems.by_name("kepler"), np.array([0.0, 1.0, 1.0, 0.0]), 0.1, np.zeros(1))
-
-
 LEAPFROG = schemes.by_name("leapfrog")
-ALL = tuple(schemes.by_name(name) for name in ("leapfrog", "yoshida-4", "blanes-moan-4"))
 
 
 def test_it_is_kick_drift_kick_for_every_mass_and_either_order_of_y() -> None:
@@ -61,19 +53,6 @@ def test_it_is_kick_drift_kick_for_every_mass_and_either_order_of_y() -> None:
         expected = m.join(q, p + dt / 2 * m.force(q))
         found, size = LEAPFROG.step(problem, y, h, dW), np.abs(y).max()
         np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-13 * size)
-
-
-@pytest.mark.parametrize("scheme", ALL, ids=lambda s: s.name)
-def test_the_engine_and_numpy_agree(scheme: sepv.Scheme) -> None:
-    pytest.importorskip("numba")
-    run = {"h": 1 / 16, "steps": 32, "paths": 5, "seed": 3}
-    ends = [sepv.ensemble(scheme, problems.henon_heiles(), engine=e, **run).y for e in ("compiled", "numpy")]
-    np.testing.assert_allclose(*ends, rtol=1e-12, atol=1e-13)
-
-
-def test_other_problems_are_left_out() -> None:
-    with pytest.raises(Skipped, match="not mechanical"):
-        LEAPFROG.step(problems.rigid_body(), np.ones(3), 0.1, np.zeros(1))
 
 
 def test_the_modified_scheme_keeps_energy_and_casimir_for_a_structure_of_degree_three() -> None:

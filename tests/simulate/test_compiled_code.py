@@ -20,8 +20,6 @@ from sepv.simulate._ensembles.task import Task
 
 pytest.importorskip("numba", reason="the extra `fast` is not installed")
 
-EPS = 2.0**-52
-
 
 def test_any_constant_that_reaches_compiled_code_changes_its_name(monkeypatch) -> None:
     from sepv.simulate._compiled import store
@@ -97,24 +95,6 @@ def test_what_cannot_be_compiled_is_said() -> None:
     assert "undefined at critical points" in undefined.reason  # S_j of several Hamiltonians is none there
 
 
-def test_bits_depend_neither_on_threads_nor_on_chunks() -> None:
-    problem, arguments = problems.rigid_body(), {"h": 1 / 64, "T": 1.0, "seed": 2, "engine": "compiled"}
-    one = sepv.ensemble(EP, problem, paths=1500, times=[0.25, 1.0], **arguments)
-    two = sepv.ensemble(EP, problem, paths=1500, times=[0.25, 1.0], workers=2, **arguments)
-    assert same(one, two)
-    few = sepv.ensemble(EP, problem, paths=3, **arguments)  # path by path
-    assert np.array_equal(few.y, one.y[:, :3])
-    assert np.array_equal(one.states[1], one.y)
-
-
-def test_given_increments_are_the_drawn_ones() -> None:
-    problem = problems.rigid_body()
-    drawn = sepv.ensemble(EP, problem, h=1 / 64, T=1.0, paths=100, seed=5, engine="compiled")
-    dW = wiener.increments(5, T=1.0, steps=64, noises=1, paths=100)
-    given = sepv.ensemble(EP, problem, h=1 / 64, T=1.0, dW=dW, engine="compiled")
-    assert same(drawn, given)
-
-
 def test_what_is_raised_while_a_lane_is_solved_is_raised_when_the_compiled_loop_is_back(monkeypatch) -> None:
     from sepv.solve import _newton
 
@@ -164,16 +144,6 @@ def test_what_a_broken_worker_did_not_finish_is_computed_here() -> None:
         result = sepv.ensemble(EP, problem, workers=workers, **arguments)
         assert result.repeated == repeated
         assert same(here, result)
-
-
-def test_more_paths_than_memory_holds_and_what_is_not_finite_are_refused_at_once() -> None:
-    problem = problems.rigid_body()
-    with pytest.raises(sepv.UsageError, match="paths whose ends fit into memory"):
-        sepv.ensemble(EP, problem, h=0.1, T=1.0, paths=10**15)
-    dW = np.zeros((10, 1, 3))
-    dW[4, 0, 2] = np.nan
-    with pytest.raises(sepv.UsageError, match=r"dW\[4, 0, 2\] = nan"):
-        sepv.ensemble(EP, problem, h=0.1, T=1.0, dW=dW)
 
 
 def test_compiled_code_that_was_cut_off_is_compiled_again(tmp_path, monkeypatch) -> None:

@@ -102,6 +102,7 @@ EVERY = [
     ("stochastic-midpoint", without_mean_gradient, 64, 8, 32), ("both-invariants", "lotka-volterra", 128, 128, 8),
     # Steps of every kind: most by sweeps, some by a finer rule, some by Newton's iteration, some without solution.
     ("collocation-2", "lotka-volterra", 8, 8, 16), ("projected-8", "rigid-body", 16, 16, 64),
+    *((name, "henon-heiles", 16, 32, 64) for name in ("leapfrog", "yoshida-4", "blanes-moan-4")),
     # By functions, which are recorded; means by rule, where NumPy's engine has its quadrature.
     ("energy-preserving", spring, 16, 8, 40), ("energy-preserving", hanging, 128, 32, 8),
     ("energy-preserving", silent, 16, 8, 32),

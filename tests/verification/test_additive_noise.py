@@ -23,7 +23,7 @@ from benchmarks import additive_noise
 from benchmarks.additive_noise import euler_maruyama, implicit_euler
 from benchmarks.right_schemes import RIGHT
 from sepv import Problem, Scheme, problems, schemes
-from sepv.errors import ProblemError, Skipped, UsageError
+from sepv.errors import ProblemError
 from sepv.problem import HamiltoniansProblem, PolynomialSystem, Systems, vector_field
 from sepv.problem._checks import check_problem
 from sepv.problem._hamiltonians import noise_vectors
@@ -75,15 +75,6 @@ def test_vectors_survive_json_and_are_checked() -> None:
         HamiltoniansProblem(*parts, **given, noise_hamiltonians=(problem.hamiltonian,))
 
 
-def test_schemes_for_other_noises_refuse_it() -> None:
-    problem, y = body(), np.ones(3)
-    with pytest.raises(Skipped, match="vectors"):
-        schemes.stochastic_midpoint.step(problem, y, 0.1, np.zeros(2))
-    for other in (schemes.energy_preserving, schemes.several_structures):
-        with pytest.raises(UsageError, match="several Hamiltonians"):
-            other.step(problem, y, 0.1, np.zeros(2))
-
-
 # The trace formula, of the exact solution.
 
 
@@ -133,20 +124,6 @@ def test_euler_maruyama_misses_the_mean_of_a_casimir_by_what_theory_says() -> No
     assert explicit == pytest.approx(h**2 * float(f @ f), rel=1e-9)
     assert implicit == pytest.approx(-(h**2) * float(f @ f), rel=0.1)
     assert abs(casimir_change(schemes.drift_preserving, problem, h)) < 1e-14
-
-
-def test_over_many_steps_the_means_grow_linearly_and_those_of_euler_maruyama_do_not() -> None:
-    """A false alarm at 5 standard errors has the probability 6e-7, for each of eight means."""
-    steps = 4
-    exact = additive_noise.exact_rates(body())
-    off = {}
-    for name, step in additive_noise.SCHEMES.items():
-        means, errors = additive_noise.rates(step, body(), steps)
-        off[name] = (means - exact) / errors
-    right, explicit, implicit = off.values()
-    assert max(abs(right)) < 5
-    assert min(explicit) > 20
-    assert max(implicit) < -20
 
 
 def test_the_page_has_the_numbers_of_today() -> None:

@@ -4,10 +4,8 @@ import numpy as np
 from sepv.properties import test_rounding as rounding
 from sepv.reference.faults.saboteurs import SABOTEURS
 
-from sepv.errors import Skipped
 from sepv.problem import Array
-from sepv.schemes import Scheme, energy_preserving
-from sepv.verification import Effort, Verdict, verify
+from sepv.verification import Verdict, verify
 
 W = 0.144
 
@@ -50,18 +48,6 @@ def test_a_stated_tolerance_is_allowed_its_drift() -> None:
 def test_a_nudge_of_one_sign_is_caught() -> None:
     (finding,) = verify(SABOTEURS["one-signed-nudge"].scheme, laws=["rounding"]).findings
     assert finding.verdict is Verdict.VIOLATED
-
-
-def test_a_problem_that_is_skipped_is_left_out() -> None:
-    def step(problem, y, h, dW):
-        if problem.dimension != 2:
-            raise Skipped("two components only")
-        return energy_preserving.step(problem, y, h, dW)
-
-    (finding,) = verify(Scheme("flat", step, batched=True), laws=["rounding"], effort=Effort()).findings
-    assert finding.verdict is Verdict.HOLDS
-    assert finding.checks == rounding.PATHS
-    assert "rigid-body, h = 0.01: skipped: two components only" in finding.message
 
 
 def test_paths_with_other_roundings_are_judged_by_their_own() -> None:

@@ -20,7 +20,6 @@ from sepv.properties._sequential import _wanted as wanted
 
 from benchmarks.right_schemes import RIGHT
 from sepv import problems, schemes, verify
-from sepv.errors import Skipped
 from sepv.problem import Array, Problem, vector_field
 from sepv.schemes import Scheme
 from sepv.schemes._one_step import Solved
@@ -274,19 +273,6 @@ def test_finer_steps_are_not_run_where_coarse_ones_are_refused() -> None:
     assert errors.failures == (512, 0, 0)
     assert sum(asked) <= 2 * 512  # a batch that fails may be asked again, state by state
     assert np.isnan(errors.squared[1:]).all()
-
-
-def test_a_problem_that_is_skipped_leaves_a_verdict_about_the_others() -> None:
-    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-        if problem.name == "pendulum":
-            raise Skipped("no pendulum here")
-        return schemes.midpoint.step(problem, y, h, dW)
-
-    scheme = Scheme("choosy", step, mean_square_order=1.0, batched=True)
-    seen = found(scheme, "mean-square-order", paths=1024)
-    assert seen.verdict is Verdict.HOLDS
-    assert "rigid-body: " in seen.message
-    assert "pendulum: skipped, no pendulum here" in seen.message
 
 
 def test_frequent_refusals_are_an_error() -> None:
