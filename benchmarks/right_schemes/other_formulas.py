@@ -32,7 +32,7 @@ from sepv.schemes._conformal import undamped
 from sepv.schemes._explicit import end
 from sepv.schemes._explicit_tableaux import TABLEAUX
 from sepv.schemes._leapfrog import KicksAndDrifts, composed
-from sepv.solve import Asked, Fields
+from sepv.solve import CountedFields, Fields
 
 # Of a scheme that is not (2.1) itself but shares its structure.
 _NOT_ITSELF = {"midpoint", "reduction", "reference", "refusal"}
@@ -71,7 +71,7 @@ def flow(problem: Problem, y0: Array, delta: Array) -> Array:
         for parts in (1, 2, 4, 8, 16, 32, 64, 128):
             y: Any = start[:, open_]
             for _ in range(parts):
-                y = y + end(TABLEAUX[8], Asked(problem, y, y), y, None, wide[None, open_] / parts)
+                y = y + end(TABLEAUX[8], CountedFields(problem, y, y), y, None, wide[None, open_] / parts)
             value[:, open_] = y
             if coarse is not None:
                 # The finer one is a good deal better than their difference: 2⁻⁸ of it.

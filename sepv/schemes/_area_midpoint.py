@@ -32,7 +32,10 @@ def require_derivatives(problem: Problem) -> None:
 
 
 def increment(problem: Problem, y0: Array, y1: Array, known: Array) -> Increment:
-    """The right side for h, the c_j ΔW_j and the c_i c_j A_ij; all gradients count as one evaluation."""
+    """R of the step y1 = y0 + R. `known` (k, M) holds h, the c_j ΔW_j, and the c_i c_j A_ij with i < j.
+
+    The gradients of all Hamiltonians count as one evaluation.
+    """
     middle, first = y0 + 0.5 * (y1 - y0), 1 + problem.noises
     value = hamiltonian_field(problem, middle, known[:first])
     for area, (i, j) in zip(known[first:], combinations(range(problem.noises), 2), strict=True):

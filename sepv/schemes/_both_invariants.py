@@ -15,7 +15,7 @@ from sepv.solve import Fields, Values
 
 
 def required(problem: Problem) -> Nambu:
-    """The problem's Casimir and factor. Raises Skipped for a problem that does not give them."""
+    """C and g of the problem, from `Problem.nambu`. Raises Skipped for a problem that does not give them."""
     if problem.nambu is None:
         raise Skipped(
             f"{problem.name} is not given as B(y)v = g(y)(v × ∇C(y)) in dimension 3 (Problem.nambu)"
@@ -24,7 +24,7 @@ def required(problem: Problem) -> Nambu:
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:
-    """The right side Δ g(ȳ)(∇̄H × ∇̄C), ȳ = y + z/2."""
+    """R of the step y1 = y + R: Δ g(ȳ)(∇̄H × ∇̄C) at ȳ = y + z/2, with z = y1 − y and Δ = step[0]."""
     normal = cross(fields.mean_gradient(y, z), fields.mean_casimir_gradient(y, z))
     return step[0] * fields.factor(y + 0.5 * z) * normal
 

@@ -48,7 +48,11 @@ FIRST_NODES, MAX_NODES = 4, 128
 
 
 class _Stages:
-    """The stages z_i = Δ u̇(c_i) = Δ B(Y_i) g_i of one batch: arrays (d, s, M), which the solver sees as (d·s, M)."""
+    """The equations of the stages z_i = Δ u̇(c_i) = Δ B(Y_i) g_i of a batch of M steps from y0, with Y_i = u(c_i).
+
+    The stages z are an array (d, s, M). The solver sees it as (d·s, M). `lanes` are the numbers of the paths in a call.
+    Without `averaged`, g_i = ∇H(Y_i), as in the Gauss method.
+    """
 
     def __init__(
         self, problem: Problem, stages: int, y0: Array, delta: Array, nodes: int, averaged: bool = True
@@ -58,14 +62,14 @@ class _Stages:
         self.A, self.b = gauss_tableau(stages).A, gauss_tableau(stages).b
 
     def polynomial(self, z: Array, lanes: np.ndarray, integrals: Array) -> Array:
-        """u at N points, (d, N, M); `integrals` (N, s) holds ∫ℓ_j up to each."""
+        """The collocation polynomial u at N points τ_n, (d, N, M). `integrals` (N, s) holds ∫₀^{τ_n} ℓ_j."""
         u = np.repeat(self.y0[:, None, lanes], integrals.shape[0], axis=1)
         for j in range(self.stages):
             u += integrals[:, j, None] * z[:, j, None]
         return u
 
     def averages(self, z: Array, lanes: np.ndarray, nodes: int) -> tuple[Array, Array]:
-        """The averages g_i (d, s, M) by `nodes` Gauss nodes, and the size of the terms of their sums (M,)."""
+        """The averages g_i = b_i⁻¹∫ℓ_i ∇H(u) by Gauss quadrature, (d, s, M), and a scale of its rounding, (M,)."""
         W, P = moments(self.stages, nodes)
         u = self.polynomial(z, lanes, P)
         gradients = self.problem.gradient(u)
@@ -77,12 +81,12 @@ class _Stages:
         return total, np.max(np.abs(gradients), axis=(0, 1)) * float(np.max(np.sum(np.abs(W), axis=1)))
 
     def evaluate(self, flat: Array, lanes: np.ndarray) -> Evaluation:
+        """Δ B(Y_i) g_i for the stages `flat` (d·s, M), and on demand its derivative by them."""
         d, s = self.problem.dimension, self.stages
         z = flat.reshape(d, s, -1)
         Y = self.polynomial(z, lanes, self.A)
-        if (
-            s == 1 and self.averaged
-        ):  # u is the segment from y0 to y1, for which problems may have closed forms
+        if s == 1 and self.averaged:
+            # u is the segment from y0 to y1, for which problems may have closed forms.
             mean = average_gradient(self.problem, self.y0[:, lanes], self.y0[:, lanes] + z[:, 0])
             g, cost, reliable = mean.value[:, None], mean.evaluations, mean.reliable
         else:
@@ -93,9 +97,10 @@ class _Stages:
         return Evaluation(right, lambda: (self.jacobian(z, lanes, Y, g), 0))
 
     def jacobian(self, z: Array, lanes: np.ndarray, Y: Array, g: Array) -> Array:
-        """∂z_i/∂z_j = Δ(a_ij B′(Y_i)[·]g_i + B(Y_i) b_i⁻¹∫ℓ_i A_j H″(u)), A_j = ∫ℓ_j.
+        """Newton's matrix, the derivative of Δ B(Y_i) g_i by z_j, as (d·s, d·s, M).
 
-        H″ is averaged with a few nodes, which changes the speed of convergence, not its limit.
+        It is Δ(a_ij B′(Y_i)[·]g_i + B(Y_i) b_i⁻¹∫ℓ_i A_j H″(u)), where A_j is the integral of ℓ_j. The average of H″
+        takes a few nodes only, which changes the speed of convergence and not its limit.
         """
         d, s = self.problem.dimension, self.stages
         few = s if not self.averaged else s + 4 if self.problem.degree is None else min(self.nodes, s + 2)
@@ -117,7 +122,10 @@ class _Stages:
         return np.asarray(np.all(inside, axis=0), dtype=bool)
 
     def start(self, equations: Equations) -> Array:
-        """Newton's first step from z = 0, where u = y0: all nodes share one evaluation of ∇H and B."""
+        """The start of the iteration, (d·s, M): Newton's step from z = 0.
+
+        There u = y0, so that all nodes share one evaluation of ∇H and B. It is 0 where that step leaves the domain.
+        """
         d, s, problem = self.problem.dimension, self.stages, self.problem
         B, g = problem.structure(self.y0), problem.gradient(self.y0)
         slope = self.delta * (structure_slope(problem, self.y0, g) + matmul(B, hessian(problem, self.y0)))
@@ -133,11 +141,13 @@ class _Stages:
 def solve_stages(
     problem: Problem, stages: int, y0: Array, delta: Array, *, averaged: bool = True
 ) -> Solution:
-    """One step of a batch: y0 (d, M), Δ (M,). Without `averaged`, g_i = ∇H(u(c_i)): the Gauss method.
+    """Solve one step of a batch of M paths from y0 (d, M) with random steps `delta` (M,).
 
-    Where H is a polynomial, ⌈sν/2⌉ nodes are exact. Otherwise the solution with N nodes is compared with a rule half
-    as large again, and solved anew with twice the nodes until both agree to rounding; a lane where MAX_NODES do not
-    suffice gets the status QUADRATURE.
+    Without `averaged` it is a step of the Gauss method, where g_i = ∇H(u(c_i)).
+
+    For a polynomial H of degree ν, ⌈sν/2⌉ nodes are exact. Otherwise the averages with N nodes are compared with those
+    of 3N/2 nodes. Where they differ by more than rounding, the step is solved anew with 2N nodes. A path for which
+    MAX_NODES do not suffice gets the status QUADRATURE.
     """
     exact = problem.degree is not None or stages == 1 or not averaged
     nodes = exact_nodes(stages, problem.degree or 2) if exact else stages + FIRST_NODES
@@ -149,16 +159,16 @@ def solve_stages(
         solution = iterate(equations, system.start(equations))
         for key in COUNTS:
             np.add(getattr(solution, key), 1, out=getattr(solution, key))
-        open_ = np.arange(y0.shape[1]) if not exact else np.zeros(0, dtype=np.intp)
-        while open_.size:
-            open_ = open_[solution.status[open_] == Status.CONVERGED]
-            open_ = open_[~_agrees(system, solution, open_)]
+        inexact = np.arange(y0.shape[1]) if not exact else np.zeros(0, dtype=np.intp)
+        while inexact.size:
+            inexact = inexact[solution.status[inexact] == Status.CONVERGED]
+            inexact = inexact[~_agrees(system, solution, inexact)]
             system.nodes *= 2
             if system.nodes > MAX_NODES:
-                solution.status[open_] = Status.QUADRATURE
+                solution.status[inexact] = Status.QUADRATURE
                 break
-            if open_.size:
-                merge(solution, iterate(equations, solution.value[:, open_], open_), open_)
+            if inexact.size:
+                merge(solution, iterate(equations, solution.value[:, inexact], inexact), inexact)
         z = solution.value.reshape(*y0.shape[:1], stages, -1)
         update = system.b[0] * z[:, 0]
         for j in range(1, stages):
@@ -167,7 +177,7 @@ def solve_stages(
 
 
 def _agrees(system: _Stages, solution: Solution, lanes: np.ndarray) -> np.ndarray:
-    """True where a finer rule gives the same averages, to the rounding of its own sums."""
+    """True for each of the given paths where half as many nodes more give the same averages to rounding, (M,)."""
     nodes = system.nodes + system.nodes // 2
     z = solution.value[:, lanes].reshape(system.problem.dimension, system.stages, -1)
     solution.gradient_evaluations[lanes] += nodes
@@ -180,18 +190,20 @@ def _agrees(system: _Stages, solution: Solution, lanes: np.ndarray) -> np.ndarra
 
 @lru_cache(maxsize=8)
 def collocation(stages: int) -> Scheme:
-    """The s-stage method as a scheme with truncation k = 4s (2 for s = 1). Raises UsageError for s other than 1 … 6."""
+    """The energy-preserving scheme with s stages, s = 1 … 6; any other number raises UsageError.
+
+    Its increments are truncated with k = 4s, and with the paper's k = 2 for s = 1.
+    """
     source = "Cohen and Hairer (2011), with the random step"
     return staged("collocation", stages, ENERGY_PRESERVING, source, averaged=True)
 
 
 def staged(name: str, stages: int, claims: frozenset[str], source: str, *, averaged: bool) -> Scheme:
-    """The scheme of `solve_stages` with truncation k = 4s (2 for s = 1)."""
+    """The record of a scheme with s stages whose steps `solve_stages` solves, and whose name is NAME-s."""
     beyond = "s stages have mean-square order s; beyond 6 rounding is reached at any useful step size"
     s = require_whole("stages", stages, beyond, 1, MAX_STAGES)
 
     def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
-        """One step of a batch with residual (of the stages), counts and status of each lane."""
         return solve_stages(problem, s, y, problem.random_step(h, dW), averaged=averaged)
 
     return one_step(f"{name}-{s}", Solved(solve), claims, source, float(s), stages=s)

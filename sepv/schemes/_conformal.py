@@ -26,7 +26,7 @@ from sepv.solve import Solution
 
 
 def undamped_step(problem: Problem, h: float, noise: Array) -> Array:
-    """Δ = h + Σ c_j ΔŴ_j, (1, M), of the part without damping."""
+    """The random step Δ = h + Σ c_j ΔŴ_j of Φ, (1, M). A damped problem's own `random_step` refuses."""
     return Problem.random_step(problem, h, noise)[None]
 
 
@@ -34,7 +34,7 @@ undamped = implicit(formula, jacobian, parts=undamped_step)
 
 
 def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
-    """One step of a batch with residual, counts and status of each lane; raises Skipped for other problems."""
+    """Solve one step of a batch y (d, M), dW (m, M). Raises Skipped for a problem without damping."""
     if not isinstance(problem, DampedProblem):
         raise Skipped(f"{problem.name} has no damping (sepv.problem.DampedProblem)")
     factor = np.exp(-0.5 * h * problem.damping)

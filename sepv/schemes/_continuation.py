@@ -1,9 +1,9 @@
-"""Steps that Newton's iteration does not solve, approached by continuation in the share of the step.
+"""Continuation for steps that Newton's iteration does not solve: shares s of the step are solved one after the other.
 
-For the step (s·h, s·ΔW), 0 ≤ s ≤ 1, the solutions that start at y for s = 0 are a curve. Where the iteration from y
-fails, the curve is followed from a small share on, each time from the secant's prediction, up to s = 1 or to where it
-ends: in a fold, or at the edge of the domain. The result solves the step's own equation to rounding,
-and belongs to y. The shares that were solved are counted lane by lane; no law is ever measured with it.
+For the steps (s·h, s·ΔW), 0 ≤ s ≤ 1, the solutions that start at y for s = 0 form a curve. It is followed from a small
+share on, where the iteration for the whole step fails. Each share starts from the secant's prediction. The curve
+reaches s = 1, or it ends before, in a fold or at the edge of the domain. A result solves the step's own equation to
+rounding and is the solution connected to y. The solved shares are counted for each path. Laws never use continuation.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from sepv.schemes._one_step import resolved
 from sepv.schemes._scheme import Scheme
 from sepv.solve import COUNTS, Solution, Status, merge
 
-# The first share, where the iteration from y converges if it ever does, and the least growth of a share.
+# The first share, for which the iteration from y converges if it ever does, and the least growth of a share.
 FIRST, LEAST = 2.0**-8, 2.0**-14
 # The number of shares tried before a curve is given up.
 MOST = 200
 
 
 def continued(scheme: Scheme) -> Scheme:
-    """A scheme whose failed steps are approached by continuation from y.
+    """A copy of an implicit scheme that tries continuation where a step has not converged.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def continued(scheme: Scheme) -> Scheme:
     Returns
     -------
     Scheme
-        Its solutions carry `continuations`, the number of shares that were solved; it claims nothing.
+        Its solutions have `continuations`, the number of shares that were solved. It claims no laws.
 
     Raises
     ------
@@ -64,7 +64,7 @@ def continued(scheme: Scheme) -> Scheme:
 
 
 def _follow(inner: Callable[..., Solution], problem: Problem, y: Array, h: float, dW: Array) -> Solution:
-    """Follow one lane from s = 0 to 1, and return the solution there or the failure where the curve was left."""
+    """Follow the curve of one path from s = 0 to 1: the solution at s = 1, else the failure at the curve's end."""
     share, growth, solved = 0.0, FIRST, 0
     z, slope = np.zeros_like(y), np.zeros_like(y)
     work = np.zeros(3, dtype=np.int64)

@@ -29,7 +29,7 @@ PROBLEMS = ("lotka-volterra", "random-lotka-volterra")
 
 
 def increment(problem: Problem, x0: Array, x1: Array, step: Array) -> Increment:
-    """The right side f(ȳ)/ȳ; all gradients count as one evaluation."""
+    """R of the step x1 = x0 + R in logarithms: f(ȳ)/ȳ, with all gradients counted as one evaluation."""
     middle = np.exp(x0 + 0.5 * (x1 - x0))
     return once(hamiltonian_field(problem, middle, step) / middle)
 
@@ -42,7 +42,7 @@ def require_products(problem: Problem) -> None:
 
 
 def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
-    """One step of a batch with residual (in logarithms), counts and status of each lane."""
+    """Solve one step of a batch y (d, M), dW (m, M); the residual of the solution is that of the equation for x."""
     require_products(problem)
     free = replace(problem, domain=None, check=False)  # logarithms may have any sign
     solution = solve_implicit(free, np.log(y), each_noise(problem, h, dW), increment, no_jacobian)

@@ -17,26 +17,29 @@ from sepv.solve import Fields, Values
 
 
 def corners(y: Values, z: Values) -> Values:
-    """The path of coordinate increments: (d, d, ...), corner i has its first i components moved by z."""
+    """The corners of the path along the axes from y to y + z, (d, d, ...).
+
+    Column i is the state whose first i components are those of y + z, and the others those of y.
+    """
     return np.stack([np.concatenate([y[:i] + z[:i], y[i:]]) for i in range(len(y))], axis=1)
 
 
 def coordinate_increments(fields: Fields, y: Values, z: Values) -> Values:
-    """∇̄₁H(y, y + z): component i is (H(corner i+1) − H(corner i))/z_i.
+    """The coordinate-increment discrete gradient ∇̄₁H(y, y + z): component i is (H(corner i+1) − H(corner i))/z_i.
 
-    The quotient is computed as the average of ∂_iH along that edge, which it equals: no digits are lost where a
-    component hardly moves, and ∂_iH is used where it does not move.
+    The quotient equals the average of ∂_iH along that edge, and is computed as such. No digits are lost where a
+    component hardly moves.
     """
     return fields.edge_means(corners(y, z), z)
 
 
 def symmetrised(fields: Fields, y: Values, z: Values) -> Values:
-    """The mean ∇̄H of ∇̄₁H from y to y + z and from y + z to y."""
+    """The symmetric discrete gradient ∇̄H = ½(∇̄₁H(y, y + z) + ∇̄₁H(y + z, y)), (d, ...)."""
     return 0.5 * (coordinate_increments(fields, y, z) + coordinate_increments(fields, y + z, -z))
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:
-    """The right side (h B(y0) + S B(ȳ)) ∇̄H for h and S = Σ c_j ΔŴ_j."""
+    """R of the step y1 = y + R: (h B(y) + S B(ȳ)) ∇̄H with z = y1 − y; `step` holds h and S = Σ c_j ΔŴ_j."""
     B = step[0] * fields.structure(y) + step[1] * fields.structure(y + 0.5 * z)
     return matvec(B, symmetrised(fields, y, z))
 

@@ -1,9 +1,9 @@
-"""Steps without a solution, divided into halves with Δ/2, which keep the invariants that the scheme keeps.
+"""Division of steps that have no solution: two halves (h/2, ΔW/2) in their place, divided again where they fail.
 
-For large Δ the implicit equation may have no solution near y. The flow of (1.1) at the random time is a flow in
-Δ, so the halves (h/2, ΔW/2) take it equally far; for several structures they are steps along the straight line
-between the increments. H and Casimirs are kept, and a step with a solution is not changed. Divisions
-are counted lane by lane; no law is ever measured with it.
+For large Δ the implicit equation may have no solution near y. The exact solution of (1.1) is a flow at the time Δ, so
+that the two halves take it equally far. For several structures they are steps along the straight line between the
+increments. The halves keep the invariants that the scheme keeps, and a step with a solution is not changed. Divisions
+are counted for each path. Laws never use them.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ MAX_DEPTH = 20
 
 
 def divided(scheme: Scheme, depth: int = 8) -> Scheme:
-    """A scheme whose failed steps are replaced by two halves, each divided again up to `depth` times.
+    """A copy of an implicit scheme that divides each failed step into two halves, and these again up to `depth` times.
 
     Parameters
     ----------
     scheme : Scheme
         An implicit scheme, with `solve`.
     depth : int, 1 to 20
-        A step is divided into at most 2^depth parts.
+        The most divisions of one step: it has at most 2^depth parts.
 
     Returns
     -------
     Scheme
-        Its solutions carry `divisions`, the number of divided steps and parts of steps; it claims nothing.
+        Its solutions have `divisions`, the number of steps and parts that were divided. It claims no laws.
 
     Raises
     ------
@@ -57,6 +57,7 @@ def divided(scheme: Scheme, depth: int = 8) -> Scheme:
 
 
 def _solve(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, depth: int) -> Solution:
+    """Solve one step of a batch y (d, M), dividing the steps that fail; `depth` divisions are left."""
     assert scheme.solve is not None
     divisions = np.zeros(y.shape[1], dtype=np.int64)
     whole = replace(scheme.solve(problem, y, h, dW), divisions=divisions)

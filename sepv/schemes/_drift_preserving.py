@@ -25,7 +25,7 @@ from sepv.schemes._scheme import as_lanes
 
 
 def _time(problem: Problem, h: float, noise: Array) -> Array:  # noqa: ARG001  (the signature of `parts`)
-    """The length h alone, (1, M)."""
+    """The length h of the step without noise, for each of M paths: (1, M)."""
     return np.full((1, noise.shape[1]), float(h))
 
 
@@ -34,7 +34,7 @@ quiet = implicit(formula, jacobian, parts=_time)
 
 
 def step(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array:
-    """y1 for y (d,) or (d, M), dW and the increments `first` over the first half, (m,) or (m, M).
+    """y1 from y (d,) or (d, M). `dW` are the increments of the step, `first` those of its first half, (m,) or (m, M).
 
     Raises Skipped where the noise is not additive, StepFailure where the equation was not solved.
     """
@@ -47,7 +47,7 @@ def step(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array
 
 
 def pushed(problem: Problem, y: Array, dW: Array) -> Array:
-    """y + Σ c_j ΔW_j f_j, where the noise alone moves y."""
+    """The state after the noise alone has moved it: y + Σ c_j ΔW_j f_j."""
     for j, (c, increment) in enumerate(zip(problem.c, dW, strict=True)):
         y = y + c * increment * noise_field(problem, j, y)
     return y

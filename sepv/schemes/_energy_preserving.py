@@ -11,7 +11,10 @@ from sepv.solve import Fields, Values, derivative
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:
-    """The right side of (2.1) without y0, Δ B(ȳ) ∇̄H with ȳ = y + z/2, for z = y1 − y0."""
+    """R of the step y1 = y + R, equation (2.1): Δ B(ȳ) ∇̄H with z = y1 − y, ȳ = y + z/2 and Δ = step[0].
+
+    ∇̄H is the average of ∇H along the segment from y to y + z.
+    """
     return step[0] * fields.apply(y + 0.5 * z, fields.mean_gradient(y, z))
 
 

@@ -13,7 +13,10 @@ from sepv.solve import Fields, Values
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:  # noqa: ARG001 - an explicit scheme
-    """The increment (f + ½Σc_j² f′f) h + f S for h and S."""
+    """The increment y1 − y0 of an Euler-Maruyama step from y0 = y, for `step` = (h, S) with S = Σ c_j ΔŴ_j.
+
+    It is (f + ½Σc_j² f′f) h + f S, with the field f = B∇H and its derivative f′ at y0.
+    """
     h, S = step
     f = fields.field(y)
     correction = 0.5 * float(np.sum(fields.problem.c**2)) * fields.derivative_along(y, f)

@@ -17,7 +17,10 @@ from sepv.solve import Fields, Values
 
 
 def end(tableau: ExplicitTableau, fields: Fields, y: Values, z: Values, step: Values) -> Values:  # noqa: ARG001 - explicit
-    """The increment Δ Σ b_i f(Y_i), Y_i = y + Δ Σ a_ij f(Y_j)."""
+    """The increment y1 − y of an explicit Runge-Kutta step with Δ = step[0].
+
+    It is Δ Σ b_i f(Y_i) with the stages Y_i = y + Δ Σ_{j<i} a_ij f(Y_j) and the field f = B∇H.
+    """
     slopes: list[Values] = []
     for row in tableau.A:
         state = y
@@ -33,7 +36,10 @@ def end(tableau: ExplicitTableau, fields: Fields, y: Values, z: Values, step: Va
 
 @lru_cache(maxsize=4)
 def explicit(order: int) -> Scheme:
-    """The method of order 4 (classical) or 8 (Dormand and Prince), else a UsageError, with truncation k = 2·order."""
+    """The scheme of the classical method of order 4, or of Dormand and Prince's of order 8; else a UsageError.
+
+    Its increments are truncated with k = 2·order.
+    """
     require_one_of("an order", order, TABLEAUX, "take 8")
     return one_step(
         f"explicit-{order}",

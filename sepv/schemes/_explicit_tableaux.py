@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 
 class ExplicitTableau(NamedTuple):
-    """The tableau of a method: row i of A holds {j: a_ij}, without zeros; b likewise."""
+    """The coefficients of an explicit Runge-Kutta method. Row i of A is {j: a_ij} without zeros, and b is {i: b_i}."""
 
     A: tuple[dict[int, float], ...]
     b: dict[int, float]

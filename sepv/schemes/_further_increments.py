@@ -1,8 +1,7 @@
-"""Further arguments of a step beside h and ΔW: Lévy areas, space-time areas, or half-step increments (`Scheme.asks`).
+"""The fifth argument of a step beside h and ΔW: Lévy areas, space-time areas, or half-step increments (`Scheme.asks`).
 
-Laws that draw them (`sepv.simulate._areas`) keep them in further rows of dW (m, ...): (m + k, ...) with the
-A_ij for i < j, the H_i, or the increments W(h/2) − W(0). `answer` takes them apart and calls the step with a
-fifth argument.
+`sepv.simulate._areas` draws them. In arrays of increments they are k further rows below the m rows of dW: the A_ij with
+i < j, the H_i, or the increments W(h/2) − W(0). `answer` separates them, and calls the step with a fifth argument.
 """
 
 from __future__ import annotations
@@ -19,18 +18,18 @@ from sepv.schemes._stateful import StatefulStep
 
 
 def further_rows(asks: str, noises: int) -> int:
-    """The number of further rows below those of dW."""
+    """The number k of further rows below the m = `noises` rows of dW, for a scheme with `Scheme.asks` = `asks`."""
     return {"": 0, "areas": noises * (noises - 1) // 2, "halves": noises, "space-time": noises}[asks]
 
 
 def answer(
     scheme: Scheme, problem: Problem, y: Any, h: float, dW: Array, *, any_path: bool = False, step: Step | None = None
 ) -> Any:  # fmt: skip
-    """Call the scheme's step for dW (m, ...), or (m + k, ...) with the further rows that it asks for.
+    """y1 of one step of the scheme, for dW (m, ...), or (m + k, ...) with the further rows that the scheme asks for.
 
-    `step` stands for the scheme's own: that of a `StatefulStep` on states, which come in the place of y. A law that
-    holds for every path (`any_path`) may leave the rows out: `rows_of_any_path` stands in. Otherwise missing rows are
-    a UsageError, because any others would have another distribution.
+    A law that holds for every path may leave the rows out: with `any_path`, `rows_of_any_path` makes them. Otherwise
+    missing rows are a UsageError, because any others would have another distribution. `step` replaces the scheme's
+    step: a `StatefulStep` has one for states, and y is then a state of it.
     """
     step = step or scheme.step
     if not scheme.asks:
@@ -53,9 +52,10 @@ def answer(
 def carry(
     scheme: Scheme, problem: Problem, y: Array, state: Any, h: float, dW: Array, *, any_path: bool = False
 ) -> tuple[Any, Any]:
-    """One step of a path: y1, and the state for the next; `state` is None at the path's beginning, at y.
+    """One step of a path from y: y1, and the state that the scheme carries to its next step.
 
-    Schemes without a `StatefulStep` have no state, and step from y.
+    `state` is that of the step before, and None at the beginning of a path. Only schemes with a `StatefulStep` have
+    one.
     """
     rule = scheme.step
     if not isinstance(rule, StatefulStep):
@@ -66,16 +66,19 @@ def carry(
 
 
 def joined(asks: str, dW: Array, further: Array) -> Array:
-    """dW with its further rows, from the arguments that `answer` passes to the step."""
+    """The array (m + k, ...) of increments and further rows, from the two arguments of a step.
+
+    It is the inverse of `answer`, which takes such an array apart.
+    """
     return np.concatenate([dW, as_rows(further) if asks == "areas" else further])
 
 
 def rows_of_any_path(asks: str, h: float, dW: Array) -> Array:
-    """Further rows of some path with these increments, for laws that hold for every path; they are not random.
+    """Further rows (k, ...) of one possible path with the increments dW, for laws that hold for every path.
 
-    With u_i = ΔW_i/(1 + ΔW_i²/|h|) the areas are an eighth of u ∧ ΔW, H is an eighth of ±u, and the first half goes to
-    ½ΔW ± ¼u. Exchanging noises exchanges the rows, and the reverse step, with −h and −ΔW, has −A, the same H, and minus
-    the second half first.
+    They are not random. With u_i = ΔW_i/(1 + ΔW_i²/|h|) the areas are an eighth of u ∧ ΔW. The space-time areas are an
+    eighth of ±u, and the increments over the first half ½ΔW ± ¼u. Exchanging noises exchanges the rows. The reverse
+    step, with −h and −ΔW, has −A, the same H, and minus the second half first.
     """
     size = abs(h) if h else 1.0
     u = dW / (1 + dW * dW / size)
@@ -89,7 +92,7 @@ def rows_of_any_path(asks: str, h: float, dW: Array) -> Array:
 
 
 def as_matrix(rows: Array, noises: int) -> Array:
-    """Skew A (m, m, ...) from its entries with i < j, (k, ...)."""
+    """The skew matrix of Lévy areas, (m, m, ...), from its entries with i < j, (k, ...)."""
     matrix = np.zeros((noises, noises, *rows.shape[1:]))
     for row, (i, j) in zip(rows, combinations(range(noises), 2), strict=True):
         matrix[i, j], matrix[j, i] = row, -row
@@ -97,6 +100,6 @@ def as_matrix(rows: Array, noises: int) -> Array:
 
 
 def as_rows(areas: Array) -> Array:
-    """The entries with i < j of a skew matrix, (k, ...)."""
+    """The entries with i < j of a skew matrix of Lévy areas (m, m, ...), as rows (k, ...)."""
     pairs = list(combinations(range(areas.shape[0]), 2))
     return np.array([areas[i, j] for i, j in pairs]).reshape(len(pairs), *areas.shape[2:])

@@ -17,6 +17,9 @@ from sepv.schemes._scheme import Scheme
 
 @lru_cache(maxsize=8)
 def gauss(stages: int) -> Scheme:
-    """The s-stage method as a scheme with truncation k = 4s (2 for s = 1). Raises UsageError for s other than 1 … 6."""
+    """The Gauss scheme with s stages, s = 1 … 6; any other number raises UsageError.
+
+    Its increments are truncated with k = 4s, and with the paper's k = 2 for s = 1.
+    """
     claims = SYMMETRIC | {"symplecticity", "long-time-energy"}
     return staged("gauss", stages, claims, "Gauss Runge-Kutta, with the random step", averaged=False)

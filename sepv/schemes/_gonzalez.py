@@ -22,9 +22,10 @@ from sepv.solve import Fields, Values
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:
-    """The right side Δ B(ȳ) ∇̄H, ∇̄H = ∇H(ȳ) + e eᵀw with e = δ/|δ| (0 if δ = 0), and w the mean of (2.1) less ∇H(ȳ).
+    """R of the step y1 = y + R: Δ B(ȳ) ∇̄H with δ = z = y1 − y, ȳ = y + z/2 and Δ = step[0].
 
-    H(y1) − H(y0) is the averaged gradient times δ, without cancellation or division by |δ|².
+    ∇̄H is computed as ∇H(ȳ) + e eᵀw. Here e = δ/|δ|, or 0 if δ = 0, and w is the average of ∇H along the segment less
+    ∇H(ȳ). H(y1) − H(y0) is the average times δ, so that nothing cancels and nothing is divided by |δ|².
     """
     middle, largest = y + 0.5 * z, np.max(np.abs(z), axis=0)
     moves = largest > 0

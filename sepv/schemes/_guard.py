@@ -21,9 +21,9 @@ from sepv.schemes._stateful import StatefulStep
 
 
 class Refusal(StepFailure):
-    """The scheme refused a step by an ArithmeticError or LinAlgError of its own: the step counts as not solved.
+    """An ArithmeticError or LinAlgError of the scheme, which counts as a step that it did not solve.
 
-    That is right where the equation may have no solution that the scheme could find, else an error of the law.
+    A scheme may refuse a step whose equation may have no solution. Elsewhere the law reports an error.
     """
 
     def __init__(self, error: BaseException, problem: Problem, y: Array, h: float, dW: Array) -> None:
@@ -33,12 +33,12 @@ class Refusal(StepFailure):
         self.delta = float(problem.random_step(h, dW)) if whole else float(h)
         self.residual, self.iterations = float("nan"), 0
         self.traceback = "".join(traceback.format_exception(error))
-        one = f"y = {y.tolist()}, {'Δ' if whole else 'h'} = {self.delta!r}"
-        of = one if y.ndim == 1 else f"y of shape {y.shape}"
+        step = f"y = {y.tolist()}, {'Δ' if whole else 'h'} = {self.delta!r}"
+        step = step if y.ndim == 1 else f"y of shape {y.shape}"
         SepvError.__init__(
             self,
             f"The scheme refused the step by {type(error).__name__}: {error}{_where(error)}\n"
-            f"problem {problem.name}, {of}.\n"
+            f"problem {problem.name}, {step}.\n"
             "Remedy: solve the step where a solution exists; beyond, a refusal is right.",
         )
 
@@ -47,6 +47,7 @@ _PACKAGE = str(Path(__file__).parents[1])
 
 
 def _where(error: BaseException) -> str:
+    """The file, line and function that raised the error, in parentheses; empty for an unknown place."""
     frames = traceback.extract_tb(error.__traceback__)[1:]  # without the frame that called the scheme
     # An error in a function of sepv that the scheme calls is the scheme's error.
     frames = [f for f in frames if not f.filename.startswith(_PACKAGE)] or frames
@@ -58,7 +59,7 @@ _TRACED = {"TracerArrayConversionError", "ConcretizationTypeError", "TracerBoolC
 
 
 class SchemeCrash(SepvError):
-    """The scheme raised an exception of its own; `traceback` is its text, from the scheme on."""
+    """An exception of the scheme that is no refusal of a step; `traceback` is its text, from the scheme on."""
 
     def __init__(self, error: BaseException, shape: tuple[int, ...], given: str = "") -> None:
         self.traceback = "".join(traceback.format_exception(error))
@@ -77,16 +78,17 @@ class SchemeCrash(SepvError):
 
 
 def ask(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """`ask_next` at the beginning of a path."""
+    """y1 of one step of the scheme from y, checked as in `ask_next`."""
     return ask_next(scheme, problem, y, None, h, dW)[0]
 
 
 def ask_next(
     scheme: Scheme, problem: Problem, y: Array, state: Any, h: float, dW: Array
 ) -> tuple[Array, Any]:
-    """One step of the scheme from copies of the arguments, with its result checked, and the state for the next step.
+    """y1 of one step of the scheme, checked against the contract, and the state that it carries to the next step.
 
-    `state` is that of the step before, None at the beginning of a path and for schemes without a `StatefulStep`.
+    The scheme gets copies of the arguments. `state` is that of the step before; None at the beginning of a path, and
+    for schemes without a `StatefulStep`.
 
     Raises
     ------
@@ -106,7 +108,7 @@ def ask_next(
 
 
 def require_unchanged(**arguments: tuple[Array, Array]) -> None:
-    """Raise a SchemeFault where an argument, before and after the step, has other bits."""
+    """Raise a SchemeFault if a step has changed an argument; each is given as (array before, array after)."""
     for name, (before, after) in arguments.items():
         if before.tobytes() != after.tobytes():
             raise SchemeFault(
@@ -117,14 +119,17 @@ def require_unchanged(**arguments: tuple[Array, Array]) -> None:
 
 
 def raw_answer(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> Any:
-    """The scheme's unchecked result for these very arrays."""
+    """The scheme's result without any check; it is called with these arrays themselves, not with copies."""
     with translated(problem, y, h, dW):
         return answer(scheme, shown(problem), y, h, dW, any_path=True)
 
 
 @contextmanager
 def translated(problem: Problem, y: Array, h: float, dW: Array) -> Iterator[None]:
-    """A context for calls of a scheme: its exceptions become `Refusal` and `SchemeCrash`, naming these arguments."""
+    """A context for calls of a scheme that turns its exceptions into `Refusal` or `SchemeCrash`.
+
+    Their messages name the problem, y, h and dW.
+    """
     try:
         with np.errstate(all="ignore"):
             yield
@@ -141,7 +146,10 @@ def translated(problem: Problem, y: Array, h: float, dW: Array) -> Iterator[None
 
 
 def check_answer(answer: Any, y: Array, dtype: str = "float64") -> Array:
-    """The result as an array, if it obeys the contract of a scheme with these numbers."""
+    """The result of a step from y, if it obeys the contract: a finite NumPy array of y's shape and this dtype.
+
+    Raises SchemeFault for anything else.
+    """
     if type(answer) is not np.ndarray:  # no subclass: masked arrays and matrices compute differently
         raise SchemeFault(
             expected=f"a NumPy array of shape {y.shape}",
@@ -174,9 +182,9 @@ def check_answer(answer: Any, y: Array, dtype: str = "float64") -> Array:
 
 
 def guarded(scheme: Scheme) -> Scheme:
-    """A scheme with its own exceptions as `SchemeCrash` and its results' shape checked; NaN passes.
+    """A copy of a scheme for long runs. Its exceptions become `Refusal` or `SchemeCrash`, and its results are checked.
 
-    Only `step` is called, because `step` is under verification; `solve` is not.
+    NaN and infinity pass, because a path may run away. The copy has no `solve`: `step` is under verification.
     """
 
     def carried(
@@ -195,9 +203,8 @@ def guarded(scheme: Scheme) -> Scheme:
         return np.asarray(y1, dtype=np.float64), state
 
     rule = StatefulStep(lambda _, y: (y, None), carried, lambda path: path[0])
-    step: Step = (
-        rule if isinstance(scheme.step, StatefulStep) else rule.__call__
-    )  # a function, without states
+    # A scheme without states is given a function.
+    step: Step = rule if isinstance(scheme.step, StatefulStep) else rule.__call__
     return replace(scheme, step=step, solve=None, dtype="float64")
 
 
@@ -208,17 +215,17 @@ def _step_in_words(problem: Problem, y: Array, h: float, dW: Array) -> str:
 
 
 def ask_once(scheme: Scheme, problem: Problem, y: Array, h: float) -> None:
-    """Raise SchemeFault or SchemeCrash where a step does not return a state; an unsolved step may pass."""
+    """Take one step without noise. Raises SchemeFault or SchemeCrash if it returns no state; it may refuse the step."""
     if scheme.solve is None:
         with suppress(StepFailure):
             guarded(scheme).step(problem, y, h, np.zeros(problem.noises))
 
 
 def takes_batches(scheme: Scheme, given: Iterable[Problem] = ()) -> bool:
-    """True if a bare function takes batches: it returns the bits of single states, on two problems.
+    """True if a scheme's step takes batches: on a batch of five states it returns the same bits as on each state.
 
-    On a user's problem, the states follow from its initial state by small steps: others may lie outside the problem's
-    meaning, and a step that fails there says nothing about batches.
+    It is tried on the problems `given`, else on two of the paper's. On a user's problem the states follow from its
+    initial state by small steps. Other states may have no meaning there, and a failure would not be about batches.
     """
     from sepv import problems
 

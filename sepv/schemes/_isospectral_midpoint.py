@@ -33,7 +33,11 @@ from sepv.solve import solve as solve_implicit
 
 
 def parts(algebra: MatrixAlgebra, problem: Problem, x: Array, step: Array) -> tuple[Array, Array]:
-    """The vectors of [X, M] and MXM, both (d, M)."""
+    """The coordinates of the matrices [X, M] and MXM, two arrays (d, number of paths).
+
+    X is the matrix of the state x, and M that of h∇H_0(x) + Σ c_j ΔŴ_j ∇H_j(x); `step` holds h and the c_j ΔŴ_j. On
+    su(n) MXM includes the correction of its trace.
+    """
     X, M = algebra.matrix(x), algebra.dual_matrix(combined_gradient(problem, x, step))
     XM = product(X, M)
     bent = product(M, XM)
@@ -45,14 +49,14 @@ def parts(algebra: MatrixAlgebra, problem: Problem, x: Array, step: Array) -> tu
 
 
 def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
-    """One step of a batch with residual (of the equation for x), counts and status of each lane.
+    """Solve one step of a batch y (d, M), dW (m, M); the residual of the solution is that of the equation for x.
 
     Raises Skipped where the structure is that of none of these algebras.
     """
     algebra = algebra_of(problem, y)
 
     def increment(problem: Problem, y0: Array, x: Array, step: Array) -> Increment:  # noqa: ARG001 - as for all
-        """The right side ½[X, M] + ¼MXM of the equation for x; all gradients count as one evaluation."""
+        """R of the equation x = y0 + R: ½[X, M] + ¼MXM, with all gradients counted as one evaluation."""
         f, bent = parts(algebra, problem, x, step)
         return once(0.5 * f + 0.25 * bent)
 

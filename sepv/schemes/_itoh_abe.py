@@ -17,7 +17,10 @@ from sepv.solve import Fields, Values
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:
-    """The right side Δ B(ȳ) ∇̄H."""
+    """R of the step y1 = y + R: Δ B(ȳ) ∇̄H with z = y1 − y, ȳ = y + z/2 and Δ = step[0].
+
+    ∇̄H = ½(∇̄₁H(y, y1) + ∇̄₁H(y1, y)) is the symmetric discrete gradient.
+    """
     return step[0] * matvec(fields.structure(y + 0.5 * z), symmetrised(fields, y, z))
 
 

@@ -27,13 +27,13 @@ CLAIMS = EVERY | {
 
 @dataclass(frozen=True)
 class KicksAndDrifts:
-    """The formula of the step with kicks b (s + 1) and drifts a (s)."""
+    """The formula of a step of s + 1 kicks p −= bΔ∇V(q) and s drifts q += aΔM⁻¹p between them, with these b and a."""
 
     kicks: tuple[float, ...]
     drifts: tuple[float, ...]
 
     def __call__(self, fields: Fields, y: Values, z: Values, step: Values) -> Values:  # noqa: ARG002 - explicit
-        """y1 − y0; raises Skipped for a problem that is not mechanical."""
+        """The increment y1 − y of a step with Δ = step[0]. Raises Skipped for a problem that is not mechanical."""
         try:
             system = mechanics(fields.problem)
         except UsageError as error:
@@ -53,13 +53,19 @@ class KicksAndDrifts:
 
 
 def composed(shares: Sequence[float]) -> KicksAndDrifts:
-    """The leapfrog with these shares of a step, one after the other."""
+    """Leapfrog steps with the lengths share·Δ, one after the other, as one sequence of kicks and drifts.
+
+    The last kick of each and the first one of the next are joined.
+    """
     kicks = [0.5 * (a + b) for a, b in zip((0.0, *shares), (*shares, 0.0), strict=True)]
     return KicksAndDrifts(tuple(kicks), tuple(shares))
 
 
 def palindrome(kicks: Sequence[float], drifts: Sequence[float]) -> KicksAndDrifts:
-    """The symmetric step of the first half of the coefficients, with the middle kick that makes their sum 1."""
+    """The symmetric sequence of kicks and drifts whose first half is given.
+
+    The middle kick and the two middle drifts follow, because the sum of the kicks and that of the drifts are 1.
+    """
     b, a = (*kicks, 1 - 2 * sum(kicks)), (*drifts, 0.5 - sum(drifts))
     return KicksAndDrifts((*b, *b[-2::-1]), (*a, *a[::-1]))
 

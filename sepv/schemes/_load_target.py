@@ -30,7 +30,7 @@ _UNCLAIMED = "a function of which nothing is claimed"
 def load_scheme(
     target: str | Scheme | Step, claims: Iterable[str] = (), problems: Iterable[Problem] = ()
 ) -> Scheme:
-    """Load the scheme that `target` names or is.
+    """Load a scheme from its name, or make one of a function.
 
     Parameters
     ----------
@@ -38,14 +38,14 @@ def load_scheme(
         A built-in name (``energy-preserving``), a solver of another library (``sdeint-strat-heun``),
         ``module:attribute``, a `Scheme`, or a function ``step(problem, y, h, dW)``, which claims nothing.
     claims : iterable of law names
-        Further claims.
+        Laws that the scheme claims beside its own claims.
     problems : iterable of Problem
         Problems on which a function is tested for batches; by default two of the paper's.
 
     Raises
     ------
-    Where it cannot be loaded or is not a scheme; the message says what it is instead.
-        Where it cannot be loaded or is not a scheme, with what it is instead.
+    TargetError
+        For a target that cannot be loaded or is no scheme. The message says what it is instead.
     """
     name = getattr(target, "__name__", "scheme")
     scheme = _named(target, problems) if isinstance(target, str) else as_scheme(target, name, problems)
@@ -86,6 +86,7 @@ def as_scheme(value: Any, name: str, problems: Iterable[Problem] = ()) -> Scheme
 
 
 def _check_signature(step: Any, name: str, count: int = 4) -> None:
+    """Raise a TargetError for a function that cannot be called with `count` arguments, (problem, y, h, dW) first."""
     if count == 4 and isinstance(step, (Explicit, Implicit)):
         return  # they take these four, and inspect takes longer than a step to find out
     try:
@@ -110,29 +111,28 @@ def _check_signature(step: Any, name: str, count: int = 4) -> None:
 
 
 def _named(target: str, problems: Iterable[Problem]) -> Scheme:
-    if ":" not in target:
-        from sepv.schemes._catalogue import by_name
+    """The scheme of a text: a built-in name, a solver of another library, or module:attribute."""
+    if ":" in target:
+        return as_scheme(load_object(target), target, problems)
+    from sepv.schemes._catalogue import by_name
 
-        try:
-            return by_name(target)
-        except UsageError as error:
-            # The room `peers` lies above and knows other libraries; it is asked only about names that are not sepv's
-            # own.
-            peers = importlib.import_module("sepv.peers.peer")
-            if peers.library_of(target):
-                solver: Scheme = peers.scheme(target)
-                return solver
-            raise TargetError(
-                expected=f"{error.expected}, or module:attribute",
-                received=error.received,
-                remedy=_as_module(target)
-                or "see `sepv list`; your own scheme goes as mypackage.mymodule:scheme",
-            ) from None
-    return as_scheme(load_object(target), target, problems)
+    try:
+        return by_name(target)
+    except UsageError as error:
+        # `peers` lies above this room: it is imported only for names that are not built in.
+        peers = importlib.import_module("sepv.peers.peer")
+        if peers.library_of(target):
+            solver: Scheme = peers.scheme(target)
+            return solver
+        raise TargetError(
+            expected=f"{error.expected}, or module:attribute",
+            received=error.received,
+            remedy=_as_module(target) or "see `sepv list`; your own scheme goes as mypackage.mymodule:scheme",
+        ) from None
 
 
 def load_problem(target: Any) -> Problem:
-    """Load the problem that `target` names or is.
+    """Load a problem from its name, a file or a module, or make one of its data or of a function.
 
     Parameters
     ----------
@@ -170,7 +170,10 @@ def load_problem(target: Any) -> Problem:
 
 
 def words_for(scheme: Any, problems: Any = None) -> str:
-    """The words after ``sepv verify`` for a scheme and its problems; empty where nothing can be typed."""
+    """The arguments of ``sepv verify`` on the command line that name a scheme and its problems.
+
+    The text is empty for objects that have no name to type, such as a function defined in a session.
+    """
     from sepv.schemes._catalogue import by_name
 
     words = scheme if isinstance(scheme, str) else ""
@@ -197,6 +200,7 @@ def _takes_nothing(function: Any) -> bool:
 
 
 def _from_file(path: Path) -> Problem:
+    """The problem of a JSON file of polynomial data, named after the file."""
     from sepv import problems
 
     data = read_json(
@@ -258,28 +262,31 @@ def load_object(target: str) -> Any:
         try:
             value = getattr(value, part)
         except AttributeError as error:
-            public = {n: v for n, v in vars(module).items() if not n.startswith("_")}
-            records = [n for n, v in public.items() if isinstance(v, (Scheme, Problem))]
-            made = [
-                n
-                for n, v in public.items()
-                if getattr(v, "__module__", None) == module.__name__ and callable(v)
-            ]
-            names = records + [n for n in made if n not in records]
-            callables = [
-                n for n, v in public.items() if callable(v)
-            ]  # imported ones too, which are not listed
-            raise TargetError(
-                expected=f"an attribute {attribute!r} in module {module_name}",
-                received=f"{did_you_mean(attribute, [*names, *callables])} and a module with "
-                + (", ".join(names) or "no public functions or records"),
-                remedy="correct the name after the colon",
-            ) from error
+            raise _no_attribute(module, attribute) from error
     return value
 
 
+def _no_attribute(module: Any, attribute: str) -> TargetError:
+    """The error for a name that is not in a module; it lists the module's records and its own functions."""
+    public = {name: value for name, value in vars(module).items() if not name.startswith("_")}
+    records = [name for name, value in public.items() if isinstance(value, (Scheme, Problem))]
+    # Imported functions are suggested for a similar name, and not listed.
+    callables = [name for name, value in public.items() if callable(value)]
+    defined = [name for name in callables if getattr(public[name], "__module__", None) == module.__name__]
+    names = list(dict.fromkeys([*records, *defined]))
+    return TargetError(
+        expected=f"an attribute {attribute!r} in module {module.__name__}",
+        received=f"{did_you_mean(attribute, [*names, *callables])} and a module with "
+        + (", ".join(names) or "no public functions or records"),
+        remedy="correct the name after the colon",
+    )
+
+
 def _as_module(target: str) -> str:
-    """The target that a file name means: ``mine:step`` for mine.py, ./mine.py:step or mine; empty without such file."""
+    """The remedy for a target that is the name of a file: ``mine:step`` for mine.py, ./mine.py:step or mine.
+
+    It is empty if there is no such file.
+    """
     name, _, attribute = target.partition(":")
     file = Path(name) if name.endswith(".py") else Path(name.replace(".", "/") + ".py")
     if not (name.endswith(".py") or file.is_file()):
@@ -291,7 +298,7 @@ def _as_module(target: str) -> str:
 
 
 def _likely_step(file: Path) -> str:
-    """The first function of a file that takes four arguments, found without running the file; else "step"."""
+    """The name of the first public function of a file that takes four arguments, without running it; else "step"."""
     try:
         body = ast.parse(file.read_bytes()).body
     except (OSError, SyntaxError, ValueError):
@@ -301,6 +308,7 @@ def _likely_step(file: Path) -> str:
 
 
 def _module(name: str) -> Any:
+    """Import a module. Raises TargetError, with the reason, where that fails."""
     # Modules of the current directory can be named, as for `python -m`.
     if os.getcwd() not in sys.path and "" not in sys.path:
         sys.path.insert(0, os.getcwd())

@@ -8,7 +8,7 @@ from sepv.solve import Fields, Values, derivative
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:
-    """The right side Δ f(ȳ), ȳ = y + z/2."""
+    """R of the step y1 = y + R: Δ f(ȳ) with z = y1 − y, ȳ = y + z/2, Δ = step[0] and f = B∇H."""
     return step[0] * fields.field(y + 0.5 * z)
 
 

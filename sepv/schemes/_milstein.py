@@ -14,7 +14,10 @@ from sepv.solve import Fields, Values
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:  # noqa: ARG001 - an explicit scheme
-    """The increment f (h + S) + ½ f′f S² for h and S."""
+    """The increment y1 − y0 of a Milstein step from y0 = y, for `step` = (h, S) with S = Σ c_j ΔŴ_j.
+
+    It is f (h + S) + ½ f′f S², with the field f = B∇H and its derivative f′ at y0.
+    """
     h, S = step
     f = fields.field(y)
     return f * (h + S) + 0.5 * fields.derivative_along(y, f) * (S * S)

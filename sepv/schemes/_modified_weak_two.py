@@ -44,7 +44,10 @@ WIDTH = 2.0**-4
 
 
 def structure_slope(problem: Problem, y: Array, w: Array, length: Array | float = 1.0) -> Array:
-    """B′(y)w (d, d, M): analytic, else by differences along w."""
+    """The derivative of B at y in the direction w, B′(y)w, (d, d, M).
+
+    It is analytic, or taken by differences of order six along w. Their width follows the larger of |y| and `length`.
+    """
     if problem.structure_derivative is not None:
         return turned_along(problem.structure_derivative(y), w)
     width, direction, size = _along(y, w, length)
@@ -52,7 +55,10 @@ def structure_slope(problem: Problem, y: Array, w: Array, length: Array | float 
 
 
 def gradient_slope(problem: Problem, y: Array, length: Array | float) -> Array:
-    """H″(y) (d, d, M): as given, else by differences of order six; Newton's own are too rough for a right side."""
+    """The second derivatives H″(y), (d, d, M): as given, else by differences of ∇H of order six.
+
+    The differences of Newton's matrix are too rough for a right side. `length` is as in `structure_slope`.
+    """
     if problem.hessian is not None:
         return problem.hessian(y)
     columns = []
@@ -65,7 +71,10 @@ def gradient_slope(problem: Problem, y: Array, length: Array | float) -> Array:
 
 
 def structure_curvature(problem: Problem, y: Array, w: Array, length: Array | float = 1.0) -> Array:
-    """B″(y)(w, w) (d, d, M), by central differences along w."""
+    """The second derivative of B at y in the direction w, B″(y)(w, w), (d, d, M), by central differences.
+
+    `length` is as in `structure_slope`.
+    """
     width, direction, size = _along(y, w, length)
     total = MIDDLE * problem.structure(y)
     for n, weight in enumerate(SECOND, 1):
@@ -75,14 +84,14 @@ def structure_curvature(problem: Problem, y: Array, w: Array, length: Array | fl
 
 
 def _along(y: Array, w: Array, length: Array | float) -> tuple[Array, Array, Array]:
-    """Width (M,), direction with largest component 1 (d, M), and the size of w (M,)."""
+    """The width of differences along w, (M,), the direction w/|w|, (d, M), and |w|, the largest component, (M,)."""
     size = np.max(np.abs(w), axis=0)
     scale = np.maximum(np.max(np.abs(y), axis=0), length)
     return WIDTH * np.where(scale > 0, scale, 1.0), w / np.where(size > 0, size, 1.0), size
 
 
 def correction(problem: Problem, middle: Array, mean: Array, variance: Array) -> Array:
-    """S₃ (d, d, M) of the module's docstring at ȳ, for g = `mean` and 3c²h = `variance`."""
+    """The matrix S₃ of the module's docstring, (d, d, M), at ȳ = `middle`, for g = `mean` and 3c²h = `variance`."""
     B = problem.structure(middle)
     f = matvec(B, mean)
     length = np.sqrt(np.abs(variance)) * np.max(np.abs(f), axis=0)
@@ -98,7 +107,7 @@ def correction(problem: Problem, middle: Array, mean: Array, variance: Array) ->
 
 
 def limited(change: Array, structure: Array) -> Array:
-    """The change (d, d, M) divided by 1 + θ², θ = |change|/|structure|: at most half as large as the structure."""
+    """The matrix `change` (d, d, M) divided by 1 + θ², θ = |change|/|structure|, so that it is at most half of B."""
     # Summed entry by entry, because `np.sum` adds in another order for a single lane.
     rows = [M.reshape(-1, M.shape[-1]) for M in (change, structure)]
     size, whole = (np.sqrt(dot(entries, entries)) for entries in rows)
@@ -107,9 +116,9 @@ def limited(change: Array, structure: Array) -> Array:
 
 
 def increment(problem: Problem, y0: Array, y1: Array, step: Array) -> Increment:
-    """Δ [B(ȳ) − 3c²h S₃/(1 + θ²)] ∇̄H; `step` is (2, M), holding Δ and 3c²h.
+    """R of the step y1 = y0 + R: Δ [B(ȳ) − 3c²h S₃/(1 + θ²)] ∇̄H. `step` (2, M) holds Δ and 3c²h.
 
-    Differences of B count as evaluations of it.
+    Each value of B that its differences need counts as an evaluation.
     """
     mean, middle = average_gradient(problem, y0, y1), y0 + 0.5 * (y1 - y0)
     structure = problem.structure(middle)
@@ -121,7 +130,7 @@ def increment(problem: Problem, y0: Array, y1: Array, step: Array) -> Increment:
 
 
 def parts(problem: Problem, h: float, noise: Array) -> Array:
-    """The parts Δ and 3c²h of a step, (2, M)."""
+    """The numbers that `increment` takes of a step: Δ and 3c²h with c² = Σ c_j², (2, M)."""
     return np.stack(
         [problem.random_step(h, noise), np.full(noise.shape[1], 3.0 * float(np.sum(problem.c**2)) * h)]
     )

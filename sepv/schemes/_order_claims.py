@@ -13,7 +13,7 @@ COLUMNS = ("general", "commutative", "one", "additive")
 
 
 class Orders(float):
-    """The order in general, a float, with those of special noise.
+    """A claimed order of convergence: a float for noise in general, with further orders for special kinds of noise.
 
     Parameters
     ----------
@@ -42,7 +42,6 @@ class Orders(float):
         one: float | None = None,
         additive: float | None = None,
     ) -> Orders:
-        """Make a float with three further orders."""
         self = super().__new__(cls, general)
         self.commutative = float(general if commutative is None else commutative)
         self.one = float(self.commutative if one is None else one)
@@ -60,16 +59,15 @@ class Orders(float):
         return float(self) if column == "general" else float(getattr(self, column))
 
     def __repr__(self) -> str:
-        """Show the call that makes it."""
         return f"Orders({float(self):g}, " + ", ".join(f"{k}={getattr(self, k):g}" for k in COLUMNS[1:]) + ")"
 
     def __getnewargs_ex__(self) -> tuple[tuple[float], dict[str, float]]:
-        """Pickle it with its orders, for other processes."""
+        # Without it a pickle, such as one for another process, would hold the float alone.
         return (float(self),), {key: getattr(self, key) for key in COLUMNS[1:]}
 
 
 def order_of(claimed: float | None, column: str, unclaimed: float = 1.0) -> float:
-    """The order that a claim has for noises of this kind; `unclaimed` where nothing is claimed."""
+    """The order that a scheme claims for noises of the kind `column`, one of `COLUMNS`; `unclaimed` for no claim."""
     if claimed is None:
         return unclaimed
     return claimed.of(column) if isinstance(claimed, Orders) else float(claimed)

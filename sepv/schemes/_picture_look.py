@@ -13,7 +13,7 @@ MARKERS = ("o", "s", "^", "D", "v", "*", "x", "+", "<", ">", "P", "X", "h", "p",
 
 @dataclass(frozen=True)
 class Look:
-    """A colour on light paper, one on a dark screen, a marker and a dash pattern.
+    """The look of a scheme's curve in pictures: a colour on white, one on a dark screen, a marker and a dash pattern.
 
     Attributes
     ----------
@@ -36,15 +36,15 @@ class Look:
 
     def __post_init__(self) -> None:
         colour, dashes = "#[0-9A-Fa-f]{6}", r"(\d{1,2} \d{1,2}( |$))*"
-        for what, pattern, expected in (
+        for attribute, pattern, expected in (
             ("colour", colour, "#RRGGBB"),
             ("dark", colour, "#RRGGBB"),
             ("marker", "|".join(map(re.escape, MARKERS)), f"one of {' '.join(MARKERS)}"),
             ("dash", dashes, 'pairs of lengths such as "6 2"'),
         ):
-            if not re.fullmatch(pattern, str(getattr(self, what))):
+            if not re.fullmatch(pattern, str(getattr(self, attribute))):
                 raise UsageError(
-                    expected=f"Look({what}=…), {expected}",
-                    received=repr(getattr(self, what)),
+                    expected=f"Look({attribute}=…), {expected}",
+                    received=repr(getattr(self, attribute)),
                     remedy="see sepv.schemes.Look",
                 )

@@ -24,13 +24,13 @@ from sepv.errors import UsageError
 
 # The largest error of the sum of weights and of a moment: roundings of a few terms.
 _ROUNDING = 1e-12
-# The largest moment compared; no law of a few points matches that many.
+# The largest moment that is compared with that of N(0, 1); no law of a few points matches that many.
 _MOST = 24
 
 
 @dataclass(frozen=True)
 class PointLaw:
-    """ζ = values[i] with probability weights[i], for increments √h ζ.
+    """A distribution of a few points for increments ΔW = √h ζ, where ζ is values[i] with probability weights[i].
 
     Attributes
     ----------
@@ -69,7 +69,10 @@ class PointLaw:
 
     @cached_property
     def thresholds(self) -> tuple[float, ...]:
-        """Thresholds of a normal number between values: Φ⁻¹ of the sums of weights, from the nearer end."""
+        """The normal numbers at which ζ passes to its next value: Φ⁻¹ of the sums of weights.
+
+        Sums are taken from the nearer end, where Φ⁻¹ loses fewer digits.
+        """
         from statistics import NormalDist
 
         quantile = NormalDist().inv_cdf
@@ -102,7 +105,10 @@ NAMES = (NORMAL, *NAMED)
 
 
 def point_law(increments: str | PointLaw | None) -> PointLaw | None:
-    """The law of a name, or a given one; None for normal increments ("normal", None). UsageError for others."""
+    """The distribution of increments with a name, or a `PointLaw` unchanged; None for normal increments.
+
+    Raises UsageError for an unknown name.
+    """
     if increments is None or isinstance(increments, PointLaw):
         return increments
     name = str(increments).strip().replace("_", "-")

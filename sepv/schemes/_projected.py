@@ -24,19 +24,22 @@ from sepv.schemes._explicit import end, explicit
 from sepv.schemes._explicit_tableaux import TABLEAUX
 from sepv.schemes._one_step import Solved, one_step
 from sepv.schemes._scheme import Scheme
-from sepv.solve import Asked, Equations, Evaluation, Increment, Lanes, Solution, Status, newton
+from sepv.solve import CountedFields, Equations, Evaluation, Increment, Lanes, Solution, Status, newton
 
-# The correction is z − R itself: its matrix is in R.
+# The operations of Newton's iteration for R with the simplified matrix in it: the correction is z − R itself.
 SIMPLIFIED = Algebra(lambda _, F: F, lambda K: np.ones(K.shape[-1], dtype=bool), lambda _, size: 0 * size)
 
 
 def solve_projection(problem: Problem, order: int, y0: Array, delta: Array) -> Solution:
-    """One step of a batch: y0 (d, M), Δ (M,). The unknown is z = y1 − y0, and its start z* = y* − y0."""
+    """Solve one step of a batch of M paths from y0 (d, M) with random steps `delta` (M,).
+
+    The unknown is z = y1 − y0, and the iteration starts from y* − y0, the increment of the explicit method.
+    """
     tableau, M = TABLEAUX[order], y0.shape[1]
     casimirs = problem.casimirs, problem.linear_casimirs
 
     def evaluate(z: Array, lanes: Lanes) -> Evaluation:
-        """R = z less the correction for the invariants' change."""
+        """The right side R of z = R(z): z less a correction along the gradients at y* for the invariants' change."""
         start = y0[:, lanes]
         mean = average_gradient(problem, start, start + z)
         averages = [mean.value, *casimir_gradients(*casimirs, 2.0 * start + z)]
@@ -45,7 +48,7 @@ def solve_projection(problem: Problem, order: int, y0: Array, delta: Array) -> S
         return Evaluation(Increment(z - moved, mean.evaluations, lanes * 0, mean.reliable), lambda: (none, 0))
 
     with np.errstate(all="ignore"):
-        full = end(tableau, Asked(problem, y0, y0), y0, None, delta[None])
+        full = end(tableau, CountedFields(problem, y0, y0), y0, None, delta[None])
         far = y0 + full
         along = directions([problem.gradient(far), *casimir_gradients(*casimirs, 2.0 * far)])
         equations = Equations(np.abs(y0), evaluate, algebra=SIMPLIFIED)
@@ -62,11 +65,13 @@ def solve_projection(problem: Problem, order: int, y0: Array, delta: Array) -> S
 
 @lru_cache(maxsize=4)
 def projected(order: int) -> Scheme:
-    """The projected method of order 4 or 8, else a UsageError, as a scheme with truncation k = 2·order."""
+    """The scheme of the projected method of order 4 or 8, else a UsageError; increments are truncated with k = 2·order.
+
+    The residual of its solutions is that of the projection.
+    """
     plain = explicit(order)
 
     def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
-        """One step of a batch with residual (of the projection), counts and status of each lane."""
         return solve_projection(problem, order, y, problem.random_step(h, dW))
 
     return one_step(

@@ -17,7 +17,7 @@ from sepv.schemes._picture_look import Look
 from sepv.schemes._point_distributions import PointLaw, point_law
 from sepv.solve import Solution
 
-# Kinds of further argument of a step: none, or one of three.
+# Kinds of a step's fifth argument: none, Lévy areas, increments over the first half, or space-time Lévy areas.
 ASKS = ("", "areas", "halves", "space-time")
 DTYPES = ("float64", "float32")
 # Roundings of y that a step of single precision counts as, where errors are compared with a floor: of y, of the
@@ -50,7 +50,7 @@ def truncation_for(order: float) -> int:
 
 @dataclass(frozen=True)
 class Scheme:
-    """A one-step method for (1.1), and its claims.
+    """A one-step method for (1.1) with its claims: the laws and the orders of convergence that it says it has.
 
     Attributes
     ----------
@@ -153,7 +153,7 @@ class Scheme:
             for order in (self.mean_square_order, self.weak_order, self.order)
         ]
         tolerance, k = self.solver_tolerance, self.truncation
-        object.__setattr__(self, "dtype", _named(self.dtype))
+        object.__setattr__(self, "dtype", _name_of_type(self.dtype))
         for right, expected, value in (
             (isinstance(self.name, str) and self.name.strip(), "name, a text", self.name),
             (isinstance(self.source, str), "source, a text", self.source),
@@ -256,8 +256,8 @@ class Scheme:
         return np.array(values, dtype=self.dtype)
 
 
-def _named(dtype: Any) -> Any:
-    """The name of a NumPy type, as np.float32; anything else unchanged."""
+def _name_of_type(dtype: Any) -> Any:
+    """The name "float32" of np.float32, and so for other types of NumPy; anything else as a text."""
     return dtype.__name__ if isinstance(dtype, type) and issubclass(dtype, np.generic) else str(dtype)
 
 
@@ -266,7 +266,7 @@ def _is_positive(value: Any) -> bool:
 
 
 def takes(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> bool:
-    """True if the scheme says that it takes steps of this length (`Scheme.longest_step`)."""
+    """True if a step is not longer than the scheme says that it takes (`Scheme.longest_step`)."""
     limit = scheme.longest_step
     if limit is None:
         return True
@@ -276,7 +276,7 @@ def takes(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> bo
 
 
 def weakly(scheme: Scheme, increments: str | PointLaw | None) -> Scheme:
-    """A scheme with other increments; with those of a few points it claims nothing about paths."""
+    """A copy of a scheme with other increments; with those of a few points it claims nothing about paths."""
     law = point_law(increments)
     if law is None:
         return scheme if scheme.increments is None else replace(scheme, increments=None)
@@ -285,9 +285,9 @@ def weakly(scheme: Scheme, increments: str | PointLaw | None) -> Scheme:
 
 
 def as_lanes(problem: Problem, y: ArrayLike, h: float, dW: ArrayLike) -> tuple[Array, Array]:
-    """y as (d, M) and dW as (m, M), with one lane for a single state; shapes and finiteness are checked.
+    """The arguments y and dW of a step as a batch, (d, M) and (m, M); a single state is a batch of one path.
 
-    Raises UsageError for a state, step or increment that does not fit the problem.
+    Raises UsageError for a state, step or increment that does not fit the problem or is not finite.
     """
     if not hasattr(problem, "dimension"):
         raise UsageError(
@@ -324,4 +324,5 @@ def as_lanes(problem: Problem, y: ArrayLike, h: float, dW: ArrayLike) -> tuple[A
 
 
 def _finite(values: Array) -> str:
+    """Words for messages: whether all values are finite."""
     return "all finite" if np.all(np.isfinite(values)) else "not all finite"

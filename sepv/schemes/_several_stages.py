@@ -20,24 +20,27 @@ from sepv.schemes._scheme import as_lanes
 
 
 def step_with_stages(problem: Problem, stages: int, y: Array, h: float, dW: Array) -> Array:
-    """One step with s = 1 … 6 stages, path by path, for y of shape (d,) or (d, M) and dW of shape (m,) or (m, M).
+    """y1 of one step with s = 1 … 6 stages, for y of shape (d,) or (d, M) and dW of shape (m,) or (m, M).
+
+    Paths are solved one after the other, because each has its own structure P.
 
     Raises StepFailure where the implicit equation was not solved.
     """
     state, noise = as_lanes(problem, y, h, dW)
     step = collocation(stages).step
-    known = each_noise(problem, h, noise)
-    ends = [step(held(problem, known[:, k]), state[:, k], 1.0, np.empty(0)) for k in range(state.shape[1])]
+    parts = each_noise(problem, h, noise)
+    flows = [problem_of_step(problem, parts[:, k]) for k in range(state.shape[1])]
+    ends = [step(flow, state[:, k], 1.0, np.empty(0)) for k, flow in enumerate(flows)]
     return np.stack(ends, axis=1).reshape(np.shape(y))
 
 
-def held(problem: Problem, known: Array) -> Problem:
-    """The problem y′ = P(y)∇H of one step, for `known` (1 + m,) holding h and the c_jΔW_j."""
-    slope: Any = partial(combined_slope, problem, parts=known)
-    given = combined_slope(problem, np.array(problem.initial)[:, None], known[:, None]) is not None
+def problem_of_step(problem: Problem, parts: Array) -> Problem:
+    """The problem y′ = P(y)∇H without noise whose solution at time 1 is one step; `parts` are h and the c_jΔW_j."""
+    slope: Any = partial(combined_slope, problem, parts=parts)
+    given = combined_slope(problem, np.array(problem.initial)[:, None], parts[:, None]) is not None
     return Problem(
         problem.dimension,
-        partial(combined, problem, parts=known),
+        partial(combined, problem, parts=parts),
         problem.hamiltonian,
         problem.gradient,
         noise=(),

@@ -30,12 +30,18 @@ from sepv.solve import Fields, Solution, Status, Values, derivative
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:
-    """The right side [h B(ȳ) + Σ c_j ΔW_j G_j(ȳ)] ∇̄H for h and the c_j ΔW_j; B and all G_j count as one evaluation."""
+    """R of the step y1 = y + R: [h B(ȳ) + Σ c_j ΔW_j G_j(ȳ)] ∇̄H with z = y1 − y and ȳ = y + z/2.
+
+    `step` holds h and the c_j ΔW_j. B and all G_j count as one evaluation.
+    """
     return fields.apply_combined(y + 0.5 * z, step, fields.mean_gradient(y, z))
 
 
 def mark_undefined(problem: Problem, y0: Array, step: Array, solution: Solution) -> None:
-    """Set the status UNDEFINED where a structure is undefined at y0, or does not stand for B∇H_j in the solved step."""
+    """Set the status UNDEFINED in the solution where a structure S_j that stands for B∇H_j fails to do so.
+
+    Either it is undefined at y0 and the step was not solved, or it misses B∇H_j in the solved step.
+    """
     if not any(isinstance(G, CommutingStructure) for G in noise_structures(problem)):
         return
     with np.errstate(all="ignore"):

@@ -37,7 +37,7 @@ from sepv.solve import Increment
 
 
 def commutator(problem: StructuresProblem, i: int, j: int, y: Array, mean: Array) -> Array:
-    """K_ij (d, d, M) at y, for g = `mean`."""
+    """The matrix K_ij of the module's docstring, (d, d, M), at y for g = `mean`."""
     Gi, Gj = (problem.noise_structures[n](y) for n in (i, j))
     assert problem.noise_structure_derivatives is not None
     Di, Dj = (problem.noise_structure_derivatives[n](y) for n in (i, j))
@@ -59,7 +59,10 @@ def require_derivatives(problem: Problem) -> None:
 
 
 def increment(problem: Problem, y0: Array, y1: Array, known: Array) -> Increment:
-    """The right side for h, the c_j ΔW_j and the c_i c_j A_ij; B and all G_j count as one evaluation."""
+    """R of the step y1 = y0 + R. `known` (k, M) holds h, the c_j ΔW_j, and the c_i c_j A_ij with i < j.
+
+    B and all G_j count as one evaluation.
+    """
     assert isinstance(problem, StructuresProblem)
     mean, middle, first = average_gradient(problem, y0, y1), y0 + 0.5 * (y1 - y0), 1 + problem.noises
     structure = combined(problem, middle, known[:first])

@@ -20,7 +20,7 @@ from sepv.schemes._scheme import as_lanes
 
 
 def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """One step, for y of shape (d,) or (d, M) and dW of shape (m,) or (m, M).
+    """y1 of one step for y of shape (d,) or (d, M) and dW of shape (m,) or (m, M).
 
     Raises Skipped for a problem without `Problem.flows`.
     """
@@ -35,20 +35,13 @@ def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return state.reshape(y.shape)
 
 
+CLAIMS = EVERY | {
+    "identity", "casimir", "any-casimir", "poisson-map", "symplecticity", "volume", "positivity", "symmetry",
+}  # fmt: skip
 scheme = one_step(
     "splitting",
     step,
-    EVERY
-    | {
-        "identity",
-        "casimir",
-        "any-casimir",
-        "poisson-map",
-        "symplecticity",
-        "volume",
-        "positivity",
-        "symmetry",
-    },
+    CLAIMS,
     "Strang's composition of exact flows, with the random step of (2.1)",
     look=Look("#7A5230", "#D2A679", "x", "4 1"),
 )

@@ -65,12 +65,12 @@ class StatefulStep:
                 )
 
     def __call__(self, problem: Problem, y: Array, h: float, dW: Array, *further: Array) -> Array:
-        """The first step of a path from y."""
+        """y1 of the first step of a path from y."""
         return self.value(self.step(problem, self.init(problem, y), h, dW, *further))
 
 
 def lanes(state: Any, index: Any) -> Any:
-    """Select paths of a batch's state by a list of numbers, or a mask.
+    """The state of some paths of a batch, chosen by a list of their numbers or a mask.
 
     Raises UsageError for a state that is made of anything else than arrays with the paths on their last axis.
     """
@@ -78,11 +78,12 @@ def lanes(state: Any, index: Any) -> Any:
 
 
 def joined_lanes(states: list[Any]) -> Any:
-    """A batch's state from those of its parts."""
+    """The state of a batch from the states of its parts, joined along the axis of paths."""
     return _mapped(lambda a, *more: a if np.ndim(a) == 0 else np.concatenate([a, *more], axis=-1), *states)
 
 
 def _mapped(function: Callable[..., Any], *trees: Any) -> Any:
+    """Apply a function to the arrays in the same place of several nested tuples, lists and dicts; None stays None."""
     first = trees[0]
     if first is None or hasattr(first, "shape") or isinstance(first, (bool, int, float)):
         return first if first is None else function(*trees)

@@ -21,7 +21,10 @@ CLAIMS = (RANDOM_STEP - {"random-step"}) | {"casimir", "symplecticity", "symmetr
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:
-    """The right side B(ȳ)(h∇H_0 + Σ c_j ΔW_j ∇H_j) for h and the c_j ΔW_j; all gradients count as one evaluation."""
+    """R of the step y1 = y + R: B(ȳ)(h∇H_0(ȳ) + Σ c_j ΔW_j ∇H_j(ȳ)) with z = y1 − y and ȳ = y + z/2.
+
+    `step` holds h and the c_j ΔW_j. The gradients of all Hamiltonians count as one evaluation.
+    """
     middle = y + 0.5 * z
     return fields.apply(middle, fields.combined_gradient(middle, step))
 

@@ -22,7 +22,7 @@ PROBLEMS = ("random-inertia", "random-maxwell-bloch", "noisy-henon-heiles", "ran
 
 
 def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """One step, for y of shape (d,) or (d, M) and dW of shape (m,) or (m, M).
+    """y1 of one step for y of shape (d,) or (d, M) and dW of shape (m,) or (m, M).
 
     Raises Skipped for a problem without `flows` of parts of H_0, or without `noise_flows`.
     """

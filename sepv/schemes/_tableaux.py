@@ -19,7 +19,7 @@ MAX_STAGES = 6
 
 @dataclass(frozen=True)
 class GaussTableau:
-    """Nodes c (s,), weights b (s,), and A (s, s) with a_ij = ∫₀^{c_i} ℓ_j: order 2s."""
+    """The Gauss method with s stages: nodes c (s,), weights b (s,), and A (s, s) with a_ij = ∫₀^{c_i} ℓ_j."""
 
     c: Array
     b: Array
@@ -28,10 +28,10 @@ class GaussTableau:
 
 @lru_cache(maxsize=8)
 def gauss_tableau(stages: int) -> GaussTableau:
-    """The tableau of the Gauss method of order 2s.
+    """The tableau of the Gauss method with s stages, of order 2s.
 
-    b_i a_ij + b_j a_ji = b_i b_j, by which quadratic invariants are kept, is true of the rounded coefficients too where
-    b_i = b_j: roundings of a_ij and a_ji that do not cancel move H by one sign in every step.
+    Quadratic invariants are kept because b_i a_ij + b_j a_ji = b_i b_j. The rounded coefficients satisfy that too where
+    b_i = b_j. Otherwise the roundings of a_ij and a_ji would move H in one direction in every step.
     """
     c, b = gauss_legendre(stages)
     A = np.tril(lagrange_integrals(stages, c), -1)
@@ -39,13 +39,13 @@ def gauss_tableau(stages: int) -> GaussTableau:
 
 
 def lagrange(stages: int, tau: Array) -> Array:
-    """ℓ_i(τ_n), of shape (s, N): the Lagrange polynomials of the Gauss nodes."""
+    """The Lagrange polynomials of the s Gauss nodes at the points τ_n: ℓ_i(τ_n), of shape (s, N)."""
     c, b = gauss_legendre(stages)
     return np.asarray(_series(stages, c, b) @ np.stack(legendre_values(2 * tau - 1, stages - 1)))
 
 
 def lagrange_integrals(stages: int, tau: Array) -> Array:
-    """∫₀^{τ_n} ℓ_j, of shape (N, s)."""
+    """The integrals ∫₀^{τ_n} ℓ_j of the Lagrange polynomials of the s Gauss nodes, of shape (N, s)."""
     c, b = gauss_legendre(stages)
     P = legendre_values(2 * tau - 1, stages)
     # ∫₀^τ P_k(2t − 1) dt = (P_{k+1} − P_{k−1})(2τ − 1)/(2(2k + 1)), and τ for k = 0.
@@ -55,10 +55,10 @@ def lagrange_integrals(stages: int, tau: Array) -> Array:
 
 @lru_cache(maxsize=256)
 def moments(stages: int, nodes: int) -> tuple[Array, Array]:
-    """Quadrature of the averages of the s-stage method with N Gauss nodes τ_n of weights w_n.
+    """The matrices W and P of a quadrature with N Gauss nodes τ_n, for the averages of the s-stage method.
 
     W (s, N) is w_n ℓ_i(τ_n)/b_i, so that b_i⁻¹ ∫ ℓ_i g = Σ_n W_in g(τ_n), exact for g of degree ≤ 2N − s. P (N, s) is
-    ∫₀^{τ_n} ℓ_j, so that the collocation polynomial is y0 + Σ_j P_nj z_j there.
+    ∫₀^{τ_n} ℓ_j, so that the collocation polynomial is y0 + Σ_j P_nj z_j at τ_n.
     """
     if nodes == stages:  # at its own nodes
         return np.eye(stages), gauss_tableau(stages).A
@@ -67,7 +67,7 @@ def moments(stages: int, nodes: int) -> tuple[Array, Array]:
 
 
 def exact_nodes(stages: int, degree: int) -> int:
-    """Gauss nodes for which the averages of the s-stage method are exact for a polynomial H of this degree.
+    """The number of Gauss nodes with which the averages of the s-stage method are exact for H of this degree.
 
     The integrand ℓ_i · ∇H∘u has degree s − 1 + s(ν − 1) = sν − 1 in τ: ⌈sν/2⌉ nodes.
     """
@@ -76,13 +76,13 @@ def exact_nodes(stages: int, degree: int) -> int:
 
 @lru_cache(maxsize=8)
 def amplification(stages: int) -> float:
-    """The factor max_i b_i⁻¹ ∫|ℓ_i| by which the averages may multiply errors of ∇H; 1 for s = 1."""
+    """The largest factor by which the averages of the s-stage method multiply errors of ∇H: max_i b_i⁻¹ ∫|ℓ_i|."""
     W, _ = moments(stages, 64)
     return float(np.max(np.sum(np.abs(W), axis=1)))
 
 
 def _series(stages: int, c: Array, b: Array) -> Array:
-    """The Legendre coefficients of ℓ_i, (s, s)."""
+    """The coefficients of the ℓ_i in shifted Legendre polynomials, (s, s)."""
     return np.asarray(
         b[:, None] * (2 * np.arange(stages) + 1) * np.stack(legendre_values(2 * c - 1, stages - 1)).T
     )

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from sepv.solve import _formula as formula
 from sepv.solve._differences import difference_jacobian
-from sepv.solve._formula import Asked, Formula, counted
+from sepv.solve._formula import CountedFields, Formula, counted
 from sepv.solve._formula import Fields as Fields
 from sepv.solve._formula import Values as Values
 from sepv.solve._from_record import corrections

@@ -1,4 +1,4 @@
-"""Damped Newton steps from z = 0, for a lane whose full steps lead nowhere."""
+"""Damped Newton steps for z = R(z) from z = 0, for a lane (a path of a batch) whose full steps did not converge."""
 
 from __future__ import annotations
 
@@ -8,16 +8,17 @@ from sepv.problem import Array, linear_solve
 from sepv.solve._differences import slopes
 from sepv.solve._solution import Equations, Flags, Lanes, Solution, Status
 
-# The most damped iterations, for a solve that failed undamped, and the smallest share of a correction that they take.
+# The most damped iterations, and the smallest share of a correction that one of them takes.
 MAX_DAMPED = 100
 SMALLEST_SHARE = 2.0**-20
 
 
 def approach(equations: Equations, numbers: Lanes) -> Solution:
-    """Damped Newton from z = 0 until full steps contract; then the status is CONVERGED.
+    """Iterate from z = 0 by damped Newton steps until full steps shrink fast, so that plain Newton can go on.
 
-    In the limit of small shares it follows the path on which all of F shrinks alike, which ends in a solution or
-    where the Jacobian is singular.
+    The status of such a lane is CONVERGED, although its z is not yet a solution to rounding. `numbers` are those of the
+    lanes in `equations`. For small shares the iteration follows the curve on which all components of F = z − R shrink
+    alike. That curve ends in a solution, or where the Jacobian is singular.
     """
     n, count = equations.size.shape[0], numbers.size
     none = np.zeros((4, count), dtype=np.int64)
@@ -51,34 +52,34 @@ def approach(equations: Equations, numbers: Lanes) -> Solution:
 def _take_share(
     equations: Equations, numbers: Lanes, state: Solution, share: Array, active: Lanes, A: Array, p: Array
 ) -> Flags:
-    """Move the active lanes by a share λ of the correction p = A⁻¹F, halved until it passes; True where one passed.
+    """Move the active lanes to z − λp with Newton's correction p = A⁻¹F, and return True for those that moved.
 
-    A share passes if z − λp is in the domain, R is finite there, and the simplified correction A⁻¹F(z − λp) is at most
-    (1 − λ/4)|p|. Linear changes of the equations do not change this test (P. Deuflhard, Newton Methods for Nonlinear
-    Problems, 2004, §3.3).
+    The share λ is halved until it passes a test. It passes if z − λp is in the domain, R is finite there, and the
+    simplified correction A⁻¹F(z − λp) is at most (1 − λ/4)|p|. Linear changes of the equations do not change this test
+    (P. Deuflhard, Newton Methods for Nonlinear Problems, 2004, §3.3).
     """
     z, length = state.value[:, active], np.abs(p).max(axis=0)
     moved = np.zeros(active.size, dtype=bool)
-    open_ = np.arange(active.size)
-    while open_.size:
-        where = active[open_]
-        trial = z[:, open_] - share[where] * p[:, open_]
-        inside = np.ones(open_.size, dtype=bool)
+    pending = np.arange(active.size)
+    while pending.size:
+        where = active[pending]
+        trial = z[:, pending] - share[where] * p[:, pending]
+        inside = np.ones(pending.size, dtype=bool)
         if equations.inside is not None:
             inside = equations.inside(trial, numbers[where])
         R, _ = equations.evaluate(trial, numbers[where])
         state.gradient_evaluations[where] += R.gradients
         state.structure_evaluations[where] += R.structures
-        after = np.abs(linear_solve(A[:, :, open_], trial - R.value)).max(axis=0)
-        good = inside & (after <= (1 - share[where] / 4) * length[open_])
+        after = np.abs(linear_solve(A[:, :, pending], trial - R.value)).max(axis=0)
+        good = inside & (after <= (1 - share[where] / 4) * length[pending])
         state.value[:, where[good]] = trial[:, good]
-        moved[open_[good]] = True
-        arrived = good & (share[where] == 1.0) & (after <= 0.25 * length[open_])
+        moved[pending[good]] = True
+        arrived = good & (share[where] == 1.0) & (after <= 0.25 * length[pending])
         state.status[where[arrived]] = Status.CONVERGED
         obstacle = np.where(np.isfinite(after), Status.NO_CONVERGENCE, Status.OVERFLOW)
         obstacle = np.where(inside, obstacle, Status.LEFT_DOMAIN)
         share[where[~good]] *= 0.5
         blocked = ~good & (share[where] < SMALLEST_SHARE)
         state.status[where[blocked]] = obstacle[blocked]
-        open_ = open_[~good & ~blocked]
+        pending = pending[~good & ~blocked]
     return moved

@@ -1,4 +1,4 @@
-"""Newton's matrix from differences of R, where there is no analytic one or it does not suffice."""
+"""Newton's matrix ∂R/∂z from differences of the right side R, where an analytic one is missing or too inexact."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from sepv.solve._solution import Equations, IncrementFunction, Lanes
 
 
 def slopes(equations: Equations, z: Array, numbers: Lanes, base: Array) -> tuple[Array, int]:
-    """∂R/∂z by differences, and their n evaluations."""
+    """∂R/∂z (n, n, M) of the lanes `numbers` at z (n, M), where R is `base`, and the n evaluations that it took."""
     reach, domain = (equations.size[:, numbers] + np.abs(z)).max(axis=0), equations.inside
     inside = None if domain is None else lambda at, lanes: domain(at, numbers[lanes])
     R = lambda at, lanes: equations.evaluate(at, numbers[lanes]).right_side.value  # noqa: E731
@@ -19,9 +19,10 @@ def slopes(equations: Equations, z: Array, numbers: Lanes, base: Array) -> tuple
 def difference_jacobian(
     problem: Problem, y0: Array, y1: Array, step: Array, increment: IncrementFunction, base: Array
 ) -> Array:
-    """∂R/∂y1 by differences. Their error of about √eps costs Newton one iteration, not accuracy.
+    """∂R/∂y1 (d, d, M) of y1 = y0 + R(y0, y1) at y1 (d, M), where R is `base`.
 
-    Their width follows the larger of y and the step: from y0 = 0 a width of zero would divide roundings of R by it.
+    The differences have an error of about √eps, which costs Newton's method an iteration and no accuracy. Their width
+    follows the largest of y0, y1 and R: it would be zero for y0 = 0 otherwise.
     """
     reach, domain = np.max([np.abs(y0), np.abs(y1), np.abs(base)], axis=0).max(axis=0), problem.domain
     inside = None if domain is None else lambda at, _: domain(at)

@@ -1,8 +1,9 @@
-"""A scheme's formula is written once, for arrays and symbols: (fields, y, z, step) -> R of y1 = y0 + R, z = y1 − y0.
+"""The formula of a scheme: a function (fields, y, z, step) -> R for the step y1 = y + R, where z = y1 − y.
 
-`fields` has the functions of a problem. `Asked` computes them on arrays and counts evaluations; the compiled engine
-computes them on symbols, and derives Newton's matrix from the record of R. `step` (k, ...) is the data of the step
-that the scheme takes: see `sepv.schemes._one_step`.
+It is written once, and computed on arrays and on symbols. `fields` has the functions of a problem. `CountedFields`
+computes them on arrays and counts evaluations. The compiled engine computes them on symbols, and derives Newton's
+matrix from the record of R. `step` (k, ...) has the numbers that the scheme takes of a step, such as Δ
+(`sepv.schemes._one_step`).
 """
 
 from __future__ import annotations
@@ -77,12 +78,12 @@ class Fields(Protocol):
 Formula = Callable[[Fields, Any, Any, Any], Any]
 
 
-class Asked(Fields):
-    """A problem's functions on the segment from y0 to y1 (d, M), with counts of their evaluations.
+class CountedFields(Fields):
+    """The functions of a problem computed on arrays for steps from y0 to y1 (d, M), with counts of their evaluations.
 
-    `gradients` and `structures` (M,) are evaluations of ∇H, and of B or its substitute; `reliable` (M,) is True where
-    the quadratures are. `means` and `asked` are averaged gradients (d, M) and structures (d, d, M) in the order of
-    their calls: Newton's matrix uses them again.
+    `gradients` (M,) counts evaluations of ∇H, `structures` (M,) those of B or of what stands for it. `reliable` (M,) is
+    True where all quadratures reached rounding. `means` (d, M) and `matrices` (d, d, M) are the averaged gradients and
+    the structures in the order of their calls. Newton's matrix uses them again.
     """
 
     def __init__(self, problem: Problem, y0: Array, y1: Array) -> None:
@@ -91,18 +92,18 @@ class Asked(Fields):
         self.structures = np.zeros_like(self.gradients)
         self.reliable = np.ones(y0.shape[1], dtype=bool)
         self.means: list[Array] = []
-        self.asked: list[Array] = []
+        self.matrices: list[Array] = []
 
     def structure(self, y: Array) -> Array:
         self.structures = self.structures + 1
-        self.asked.append(self.problem.structure(y))
-        return self.asked[-1]
+        self.matrices.append(self.problem.structure(y))
+        return self.matrices[-1]
 
     def combined(self, y: Array, step: Array) -> Array:
         """The combined structure, counted as one evaluation."""
         self.structures = self.structures + 1
-        self.asked.append(combined(self.problem, y, step))
-        return self.asked[-1]
+        self.matrices.append(combined(self.problem, y, step))
+        return self.matrices[-1]
 
     def gradient(self, y: Array) -> Array:
         self.gradients = self.gradients + 1
@@ -134,23 +135,27 @@ class Asked(Fields):
 
     def mean_casimir_gradient(self, y: Array, z: Array) -> Array:  # noqa: ARG002 - as for H
         """The mean of ∇C, counted as evaluations of a structure."""
-        found = average_gradient(cast(Any, self.problem.nambu), self._y0, self._y1)
-        self.structures = self.structures + found.evaluations
-        return self._trusted(found)
+        average = average_gradient(cast(Any, self.problem.nambu), self._y0, self._y1)
+        self.structures = self.structures + average.evaluations
+        return self._value_of(average)
 
     def _means(self, y0: Array, y1: Array) -> Array:
         """∇H averaged along segments (d, M), or several (d, n, M) for each lane."""
-        found = average_gradient(self.problem, y0, y1)
-        self.gradients = self.gradients + found.evaluations.sum(axis=tuple(range(y0.ndim - 2)))
-        return self._trusted(found)
+        average = average_gradient(self.problem, y0, y1)
+        self.gradients = self.gradients + average.evaluations.sum(axis=tuple(range(y0.ndim - 2)))
+        return self._value_of(average)
 
-    def _trusted(self, found: Average) -> Array:
-        self.reliable = self.reliable & found.reliable.all(axis=tuple(range(found.reliable.ndim - 1)))
-        return found.value
+    def _value_of(self, average: Average) -> Array:
+        self.reliable = self.reliable & average.reliable.all(axis=tuple(range(average.reliable.ndim - 1)))
+        return average.value
 
 
 def counted(formula: Formula, problem: Problem, y0: Array, y1: Array, step: Array) -> Increment:
-    """R of arrays with its counts, and the values that Newton's matrix uses again (`sepv.solve._linearised`)."""
-    asked = Asked(problem, y0, y1)
-    value = formula(asked, y0, y1 - y0, step)
-    return Increment(value, asked.gradients, asked.structures, asked.reliable, (asked.means, asked.asked))
+    """R of a formula for steps from y0 to y1 (d, M), with counts of evaluations.
+
+    The averages and structures that Newton's matrix uses again are in its `parts` (`sepv.solve._linearised`).
+    """
+    fields = CountedFields(problem, y0, y1)
+    value = formula(fields, y0, y1 - y0, step)
+    parts = fields.means, fields.matrices
+    return Increment(value, fields.gradients, fields.structures, fields.reliable, parts)

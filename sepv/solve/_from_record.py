@@ -1,13 +1,12 @@
-"""z − R(z) and Newton's correction (1 − K)⁻¹(z − R) of a step as straight-line code, from the record of its formula.
+"""Newton's iteration as straight-line code: z − R(z) and the correction (1 − K)⁻¹(z − R) from a formula's record.
 
-It serves problems given by name, whose formulas are fixed: recording takes as long as a few steps, too long for a
-random system. An iteration is then one function of arrays, or of numbers for a single state, with the same bits.
+K = ∂R/∂z. An iteration is then one function of arrays, or of numbers for a single state, with the same bits. Recording
+takes as long as a few steps. It is done for problems given by name, whose formulas are fixed, and not for random ones.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,38 +19,33 @@ from sepv.solve._solution import Flags, Lanes
 
 # The largest d for which Cramer's rule is written out.
 LARGEST = 3
-# The number of records kept.
-MOST_KEPT = 128
-_KEPT: dict[Any, Record | None] = {}
-# The places of functions of named problems: written there, or derived.
-_OWN = ("sepv.problems.", "sepv.record.", "sepv.problem._derived")
+# The most records in the cache, and the cache: records by the data of their problem, formula and step.
+MOST_RECORDS = 128
+_RECORDS: dict[Any, Record | None] = {}
+# The modules of functions of named problems: those that define them, or derive them.
+_MODULES = ("sepv.problems.", "sepv.record.", "sepv.problem._derived")
 
 
-@dataclass(frozen=True)
-class Record:
-    """The `Corrections` as a function of (y, z, step), and evaluations of ∇H and of B in R."""
+class Record(NamedTuple):
+    """A step's code as a function of (y, z, step), and the evaluations of ∇H and of B that R takes.
+
+    The function returns z − R(z), Newton's correction, and True where z less the correction is in the domain.
+    """
 
     source: Source
     gradients: int
     structures: int
 
 
-class FromRecord(NamedTuple):
-    """`sepv.solve._solution.Corrections` of steps from y0 (d, M) with the numbers `step` (k, M)."""
+class Corrections(NamedTuple):
+    """Newton's corrections by a record, for steps from y0 (d, M) with the numbers `step` (k, M) of a formula."""
 
     record: Record
     y0: Array
     step: Array
 
-    @property
-    def gradients(self) -> int:
-        return self.record.gradients
-
-    @property
-    def structures(self) -> int:
-        return self.record.structures
-
     def of_lanes(self, z: Array, lanes: Lanes) -> tuple[Array, Array, Flags]:
+        """z − R(z) and the correction (d, n), and True where z less it is in the domain (n,), for n of the M lanes."""
         y, step = self.y0, self.step
         if lanes.size < y.shape[1]:
             y, step = y.take(lanes, axis=1), step.take(lanes, axis=1)
@@ -63,10 +57,11 @@ class FromRecord(NamedTuple):
         return F, corrections, np.full(lanes.shape, stays, dtype=bool)
 
     def of_one(self, lane: Lanes) -> Callable[[list[float]], tuple[list[float], list[float], bool]]:
+        """The function of z (d,) that computes the results of `of_lanes` for a single lane, with the same bits."""
         y, step = self.y0[:, lane].ravel().tolist(), self.step[:, lane].ravel().tolist()
         evaluate, parameters, d = self.record.source.function, self.record.source.parameters, len(y)
 
-        def all_three(z: list[float]) -> tuple[list[float], list[float], bool]:
+        def corrected(z: list[float]) -> tuple[list[float], list[float], bool]:
             try:
                 out = evaluate(y, z, step, parameters)
             except ZeroDivisionError:  # of numbers; arrays become infinite
@@ -74,33 +69,34 @@ class FromRecord(NamedTuple):
                 return F.ravel().tolist(), corrections.ravel().tolist(), bool(stays[0])
             return list(out[:d]), list(out[d : 2 * d]), bool(out[2 * d])
 
-        return all_three
+        return corrected
 
 
-def corrections(problem: Problem, formula: Formula, y0: Array, step: Array) -> FromRecord | None:
-    """The `Corrections` of steps from y0 (d, M) for a formula with the data `step` (k, M); None without a record."""
-    known = record(problem, formula, len(step))
-    return None if known is None else FromRecord(known, y0, step)
+def corrections(problem: Problem, formula: Formula, y0: Array, step: Array) -> Corrections | None:
+    """The `Corrections` of steps from y0 (d, M) with the numbers `step` (k, M); None where there is no record."""
+    recorded = record(problem, formula, len(step))
+    return None if recorded is None else Corrections(recorded, y0, step)
 
 
 def record(problem: Problem, formula: Formula, count: int) -> Record | None:
-    """The record of a scheme's equation for a named problem; None for other problems and where it cannot be recorded.
+    """The record of a formula's step for a named problem, from a cache; None where it has none.
 
-    `count` is the number of data of a step that the formula takes. The cache is keyed by the problem's data and holds
-    no problem: one that the caller drops is freed.
+    Other problems have none, nor have formulas that cannot be recorded. `count` is how many numbers of a step the
+    formula takes. The keys of the cache hold the data of problems and not the problems, so that these can be freed.
     """
-    if not _fixed(problem) or problem.dimension > LARGEST:
+    if not _is_fixed(problem) or problem.dimension > LARGEST:
         return None
     names = tuple(getattr(f, "__qualname__", "") for f in _functions(problem))
     key = problem.data, names, formula, count
-    if key not in _KEPT:
-        if len(_KEPT) >= MOST_KEPT:
-            _KEPT.clear()
-        _KEPT[key] = _recorded(problem, formula, count)
-    return _KEPT[key]
+    if key not in _RECORDS:
+        if len(_RECORDS) >= MOST_RECORDS:
+            _RECORDS.clear()
+        _RECORDS[key] = _recorded(problem, formula, count)
+    return _RECORDS[key]
 
 
 def _recorded(problem: Problem, formula: Formula, count: int) -> Record | None:
+    """Record a formula's equation, and write out Cramer's rule for Newton's correction."""
     try:
         recorded = Recorded(problem)
         equation = recorded.equation_of(formula, count)
@@ -116,16 +112,17 @@ def _recorded(problem: Problem, formula: Formula, count: int) -> Record | None:
     return Record(code, equation.gradients, equation.structures)
 
 
-def _fixed(problem: Problem) -> bool:
-    """True if all functions are those of the named problem: none is replaced, wrapped or left out."""
+def _is_fixed(problem: Problem) -> bool:
+    """True for a problem given by name, none of whose functions a user has replaced, wrapped or left out."""
     return (
         type(problem) is Problem
         and isinstance(problem.data, NamedProblem)
-        and all(str(getattr(f, "__module__", "")).startswith(_OWN) for f in _functions(problem))
+        and all(str(getattr(f, "__module__", "")).startswith(_MODULES) for f in _functions(problem))
     )
 
 
 def _functions(problem: Problem) -> list[Any]:
+    """All functions that a problem consists of, without those that are None."""
     p, nambu = problem, problem.nambu
     functions: list[Any] = [p.structure, p.hamiltonian, p.gradient, p.hessian, p.structure_derivative]
     functions += [f for f in (p.mean_gradient, p.domain) if f is not None]

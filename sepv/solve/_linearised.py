@@ -1,7 +1,8 @@
-"""Newton's matrix from a scheme's formula, evaluated a second time on values that carry their derivative by z.
+"""Newton's matrix ∂R/∂z from a scheme's formula, by forward differentiation.
 
-The derivative is a number times the identity until a function of the problem turns it into a matrix. There are rules
-for B(y)v, ∇H and its mean along the segment; a formula with other functions has a matrix from differences. The record
+The formula is evaluated a second time, on values with their derivative by z. The derivative is a number times the
+identity until a function of the problem turns it into a matrix. There are rules for B(y)v, ∇H and its mean along the
+segment. A formula with other functions has a matrix from differences. The record of a formula
 (`sepv.solve._recorded`) gives the same matrix written out, but takes longer to make than a step.
 """
 
@@ -28,7 +29,10 @@ from sepv.solve._solution import JacobianFunction
 
 
 class Tangent:
-    """A vector, None where it is not needed, and its derivative by z: a number times the identity, or a matrix."""
+    """A vector and its derivative by z, which is a number times the identity or a matrix.
+
+    The vector is None where only the derivative is needed.
+    """
 
     # NumPy leaves the arithmetic with arrays to this class.
     __array_ufunc__ = None
@@ -54,28 +58,28 @@ class NoDerivative(Exception):
 
 
 class Linearised:
-    """Some of the functions of `Fields` on the segment from y0 to y1 (d, M), with derivatives.
+    """The functions of `Fields` for which there are derivatives by z, for steps from y0 to y1 (d, M).
 
-    `known` are means and structures already computed for the segment, in the order of their calls: both or neither.
-    B(y)v has a derivative only: its value is R.
+    `computed` are the lists of averaged gradients and of structures that `counted` made for the same step, or nothing.
+    B(y)v has a derivative only, because its value is R.
     """
 
-    def __init__(self, problem: Problem, y0: Array, y1: Array, *known: Sequence[Array]) -> None:
+    def __init__(self, problem: Problem, y0: Array, y1: Array, *computed: Sequence[Array]) -> None:
         self.problem, self._y0, self._y1 = problem, y0, y1
-        self._means, self._structures = map(iter, known or ((), ()))
+        self._means, self._structures = map(iter, computed or ((), ()))
 
     def apply(self, y: Tangent, v: Tangent) -> Tangent:
         assert self.problem.structure_derivative is not None
         B = next(self._structures, None)
         B = self.problem.structure(y.value) if B is None else B
-        return _turned(B, self.problem.structure_derivative(y.value), y, v)
+        return _product(B, self.problem.structure_derivative(y.value), y, v)
 
     def apply_combined(self, y: Tangent, step: Array, v: Tangent) -> Tangent:
         slope = combined_slope(self.problem, y.value, step)
         if slope is None:
             raise NoDerivative
         B = next(self._structures, None)
-        return _turned(combined(self.problem, y.value, step) if B is None else B, slope, y, v)
+        return _product(combined(self.problem, y.value, step) if B is None else B, slope, y, v)
 
     def gradient(self, y: Tangent) -> Tangent:
         assert self.problem.hessian is not None
@@ -94,23 +98,27 @@ class Linearised:
         return Tangent(value, average_hessian(self.problem, self._y0, self._y1))
 
 
-def _turned(B: Array, slope: Array, y: Tangent, v: Tangent) -> Tangent:
+def _product(B: Array, slope: Array, y: Tangent, v: Tangent) -> Tangent:
+    """The derivative of B(y)v by the product rule, for B (d, d, M) and its derivative B′ = `slope` (d, d, d, M)."""
     return Tangent(None, y.slope * matvec(slope, v.value) + matmul(B, v.slope))
 
 
 def derivative(formula: Formula) -> JacobianFunction:
-    """∂R/∂y1 of such a formula, as `sepv.solve.solve` takes it; None where B′ or H″ is not given."""
+    """The function that computes ∂R/∂y1 of a formula, for the argument `jacobian` of `sepv.solve.solve`.
+
+    It returns None for a problem that gives no B′ or no H″.
+    """
     return partial(_slope, formula)
 
 
 def _slope(
-    formula: Formula, problem: Problem, y0: Array, y1: Array, step: Array, *known: Sequence[Array]
+    formula: Formula, problem: Problem, y0: Array, y1: Array, step: Array, *computed: Sequence[Array]
 ) -> Array | None:
     if problem.hessian is None or problem.structure_derivative is None:
         return None
-    asked: Any = Linearised(problem, y0, y1, *known)
+    fields: Any = Linearised(problem, y0, y1, *computed)
     try:
-        slope: Array = formula(asked, y0, Tangent(y1 - y0, 1.0), step).slope
+        slope: Array = formula(fields, y0, Tangent(y1 - y0, 1.0), step).slope
     except NoDerivative:
         return None
     return slope

@@ -1,8 +1,8 @@
 """The implicit equation of a step, y1 = y0 + R(y0, y1), by Newton's method iterated to stagnation.
 
-A solver stopped at a tolerance leaves a residual that acts as a force: stopped at 1e-12 it makes the energy drift
-linearly, where stagnation leaves the random walk of rounding. Convergence is a result, never an assumption: every lane
-of a batch carries its status.
+A solver stopped at a tolerance leaves a residual that acts as a force. Stopped at 1e-12 it makes the energy drift
+linearly, where stagnation leaves the random walk of rounding. Each lane (a path of a batch) has its own status, because
+convergence is a result and never an assumption.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from sepv.record import EPS, majorant
 from sepv.solve import _stop_rule as stop
 from sepv.solve._damped import approach
 from sepv.solve._differences import difference_jacobian, slopes
+from sepv.solve._from_record import Corrections
 from sepv.solve._solution import (
-    Corrections,
     Counts,
     Equations,
     Evaluation,
@@ -37,9 +37,9 @@ from sepv.solve._stop_rule import QUANTA, ROUNDING, STAGNATION
 # The most iterations: Newton needs 3 to 5 at sensible steps; 40 leave room for damped starts.
 MAX_ITERATIONS = 40
 MAX_HALVINGS = 40
-# The most iterations by a record, which needs three to five at sensible steps.
+# The most iterations by the code of a record, which needs three to five at sensible steps.
 MOST = 7
-# The number of halvings tried in one call.
+# The number of halvings of a correction for which the domain is tested in one call.
 SHARES = 8
 # The most unknowns of a single lane for which numbers are faster than arrays.
 FEW = 64
@@ -57,17 +57,17 @@ def solve(
     start: Array | None = None,
     corrections: Corrections | None = None,
 ) -> Solution:
-    """Solve y1 = y0 + R(y0, y1) for every lane.
+    """Solve the equation y1 = y0 + R(y0, y1) of a step for each of M paths.
 
     Parameters
     ----------
     y0 : (d, M)
     step : (k, M)
-        Data of the step for R, lane by lane, such as Δ.
+        The numbers that R takes of the step, such as Δ.
     increment : (problem, y0, y1, step) -> Increment
-        R.
+        The right side R with counts of its evaluations.
     jacobian : (problem, y0, y1, step, *parts) -> (d, d, M) or None
-        ∂R/∂y1; None means differences of R.
+        ∂R/∂y1, with the `parts` of `Increment`; None means differences of R.
     start : (d, M), optional
         A guess of y1 − y0; by default 0.
     corrections : Corrections, optional
@@ -115,15 +115,16 @@ def solve(
 
 
 def iterate(equations: Equations, start: Array, lanes: Lanes | None = None) -> Solution:
-    """Iterate z = R(z) by Newton's method to stagnation, from `start` (n, M) in the given lanes (default: all M).
+    """Solve z = R(z) by Newton's method to stagnation, from `start` (n, M), with further attempts where that fails.
 
-    A lane that ends close, but not at rounding, goes on from there with a Jacobian from differences of R: analytic
-    ones may average H″ with a few nodes, which does not suffice for long steps of every H. A lane that fails starts
-    once more from z = 0 by damped steps and then goes on in the same way. Lanes that converge at once are not
-    affected. The fields of the solution have one entry for each lane, `value` being z.
+    `lanes` are the numbers of the M lanes in `equations`, by default 0 … M − 1. The `value` of the solution is z.
 
-    A lane that does not converge by a record in MOST iterations starts again without it: among several solutions, the
-    same one is then found for every problem.
+    A lane that ends close, but not at rounding, goes on from there with a Jacobian from differences of R. Analytic ones
+    may average H″ with a few nodes, which does not suffice for long steps of every H. A lane that fails starts once
+    more from z = 0 by damped steps, and then goes on in the same way.
+
+    A lane that does not converge by a record in MOST iterations starts again without it. If there are several
+    solutions, the same one is then found for every problem.
     """
     numbers = np.arange(start.shape[1]) if lanes is None else lanes
     solution = newton(equations, start, numbers, differences=False)
@@ -148,17 +149,17 @@ def iterate(equations: Equations, start: Array, lanes: Lanes | None = None) -> S
 
 
 def _finish(equations: Equations, solution: Solution, numbers: Lanes, lanes: Lanes) -> None:
-    """Go on from the current z of the given lanes, with the Jacobian of R itself."""
+    """Iterate on from the current z of some lanes with a Jacobian from differences, and merge the results."""
     if lanes.size:
         finished = newton(equations, solution.value[:, lanes], numbers[lanes], differences=True)
         merge(solution, finished, lanes)
 
 
 def newton(equations: Equations, start: Array, numbers: Lanes, *, differences: bool) -> Solution:
-    """Newton's iteration with full steps, shortened only where they leave the domain.
+    """Newton's iteration for z = R(z) from `start` (n, M), with full steps that only the domain's edge shortens.
 
-    With `differences` the Jacobian is that of R itself, not of an approximation of R. Only then are corrections that
-    do not shrink a sign of rounding, whatever the residual.
+    `numbers` are those of the M lanes in `equations`. With `differences` the Jacobian comes from differences of R, and
+    not from a formula that may approximate it.
     """
     rule = _newton_of_one if start.shape[1] == 1 and len(start) <= FEW else _newton_of_many
     return rule(equations, start, numbers, differences=differences)
@@ -186,8 +187,8 @@ def _newton_of_many(equations: Equations, start: Array, numbers: Lanes, *, diffe
     with np.errstate(all="ignore"):
         for _ in range(MOST if recorded else MAX_ITERATIONS):
             at: Any = slice(None) if active.size == count else active
-            z, y, lanes = _of(at, z_all, size_all, numbers)
-            F, correction, stays, K, costs, reliable = _asked(
+            z, y, lanes = _entries(at, z_all, size_all, numbers)
+            F, correction, stays, K, costs, reliable = _corrections(
                 equations, z, lanes, differences, reuse, last_matrix
             )
             iterations[at] += 1
@@ -197,7 +198,7 @@ def _newton_of_many(equations: Equations, start: Array, numbers: Lanes, *, diffe
             magnitude, moves = y + np.abs(z), np.abs(correction)
             scale, move = magnitude.max(axis=0), moves.max(axis=0)
             near = move <= STAGNATION * scale
-            size = _share(moves, magnitude, move, scale, near if recorded else None)
+            size = _relative_move(moves, magnitude, move, scale, near if recorded else None)
             outgrown = scale > outgrown_at[at]
             reuse, last_matrix = stop.may_reuse_matrix(size, last_size) & ~(outgrown | recorded), K
             stagnated = near
@@ -223,23 +224,24 @@ def _newton_of_many(equations: Equations, start: Array, numbers: Lanes, *, diffe
             if not goes_on.any():
                 break
             if not goes_on.all():
-                active, size, move, reuse, last_matrix = _of(
+                active, size, move, reuse, last_matrix = _entries(
                     np.flatnonzero(goes_on), active, size, move, reuse, last_matrix
                 )
             last_size, last_move = size, move
     return Solution(z_all, residual, iterations, gradients, structures, status)
 
 
-def _asked(
+def _corrections(
     equations: Equations, z: Array, lanes: Lanes, differences: bool, reuse: Flags, last_matrix: Any
 ) -> tuple[Array, Array, Flags, Any, tuple[Any, Any], Flags]:
-    """F = z − R, Newton's correction, True where it surely stays in the domain, its matrix, evaluations, reliability.
+    """Evaluate F = z − R and Newton's correction for some lanes, with the last matrix of those in `reuse`.
 
-    A lane's last matrix is taken where `reuse` says so; evaluations are those of ∇H and of B.
+    Returned are F, the correction, True where it surely stays in the domain, the matrix, the evaluations of ∇H and
+    of B, and True where the quadrature is reliable.
     """
-    record, every = None if differences else equations.corrections, np.ones(lanes.size, dtype=bool)
-    if record is not None:
-        return *record.of_lanes(z, lanes), last_matrix, (record.gradients, record.structures), every
+    recorded, every = None if differences else equations.corrections, np.ones(lanes.size, dtype=bool)
+    if recorded is not None:
+        return *recorded.of_lanes(z, lanes), last_matrix, recorded.record[1:], every
     R, jacobian = equations.evaluate(z, lanes)
     F, count, K = z - R.value, np.ones(lanes.size, dtype=np.int64), last_matrix
     if not reuse.all():
@@ -253,22 +255,25 @@ def _asked(
 def _moved(
     equations: Equations, recorded: bool, z: Array, correction: Array, lanes: Lanes, stays: Flags
 ) -> tuple[Array, Flags]:
-    """z less the correction, shortened to stay in the domain (not by a record); z and False where no share does."""
+    """z less the correction, and True where it is in the domain; elsewhere z and False.
+
+    A correction that leaves the domain is shortened, except one by a record.
+    """
     if stays.all():
         return z - correction, stays
     moved, inside = (z - correction, stays) if recorded else into_domain(equations, z, correction, lanes)
     return np.where(inside, moved, z), inside
 
 
-def _of(lanes: Any, *values: Any) -> Any:
-    """The entries of each array for these lanes, contiguous in memory, as v[..., lanes] is not."""
+def _entries(lanes: Any, *values: Any) -> Any:
+    """The entries of each array for some lanes. They are contiguous in memory, as v[..., lanes] is not."""
     return values if isinstance(lanes, slice) else [v.take(lanes, axis=-1) for v in values]
 
 
-def _share(moves: Array, magnitude: Array, move: Array, scale: Array, near: Flags | None) -> Array:
-    """The largest share of a component that a correction moves; only move/scale, which is less, where not `near`.
+def _relative_move(moves: Array, magnitude: Array, move: Array, scale: Array, near: Flags | None) -> Array:
+    """The largest share of a component by which a correction moves it, (M,).
 
-    Where no matrix is used again, shares of large corrections are not needed.
+    With `near`, it is computed for those lanes alone; the others have move/scale, which is less and suffices there.
     """
     if near is None:
         return np.asarray(stop.relative(moves, magnitude, scale).max(axis=0))
@@ -279,7 +284,10 @@ def _share(moves: Array, magnitude: Array, move: Array, scale: Array, near: Flag
 
 
 def _unless_hidden(last: Flags, moves: Array, magnitude: Array, outgrown: Flags) -> Flags:
-    """True where a correction is the `last`, unless an outgrown component hides the others."""
+    """`last`, but False where a component that has outgrown y0 hides a large relative move of another one.
+
+    `last` is True where nothing but rounding is left once the correction is applied.
+    """
     if last.any() and outgrown.any():
         last = last & ~(outgrown & (moves > STAGNATION * magnitude).any(axis=0))
     return last
@@ -288,7 +296,7 @@ def _unless_hidden(last: Flags, moves: Array, magnitude: Array, outgrown: Flags)
 def _outcome(
     residual_norm: Array, move: Array, stagnated: Flags, reliable: Flags, K: Any, algebra: Algebra
 ) -> Counts:
-    """The status of each lane that ends, −1 for one that goes on.
+    """The status of each lane whose iteration ends, and −1 for one that goes on.
 
     A state at rest is a solution, even where the Jacobian is singular.
     """
@@ -304,13 +312,13 @@ def _outcome(
 
 
 def _newton_of_one(equations: Equations, start: Array, number: Lanes, *, differences: bool) -> Solution:
-    """`newton` for one lane, with the bits of `_newton_of_many`: decisions take numbers, without NumPy calls."""
+    """`newton` for one lane, with the bits of `_newton_of_many`. Decisions take numbers, without calls of NumPy."""
     exact, recorded = differences or equations.exact, not differences and equations.corrections is not None
     z, y = start.ravel().tolist(), equations.size[:, number].ravel().tolist()
     before = _largest(y)
     residual, iterations, gradients, structures = math.inf, 0, 0, 0
     status, last_size, last_move = Status.NO_CONVERGENCE, math.inf, math.inf
-    corrected, K = _asker(equations, number, differences), None
+    corrected, K = _corrections_of_one(equations, number, differences), None
     with np.errstate(all="ignore"):
         for _ in range(MOST if recorded else MAX_ITERATIONS):
             F, correction, stays, K, costs, reliable = corrected(z, K)
@@ -357,12 +365,14 @@ def _newton_of_one(equations: Equations, start: Array, number: Lanes, *, differe
     return Solution(np.array(z)[:, None], np.array([residual]), *counted)
 
 
-def _asker(equations: Equations, number: Lanes, differences: bool) -> Callable[[list[float], Any], Any]:
-    """The function (z, matrix to reuse or None) that evaluates the equations of one lane as `_asked` does."""
-    record, inside = None if differences else equations.corrections, equations.inside is None
-    if record is not None:
-        known, costs = record.of_one(number), (record.gradients, record.structures)
-        return lambda z, _: (*known(z), None, costs, True)
+def _corrections_of_one(
+    equations: Equations, number: Lanes, differences: bool
+) -> Callable[[list[float], Any], Any]:
+    """The function (z, matrix to reuse or None) that returns the results of `_corrections` for one lane."""
+    recorded, inside = None if differences else equations.corrections, equations.inside is None
+    if recorded is not None:
+        of_record, costs = recorded.of_one(number), recorded.record[1:]
+        return lambda z, _: (*of_record(z), None, costs, True)
 
     def corrected(values: list[float], K: Any) -> Any:
         z, further = np.array(values)[:, None], 0
@@ -386,28 +396,29 @@ def _largest(values: list[float]) -> float:
 
 
 def _is_rounding(
-    equations: Equations, numbers: Lanes, residual: Array, z: Array, scale: Array, asked: Flags
+    equations: Equations, numbers: Lanes, residual: Array, z: Array, scale: Array, closely: Flags
 ) -> Flags:
-    """True where a residual is within the rounding of R: that of y, of R's terms, and the effect of a rounding of y.
+    """True where a residual is rounding: that of y, and in the lanes `closely` that of R too.
 
-    Stiff equations, whose R cancels, need the last, |K||y0| with K = ∂R/∂y1. It is taken at y1 = y0, sixteenfold for
-    its change along the step: at y1 it would excuse any residual next to a singularity of ∇H, where R can no longer
-    be computed. Both are computed only where the first does not suffice.
+    The rounding of R has two parts, which are computed only where that of y does not suffice: the rounding of R's
+    terms, and the effect of a rounding of y, |K||y0| with K = ∂R/∂y1. Stiff equations, whose R cancels, need the
+    latter. K is taken at y1 = y0, sixteenfold for its change along the step. At y1 it would excuse any residual next to
+    a singularity of ∇H, where R can no longer be computed.
     """
     rounding: Flags = stop.is_rounding(residual, scale)
-    open_ = np.flatnonzero(asked & ~rounding)
-    if open_.size:
-        K, _ = equations.evaluate(np.zeros_like(z[:, open_]), numbers[open_]).jacobian()
-        through = equations.algebra.through(K, equations.size[:, numbers[open_]]).max(axis=0)
-        allowed = ROUNDING * (scale[open_] + 16 * through)
+    larger = np.flatnonzero(closely & ~rounding)
+    if larger.size:
+        K, _ = equations.evaluate(np.zeros_like(z[:, larger]), numbers[larger]).jacobian()
+        through = equations.algebra.through(K, equations.size[:, numbers[larger]]).max(axis=0)
+        allowed = ROUNDING * (scale[larger] + 16 * through)
         if equations.magnitude is not None:
-            allowed = np.fmax(allowed, TERMS * equations.magnitude(z[:, open_], numbers[open_]))
-        rounding[open_] = residual[open_] <= allowed
+            allowed = np.fmax(allowed, TERMS * equations.magnitude(z[:, larger], numbers[larger]))
+        rounding[larger] = residual[larger] <= allowed
     return rounding
 
 
 def into_domain(equations: Equations, z: Array, correction: Array, lanes: Lanes) -> tuple[Array, Flags]:
-    """z − λ·correction with the largest λ = 2⁻ⁿ that stays in the domain, and True where there is one."""
+    """z − λ·correction with the largest λ = 2⁻ⁿ for which it is in the domain, and True where there is one."""
     moved = z - correction
     inside = np.ones(z.shape[1], dtype=bool)
     if equations.inside is None or not z.shape[1]:

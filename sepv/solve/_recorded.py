@@ -28,7 +28,10 @@ from sepv.solve._formula import Fields, Formula
 
 
 class Equation(NamedTuple):
-    """R (d,) of z = R, K = ∂R/∂z (d, d), the symbols of the step, and evaluations of ∇H and of B in R."""
+    """The equation z = R of a step in symbols: R (d,), K = ∂R/∂z (d, d), the numbers of the step (k,), and counts.
+
+    `gradients` and `structures` count the evaluations of ∇H and of B in R.
+    """
 
     R: Any
     K: Any
@@ -38,7 +41,7 @@ class Equation(NamedTuple):
 
 
 class Recorded:
-    """Functions of a problem on symbols y (d,) and z (d,).
+    """The functions of a problem in symbols of a state y (d,) and of z = y1 − y (d,).
 
     Raises CannotRecord where B, H or the domain cannot be recorded.
     """
@@ -59,7 +62,7 @@ class Recorded:
         self._equations: dict[tuple[Formula, bool], Equation] = {}
 
     def skew(self, B: Any) -> Any:
-        """B as symbols; for polynomial data the entries below the diagonal are the negatives of those above."""
+        """The matrix B (d, d) in symbols. For polynomial data the lower entries are the negatives of the upper ones."""
         if not isinstance(self.problem.data, PolynomialSystem):
             return self.tape.symbols(B)
         d, zero = self.dimension, self.tape.constant(0.0)
@@ -68,7 +71,7 @@ class Recorded:
         return array(entries, (d, d))
 
     def _call(self, key: str, *arguments: Any) -> Any:
-        """Call a function of the problem with symbols; its errors are its author's."""
+        """Call a function of the problem with symbols; CannotRecord for any error, which names the function."""
         try:
             return self.tape.symbols(getattr(self.problem, key)(*arguments))
         except CannotRecord as error:
@@ -78,7 +81,7 @@ class Recorded:
 
     @cached_property
     def mean(self) -> Mean:
-        """The mean gradient by rule, else the author's."""
+        """The averaged gradient ∫₀¹∇H(y + τz)dτ by the rules of `sepv.record`, else the problem's own."""
         try:
             return mean(self.H, self.y, self.z)
         except NoClosedForm:
@@ -95,40 +98,38 @@ class Recorded:
 
     @cached_property
     def field(self) -> Sequence[Polynomial] | None:
-        """B∇H multiplied out, unless that is longer than the products."""
+        """B∇H multiplied out into polynomials; None where that is longer, or where H has a degree over 2."""
         f = [
             sum((b * g for b, g in zip(row, self.slope, strict=True)), self.tape.constant(0.0))
             for row in self.B
         ]
-        found = expand(f, self.y, len(reachable(f))) if not self.degree > 2 else None
-        return None if found is None else [poly.polynomial(self.dimension, terms) for terms in found]
+        sums = expand(f, self.y, len(reachable(f))) if self.degree <= 2 else None
+        return None if sums is None else [poly.polynomial(self.dimension, terms) for terms in sums]
 
     def equation_of(self, formula: Formula, count: int, apart: bool = True) -> Equation:
-        """The record of a scheme's formula, which takes `count` data of a step.
+        """The record of a scheme's formula, which takes `count` numbers of a step.
 
-        If B and ∇H need not be kept `apart`, as in explicit steps, f is multiplied out where that is shorter.
+        Without `apart`, as for explicit steps, B∇H is multiplied out where that is shorter.
 
         Raises CannotRecord or NoClosedForm.
         """
         if (formula, apart) not in self._equations:
-            step, asked = self.tape.vector(count), _Fields(self, apart)
+            step, fields = self.tape.vector(count), _RecordedFields(self, apart)
             try:
-                R = self.tape.symbols(formula(asked, self.y, self.z, step))
+                R = self.tape.symbols(formula(fields, self.y, self.z, step))
             except (CannotRecord, NoClosedForm):
                 raise
             except Exception as error:
                 raise CannotRecord(f"{type(error).__name__} with symbols: {error}") from error
             K = jacobian(R, self.z)
-            self._equations[formula, apart] = Equation(R, K, step, asked.gradients, asked.structures)
+            self._equations[formula, apart] = Equation(R, K, step, fields.gradients, fields.structures)
         return self._equations[formula, apart]
 
     def system(self, formula: Formula, count: int) -> tuple[Any, Any]:
-        """F = z − R (d,) and its derivative A = 1 − K (d, d) by z, of the equation of a formula."""
-        found = self.equation_of(formula, count)
-        entries = [
-            self.tape.symbol(float(i == j) - v) for i, row in enumerate(found.K) for j, v in enumerate(row)
-        ]
-        return self.tape.symbols(self.z - found.R), array(entries, found.K.shape)
+        """The residual F = z − R (d,) of a formula's equation, and its derivative A = 1 − K by z, (d, d)."""
+        R, K, *_ = self.equation_of(formula, count)
+        entries = [self.tape.symbol(float(i == j) - v) for i, row in enumerate(K) for j, v in enumerate(row)]
+        return self.tape.symbols(self.z - R), array(entries, K.shape)
 
     @property
     def middle(self) -> Any:
@@ -136,17 +137,19 @@ class Recorded:
         return self.y + 0.5 * self.z
 
     def of_middle(self, formula: Formula) -> list[Polynomial] | None:
-        """P with R = Δ P(ȳ), multiplied out, for a formula of Δ alone; None without such P, or if longer."""
-        found, middle = self.equation_of(formula, 1), self.middle
-        given = {x.index for x in middle}
-        sums = expand(found.R, [*found.step, *middle], len(reachable(found.R, given)))
+        """The polynomials P with R = Δ P(ȳ), for a formula that takes Δ alone of a step.
+
+        None where there are none, or where they are longer than R.
+        """
+        (R, _, step, *_), middle = self.equation_of(formula, 1), self.middle
+        sums = expand(R, [*step, *middle], len(reachable(R, {x.index for x in middle})))
         if sums is None or any(exponents[0] != 1 for terms in sums for exponents in terms):
             return None
         return [poly.polynomial(self.dimension, {e[1:]: c for e, c in terms.items()}) for terms in sums]
 
 
-class _Fields(Fields):
-    """The functions that a formula uses of a problem, computed on symbols and counted."""
+class _RecordedFields(Fields):
+    """The functions of a problem that a formula uses, computed on symbols, with counts of evaluations."""
 
     def __init__(self, recorded: Recorded, apart: bool) -> None:
         self._recorded, self.problem, self._apart = recorded, recorded.problem, apart
@@ -180,38 +183,38 @@ class _Fields(Fields):
         return array(self._recorded.tape.symbol(sum(t)) for t in terms)
 
     def derivative_along(self, y: Any, v: Any) -> Any:
-        own = self._recorded
-        return matvec(self._at(jacobian(matvec(own.B, own.slope), own.y), y), v)
+        recorded = self._recorded
+        return matvec(self._at(jacobian(matvec(recorded.B, recorded.slope), recorded.y), y), v)
 
     def mean_gradient(self, y: Any, z: Any) -> Any:
-        """The mean gradient; its declared derivatives are those by the formula's own z."""
-        found, nodes = self._recorded.mean
+        """The averaged gradient as it was recorded, which has derivatives by the record's z; else by substitution."""
+        means, nodes = self._recorded.mean
         self.gradients += nodes
-        return found if z is self._recorded.z else self._at(found, y, z)
+        return means if z is self._recorded.z else self._at(means, y, z)
 
     def edge_means(self, starts: Any, z: Any) -> Any:
-        found, nodes = self._recorded.mean
+        means, nodes = self._recorded.mean
         self.gradients += nodes * len(z)
         moves = [[z[i] if i == k else 0.0 for k in range(len(z))] for i in range(len(z))]
-        return array(self._at(found[i : i + 1], starts[:, i], moves[i])[0] for i in range(len(z)))
+        return array(self._at(means[i : i + 1], starts[:, i], moves[i])[0] for i in range(len(z)))
 
     def factor(self, y: Any) -> Any:
         return self._nambu.factor(y)
 
     def mean_casimir_gradient(self, y: Any, z: Any) -> Any:
         try:
-            found, nodes = mean(self._recorded.tape.symbol(self._nambu.casimir(y)), y, z)
+            means, nodes = mean(self._recorded.tape.symbol(self._nambu.casimir(y)), y, z)
         except NoClosedForm:
             if self._nambu.mean_gradient is None:
                 raise
-            found, nodes = self._nambu.mean_gradient(y, y + z), 1
+            means, nodes = self._nambu.mean_gradient(y, y + z), 1
         self.structures += nodes
-        return found
+        return means
 
     def _at(self, values: Any, y: Any, z: Any = ()) -> Any:
-        """Substitute other symbols for y and z in the values."""
-        own = self._recorded
-        return substitute(values, [*own.y, *own.z[: len(z)]], [*y, *z])
+        """The values with other symbols substituted for the record's y and z."""
+        recorded = self._recorded
+        return substitute(values, [*recorded.y, *recorded.z[: len(z)]], [*y, *z])
 
     @property
     def _nambu(self) -> Nambu:

@@ -1,17 +1,23 @@
-"""Records of a solve of the implicit equation, which solvers and schemes share: its equations and its result."""
+"""The records that solvers and schemes share: the equations z = R(z) of a batch, and the result of solving them.
+
+A lane is a path of a batch of M paths.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any, NamedTuple, Protocol, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sepv.errors import StepFailure
 from sepv.problem import DENSE, Algebra, Array, Problem
+
+if TYPE_CHECKING:
+    from sepv.solve._from_record import Corrections
 
 # Numbers of lanes (M,), flags and counts of lanes.
 Lanes = NDArray[np.intp]
@@ -20,7 +26,7 @@ Counts = NDArray[np.int64]
 
 
 class Worded(IntEnum):
-    """Numbers for arrays, each with its `text`."""
+    """An integer constant with a `text` for messages; arrays hold the integers."""
 
     text: str
 
@@ -31,7 +37,7 @@ class Worded(IntEnum):
 
 
 class Status(Worded):
-    """The end of a solve."""
+    """The outcome of a solve, for each lane."""
 
     CONVERGED = 0, "converged"
     NO_CONVERGENCE = 1, "no convergence"
@@ -43,9 +49,10 @@ class Status(Worded):
 
 
 class Increment(NamedTuple):
-    """R(y0, y1) (d, M), evaluations of ∇H and of B (M,), and True where the quadrature is reliable.
+    """The right side R of y1 = y0 + R(y0, y1), (d, M), with the evaluations of ∇H and of B that it took, (M,).
 
-    `parts` are further arguments of the Jacobian, which need not be computed again.
+    `reliable` (M,) is True where the quadrature of ∇H reached rounding. `parts` are values that the Jacobian of R uses
+    again.
     """
 
     value: Array
@@ -56,7 +63,7 @@ class Increment(NamedTuple):
 
 
 def once(value: Array) -> Increment:
-    """R with one evaluation of ∇H and of B, and no quadrature."""
+    """The `Increment` of a right side R (d, M) that took one evaluation of ∇H and one of B, and no quadrature."""
     ones = np.ones(value.shape[1], dtype=np.int64)
     return Increment(value, ones, ones, ones.astype(bool))
 
@@ -101,33 +108,15 @@ JacobianFunction = Callable[..., Array | None]
 
 
 class Evaluation(NamedTuple):
-    """R(z) for some lanes, and on demand ∂R/∂z (n, n, M) with its cost in evaluations of R."""
+    """R(z) for M lanes, and a function that returns ∂R/∂z (n, n, M) and its cost in evaluations of R."""
 
     right_side: Increment
     jacobian: Callable[[], tuple[Any, int]]
 
 
-class Corrections(Protocol):
-    """z − R(z), Newton's correction, and a test that z less the correction is in the domain, from a record."""
-
-    @property
-    def gradients(self) -> int:
-        """Evaluations of ∇H in R."""
-
-    @property
-    def structures(self) -> int:
-        """Evaluations of B in R."""
-
-    def of_lanes(self, z: Array, lanes: Lanes) -> tuple[Array, Array, Flags]:
-        """The residual and the correction (n, M), and the test (M,), for z (n, M)."""
-
-    def of_one(self, lane: Lanes) -> Callable[[list[float]], tuple[list[float], list[float], bool]]:
-        """A function of z (n,) with the same numbers for a single lane."""
-
-
 @dataclass(frozen=True)
 class Equations:
-    """z = R(z) for n unknowns in every lane; `lanes` are the numbers of the lanes in a call.
+    """The equations z = R(z) of M lanes, each with n unknowns; `lanes` are the numbers of the lanes in a call.
 
     Attributes
     ----------
@@ -142,8 +131,8 @@ class Equations:
         The sum of the absolute values of the terms of R, the scale of its rounding if R cancels.
     algebra : Algebra
         The kind of Jacobian: dense matrices (n, n, M) by default.
-    corrections : Corrections, optional
-        Corrections used in place of `evaluate`, except where the matrix is to be one of differences.
+    corrections : `sepv.solve._from_record.Corrections`, optional
+        Newton's corrections by a record, in the place of `evaluate` unless the matrix is to be one of differences.
     """
 
     size: Array
@@ -156,7 +145,10 @@ class Equations:
 
 
 def merge(whole: Solution, part: Solution, lanes: Lanes) -> None:
-    """Write lanes that were solved anew into a solution; counts add up. Fields that either lacks stay unchanged."""
+    """Write lanes that were solved anew, `part`, into the solution `whole` of all lanes; counts add up.
+
+    Fields that one of the two solutions lacks stay unchanged.
+    """
     for key, values in vars(whole).items():
         new = getattr(part, key)
         if values is not None and new is not None:
@@ -165,9 +157,9 @@ def merge(whole: Solution, part: Solution, lanes: Lanes) -> None:
 
 
 def require_converged(problem: Problem, y: Array, h: float, dW: Array, solution: Solution) -> Array:
-    """The value of a solution if all lanes converged; y (d, M) and dW (m, M) describe the steps.
+    """y1 of a solution, (d, M), if all lanes converged. Raises StepFailure for the first lane that did not.
 
-    Raises StepFailure for the first lane that did not.
+    y (d, M), h and dW (m, M) describe the steps in its message.
     """
     failed = np.flatnonzero(solution.status != Status.CONVERGED)
     if failed.size:

@@ -12,7 +12,7 @@ from sepv import Scheme, UsageError, problems, schemes
 from sepv.problem import Systems
 from sepv.schemes._discrete_gradient import coordinate_increments
 from sepv.schemes._discrete_gradient import step as discrete
-from sepv.solve._formula import Asked
+from sepv.solve._formula import CountedFields
 from sepv.verification import Case, load_laws, strategies
 from sepv.verification._tolerance import gradient_majorant
 
@@ -23,7 +23,7 @@ def test_discrete_gradient_is_the_quotient_where_that_can_be_computed(case: Case
     problem, y, _, _ = case.build()
     y1 = y + 0.3 * np.cos(np.arange(y.size)) * np.array([1.0, 0.0, 1e-9])[np.arange(y.size) % 3]
     start, end = y[:, None], y1[:, None]
-    found = coordinate_increments(Asked(problem, start, end), start, end - start)[:, 0]
+    found = coordinate_increments(CountedFields(problem, start, end), start, end - start)[:, 0]
     exact = exact_problem(case.problem, 150)
     corner, bound = exact.state(y), gradient_majorant(problem, np.maximum(np.abs(y), np.abs(y1)))
     for i in range(y.size):

@@ -9,6 +9,7 @@ from sepv import problems
 from sepv.errors import StepFailure
 from sepv.solve import Increment, Status
 from sepv.solve import _damped as damped
+from sepv.solve._from_record import Record
 from sepv.solve._newton import MAX_HALVINGS, into_domain, iterate
 from sepv.solve._solution import Equations, Evaluation, Solution, require_converged
 
@@ -107,7 +108,7 @@ class TestLastCorrection:
         """Corrections of −1/8 and of 2⁻⁵⁴; the second leaves the domain."""
 
         class Two:
-            gradients = structures = 3
+            record = Record(None, 3, 3)
 
             def of_lanes(self, z: np.ndarray, lanes: np.ndarray) -> tuple[np.ndarray, ...]:
                 second = z[0] != 0
