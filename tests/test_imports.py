@@ -55,7 +55,7 @@ def imports(path: Path) -> set[str]:
 
 
 # They stand beside the references, which judge schemes and import none of them, and are made of schemes themselves.
-MADE_OF_SCHEMES = ("sepv.reference.faults", "sepv.reference.paper")
+MADE_OF_SCHEMES = ("sepv.reference.faults", "sepv.reference.paper", "sepv.reference.peers")
 
 
 def below(module: str, packages: tuple[str, ...]) -> str | None:
@@ -86,6 +86,8 @@ def test_imports_between_rooms_go_one_way() -> None:
         assert arrows[ground] <= {ground, "sepv._lazy"}, f"{ground} imports {arrows[ground]}"
     assert lowest_first.index("sepv.problem") < lowest_first.index("sepv.schemes")
     assert lowest_first.index("sepv.schemes") < lowest_first.index("sepv.verification")
+    assert lowest_first.index("sepv.studies") < lowest_first.index("sepv.reference.peers")
+    assert lowest_first.index("sepv.reference.peers") < lowest_first.index("sepv.commands")
 
 
 def test_imports_between_modules_go_one_way() -> None:

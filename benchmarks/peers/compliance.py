@@ -16,6 +16,8 @@ from typing import Any
 import click
 import numpy as np
 from sepv.properties._sequential import FALSE_ALARM, FIRST_LOOK
+from sepv.reference.peers.peer import load
+from sepv.reference.peers.posing import PathSolver
 
 from benchmarks.peers.compliance_measurements import (
     LIBRARIES,
@@ -33,8 +35,6 @@ from sepv import problems
 from sepv._version import __version__
 from sepv.console import Shown, markdown
 from sepv.errors import TargetError
-from sepv.peers.peer import load
-from sepv.peers.posing import PathSolver
 from sepv.problem import Problem
 from sepv.schemes import Scheme, energy_preserving
 from sepv.simulate import ensemble, wiener

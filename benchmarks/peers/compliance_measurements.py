@@ -14,14 +14,14 @@ from sepv.properties import StrongErrors
 from sepv.properties import mean_square_slope as slope
 from sepv.properties._orders.convergence import log_decay
 from sepv.properties._sequential import FALSE_ALARM, Setup, setups
+from sepv.reference.peers.peer import load
+from sepv.reference.peers.posing import PathSolver
 
 from benchmarks.peers.environments import VERSIONS
 from benchmarks.peers.kept_measurements import Cell
 from sepv import problems
 from sepv._version import __version__
 from sepv.exact import exact_flow
-from sepv.peers.peer import load
-from sepv.peers.posing import PathSolver
 from sepv.problem import Problem
 from sepv.schemes import Scheme
 from sepv.simulate import wiener

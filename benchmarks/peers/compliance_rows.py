@@ -6,8 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from sepv.reference.peers.posing import PathSolver
+
 from benchmarks.peers.compliance_measurements import NO_AREAS, SETUPS, path_verdicts, release, silent
-from sepv.peers.posing import PathSolver
 from sepv.schemes import Scheme
 from sepv.verification import LAWS, Verdict
 from sepv.verification._report import MARKS

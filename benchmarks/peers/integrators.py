@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from sepv.reference.peers.peer import installed, load, names
 
 from benchmarks.peers.compliance import _listed
 from benchmarks.peers.compliance_measurements import law_cells, release
@@ -23,7 +24,6 @@ from benchmarks.peers.kept_measurements import Cell, measured
 from benchmarks.peers.options import measuring, page_options, put
 from sepv._version import __version__
 from sepv.console import Shown, markdown
-from sepv.peers.peer import installed, load, names
 from sepv.schemes import Scheme
 from sepv.verification import Effort, Verdict, load_laws
 from sepv.verification._report import MARKS

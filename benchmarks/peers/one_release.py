@@ -15,6 +15,8 @@ from pathlib import Path
 from typing import Any
 
 import click
+from sepv.reference.peers.peer import load
+from sepv.reference.peers.posing import PathSolver
 
 from benchmarks.peers import compliance_measurements as measurements
 from benchmarks.peers.compliance_measurements import LIBRARIES, release
@@ -24,8 +26,6 @@ from sepv._version import __version__
 from sepv.console import showing
 from sepv.errors import SepvError
 from sepv.files import finite, json_text, write_atomically
-from sepv.peers.peer import load
-from sepv.peers.posing import PathSolver
 from sepv.verification import SUITE, Effort, Law, Verdict, load_laws
 
 FORMAT = 1

@@ -10,11 +10,11 @@ import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
+from sepv.reference.peers.diffrax import _Given, enable_x64
+from sepv.reference.peers.posing import LANES, Path, in_blocks
+from sepv.reference.peers.posing_fields import Fields, pose_fields
 
 from benchmarks.peers.solver import Solver
-from sepv.peers.diffrax import _Given, enable_x64
-from sepv.peers.posing import LANES, Path, in_blocks
-from sepv.peers.posing_fields import Fields, pose_fields
 from sepv.problem import Array, Problem
 from sepv.schemes import Step
 

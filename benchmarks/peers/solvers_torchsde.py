@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 import torch
 import torchsde
+from sepv.reference.peers.posing import LANES, Path, in_blocks
+from sepv.reference.peers.posing_fields import pose_fields
+from sepv.reference.peers.torchsde import Given
 
 from benchmarks.peers.solver import Solver
 from sepv.errors import Skipped
-from sepv.peers.posing import LANES, Path, in_blocks
-from sepv.peers.posing_fields import pose_fields
-from sepv.peers.torchsde import Given
 from sepv.problem import Array, Problem
 from sepv.schemes import Step
 from sepv.schemes._further_increments import as_matrix, as_rows

@@ -139,7 +139,7 @@ def _show(comparison: Comparison, *, alone: bool, quiet: bool) -> None:
 
 def _peers() -> list[str]:
     """Name every driver of a library that is installed."""
-    from sepv.peers.peer import installed
+    from sepv.reference.peers.peer import installed
 
     return [f"{peer.library}-{name}" for peer in installed() for name in peer.methods]
 

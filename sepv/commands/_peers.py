@@ -21,7 +21,7 @@ def peers() -> None:
     Another package adds a library by an entry point (docs/extending.md).
     """
     from sepv.console import console
-    from sepv.peers.peer import installed, names
+    from sepv.reference.peers.peer import installed, names
 
     here = {peer.library: peer for peer in installed()}
     rows = []

@@ -40,7 +40,7 @@ def ulps(
     """
     from sepv import problems, schemes
     from sepv.console import console, showing
-    from sepv.peers.peer import installed
+    from sepv.reference.peers.peer import installed
     from sepv.schemes import load_problem
     from sepv.studies import ulps as unit
 

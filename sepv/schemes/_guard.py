@@ -65,7 +65,8 @@ class SchemeCrash(SepvError):
         self.traceback = "".join(traceback.format_exception(error))
         kind = type(error).__name__
         remedy = (
-            "a problem's functions are NumPy's; sepv.peers.posing.pose gives the same as JAX's (docs/adapting.md)"
+            "a problem's functions are NumPy's; "
+            "sepv.reference.peers.posing.pose gives the same as JAX's (docs/adapting.md)"
             if kind in _TRACED
             else "--debug with the replay command shows the traceback"
         )

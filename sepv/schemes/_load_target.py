@@ -120,7 +120,7 @@ def _named(target: str, problems: Iterable[Problem]) -> Scheme:
         return by_name(target)
     except UsageError as error:
         # `peers` lies above this room: it is imported only for names that are not built in.
-        peers = importlib.import_module("sepv.peers.peer")
+        peers = importlib.import_module("sepv.reference.peers.peer")
         if peers.library_of(target):
             solver: Scheme = peers.scheme(target)
             return solver

@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from doors import ROOT
+from sepv.reference.peers.peer import Peer
+from sepv.reference.peers.posing import PathSolver
 
 from benchmarks.peers import compliance, deviations
 from benchmarks.peers import compliance_measurements as measurements
@@ -18,8 +20,6 @@ from benchmarks.peers import compliance_rows as rows
 from benchmarks.peers.deviations import Shown as Script
 from benchmarks.peers.deviations import _notes
 from sepv.errors import TargetError, UsageError
-from sepv.peers.peer import Peer
-from sepv.peers.posing import PathSolver
 from sepv.problem import Problem, vector_field
 from sepv.schemes import Scheme
 from sepv.verification import Effort, load_laws

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from sepv.reference.peers.peer import Peer, names
 
 from benchmarks.peers import integrators as page
 from benchmarks.peers.deviations import _notes
 from sepv.errors import Skipped, TargetError
 from sepv.exact import exact_flow
-from sepv.peers.peer import Peer, names
 from sepv.problem import Problem
 from sepv.problems import by_name, henon_heiles, pendulum, planets, rigid_body
 from sepv.problems._mechanical import positions_first
@@ -29,7 +29,7 @@ NONE = np.zeros(0)
 
 def peer(library: str) -> Peer:
     pytest.importorskip(library, reason=f"{library} is not installed: the extras `samplers` and `simulators`")
-    found: Peer = import_module(f"sepv.peers.{library}").PEER
+    found: Peer = import_module(f"sepv.reference.peers.{library}").PEER
     return found
 
 

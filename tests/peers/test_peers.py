@@ -8,11 +8,11 @@ from types import ModuleType
 import numpy as np
 import pytest
 from doors import command, measured, verdicts
+from sepv.reference.peers.peer import names
+from sepv.reference.peers.posing import in_blocks
 
 from sepv import problems
 from sepv.errors import TargetError
-from sepv.peers.peer import names
-from sepv.peers.posing import in_blocks
 from sepv.problem import vector_field
 from sepv.schemes import load_scheme
 
@@ -21,7 +21,7 @@ FEW = {"examples": 20, "paths": 256, "shrink_checks": 30}
 
 def adapter(library: str) -> ModuleType:
     pytest.importorskip(library, reason=f"{library} is not installed: the extra `peers`")
-    return import_module(f"sepv.peers.{library}")
+    return import_module(f"sepv.reference.peers.{library}")
 
 
 # The problems as data
@@ -206,7 +206,7 @@ def test_whole_paths_begin_with_the_single_step(library: str) -> None:
 def test_a_package_offers_a_library_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One file and one entry point: the other commands know it by name then."""
     (tmp_path / "stepper.py").write_text(
-        "from sepv.peers.peer import Peer\n"
+        "from sepv.reference.peers.peer import Peer\n"
         "from sepv.schemes import Scheme, midpoint\n"
         "from sepv.studies._compare.method import from_scheme\n"
         "from sepv.problems import rigid_body\n"
@@ -227,6 +227,6 @@ def test_a_package_offers_a_library_of_its_own(tmp_path: Path, monkeypatch: pyte
 
 def test_an_entry_point_that_gives_no_peer_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     point = EntryPoint("other", "sepv.problems:PAPER", "sepv.peers")
-    monkeypatch.setattr("sepv.peers.peer.metadata.entry_points", lambda **_: [point])
-    with pytest.raises(TargetError, match=r"a sepv.peers.peer.Peer at sepv.problems:PAPER"):
+    monkeypatch.setattr("sepv.reference.peers.peer.metadata.entry_points", lambda **_: [point])
+    with pytest.raises(TargetError, match=r"a sepv.reference.peers.peer.Peer at sepv.problems:PAPER"):
         load_scheme("other-heun")

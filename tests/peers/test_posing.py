@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from doors import doc
 from hypothesis import given, settings
+from sepv.reference.peers.posing import field_in, pose
 
 import sepv
-from sepv.peers.posing import field_in, pose
 from sepv.problem import vector_field
 from sepv.schemes import ask
 from sepv.schemes._guard import SchemeCrash
@@ -100,7 +100,7 @@ def test_numpys_functions_under_a_tracer_end_with_the_way_to_pose_them() -> None
     def step(problem: sepv.Problem, y: np.ndarray, h: float, dW: np.ndarray) -> np.ndarray:
         raise TracerArrayConversionError("called on traced array\nSee https://…")
 
-    with pytest.raises(SchemeCrash, match=r"sepv.peers.posing.pose") as caught:
+    with pytest.raises(SchemeCrash, match=r"sepv.reference.peers.posing.pose") as caught:
         ask(sepv.Scheme("traced", step), sepv.problems.pendulum(), np.array([0.2, 1.0]), 0.1, np.zeros(2))
     assert "https" not in str(caught.value)
 

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from sepv.reference.peers.peer import Peer, load
+from sepv.reference.peers.posing_fields import pose_fields
 
 from benchmarks.peers import solver_measurements as measurements
 from benchmarks.peers import solvers
 from benchmarks.peers.solver import KINDS, Solver, problem_of
 from sepv import problems
 from sepv.errors import Skipped
-from sepv.peers.peer import Peer, load
-from sepv.peers.posing_fields import pose_fields
 from sepv.problem import Array, Problem, column, ito_drift, vector_field
 from sepv.problem._hamiltonians import noise_field
 from sepv.schemes._further_increments import answer

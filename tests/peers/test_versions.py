@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 from click.testing import CliRunner
+from sepv.reference.peers.peer import load
 
 from benchmarks.peers import changes as trend
 from benchmarks.peers import one_release as peer
@@ -19,7 +20,6 @@ from benchmarks.peers.trend import main as trends
 from benchmarks.peers.trend_page import page
 from sepv.console import Shown
 from sepv.errors import UsageError
-from sepv.peers.peer import load
 from sepv.verification import Effort
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -241,7 +241,7 @@ def load_method(target: str, problem: Problem) -> Method:
     """
     if target == EXACT:
         return exact_time_change()
-    peers = import_module("sepv.peers.peer")  # a room above: its records are made of those of this file
+    peers = import_module("sepv.reference.peers.peer")  # it imports this room
     driven: Method | None = peers.method(target) if peers.library_of(target) else None
     if driven is not None:
         return driven

@@ -10,10 +10,10 @@ from typing import Any
 
 from blackjax.mcmc import integrators
 from blackjax.mcmc.metrics import default_metric
+from sepv.reference.peers._integrator import REVERSIBLE, SYMPLECTIC, integrator
+from sepv.reference.peers._jax import advance_by
+from sepv.reference.peers.peer import Peer
 
-from sepv.peers._integrator import REVERSIBLE, SYMPLECTIC, integrator
-from sepv.peers._jax import advance_by
-from sepv.peers.peer import Peer
 from sepv.schemes import Scheme
 
 _MODULE = (

@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 import torch
 import torchsde
+from sepv.reference.peers.peer import Peer
+from sepv.reference.peers.posing import LANES, PathSolver, in_blocks, pose
 
 from sepv.errors import Skipped
-from sepv.peers.peer import Peer
-from sepv.peers.posing import LANES, PathSolver, in_blocks, pose
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme
 from sepv.studies import Method, from_states

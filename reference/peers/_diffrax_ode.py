@@ -7,9 +7,9 @@ from typing import Any
 
 import diffrax
 import jax
+from sepv.reference.peers._integrator import SYMPLECTIC, integrator
+from sepv.reference.peers._jax import advance_by
 
-from sepv.peers._integrator import SYMPLECTIC, integrator
-from sepv.peers._jax import advance_by
 from sepv.schemes import Scheme
 
 

@@ -10,9 +10,9 @@ from mici.errors import IntegratorError
 from mici.matrices import DensePositiveDefiniteMatrix, PositiveDiagonalMatrix
 from mici.states import ChainState
 from mici.systems import EuclideanMetricSystem
+from sepv.reference.peers._integrator import REVERSIBLE, SYMPLECTIC, diagonal, integrator
+from sepv.reference.peers.peer import Peer
 
-from sepv.peers._integrator import REVERSIBLE, SYMPLECTIC, diagonal, integrator
-from sepv.peers.peer import Peer
 from sepv.problem import Array, Mechanics
 from sepv.schemes import Scheme
 

@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 import rebound
+from sepv.reference.peers._integrator import REVERSIBLE, SYMPLECTIC, integrator, masses
+from sepv.reference.peers.peer import Peer
 
 from sepv.errors import Skipped
-from sepv.peers._integrator import REVERSIBLE, SYMPLECTIC, integrator, masses
-from sepv.peers.peer import Peer
 from sepv.problem import Array, Mechanics, sample_states
 from sepv.schemes import Scheme
 
@@ -152,7 +152,8 @@ PEER = Peer(
         "whfast-barycentric": _planetary("whfast", 2, SYMPLECTIC, _WHFAST, coordinates="barycentric"),
         "whfast-lazy": _planetary("whfast", 2, SYMPLECTIC, _WHFAST, kernel="lazy", corrector=17),
         "saba": _planetary("saba", None, SYMPLECTIC, _SABA),
-        # Hybrids that change between two integrators: nothing is claimed of them.
+        # MERCURIUS and TRACE change between two integrators. EOS does not, and its source was not read.
+        # Nothing is claimed of the three.
         "mercurius": _planetary("mercurius", None, (), 'MERCURIUS: "a hybrid symplectic integrator".'),
         "trace": _planetary("trace", None, (), 'TRACE: "a hybrid (almost) time-reversible integrator".'),
         "eos": _planetary("eos", None, (), "EOS"),

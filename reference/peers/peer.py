@@ -19,9 +19,10 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeVar
 
+from sepv.reference.peers.posing import PathSolver
+
 from sepv._arguments import did_you_mean, optional
 from sepv.errors import TargetError
-from sepv.peers.posing import PathSolver
 from sepv.schemes import Scheme
 from sepv.studies import Method
 
@@ -83,13 +84,13 @@ def load(library: str) -> Peer:
         Where the library is not installed, or its entry point gives no `Peer`.
     """
     points = {point.name: point.value for point in metadata.entry_points(group=GROUP)}
-    module, _, attribute = points.get(library, f"sepv.peers.{library}:PEER").partition(":")
+    module, _, attribute = points.get(library, f"sepv.reference.peers.{library}:PEER").partition(":")
     peer = getattr(
         optional(module, f"the library {library}", f"pip install {library}", TargetError), attribute, None
     )
     if not isinstance(peer, Peer):
         raise TargetError(
-            expected=f"a sepv.peers.peer.Peer at {module}:{attribute}",
+            expected=f"a sepv.reference.peers.peer.Peer at {module}:{attribute}",
             received=f"{type(peer).__name__}",
             remedy=f"correct the entry point {library} of the group {GROUP}",
         )

@@ -26,11 +26,11 @@ import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
+from sepv.reference.peers._diffrax_ode import INTEGRATORS
+from sepv.reference.peers._jax import enable_x64
+from sepv.reference.peers.peer import Peer
+from sepv.reference.peers.posing import LANES, Formulas, PathSolver, in_blocks, pose, size
 
-from sepv.peers._diffrax_ode import INTEGRATORS
-from sepv.peers._jax import enable_x64
-from sepv.peers.peer import Peer
-from sepv.peers.posing import LANES, Formulas, PathSolver, in_blocks, pose, size
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.schemes import Scheme
 from sepv.studies import Method, from_states

@@ -15,9 +15,9 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from sepv.reference.peers._integrator import Advance, diagonal
+from sepv.reference.peers.posing import Formulas, pose, size
 
-from sepv.peers._integrator import Advance, diagonal
-from sepv.peers.posing import Formulas, pose, size
 from sepv.problem import Array, Mechanics
 
 # JAX has had this context manager in two places.
@@ -28,7 +28,7 @@ Step = Callable[..., tuple[Any, Any]]
 
 
 def advance_by(step: Step) -> Advance:
-    """A step in JAX as one for `sepv.peers._integrator.integrator`."""
+    """A step in JAX as one for `sepv.reference.peers._integrator.integrator`."""
 
     def advance(system: Mechanics, q: Array, p: Array, h: float) -> tuple[Array, Array]:
         n, (formulas, numbers, inverse_mass) = len(q), _posed(system)

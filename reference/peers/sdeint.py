@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 import sdeint
+from sepv.reference.peers.peer import Peer
+from sepv.reference.peers.posing import PathSolver
 
-from sepv.peers.peer import Peer
-from sepv.peers.posing import PathSolver
 from sepv.problem import Array, Problem, vector_field
 from sepv.schemes import Scheme, Step
 from sepv.studies import from_states

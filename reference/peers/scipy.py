@@ -6,9 +6,9 @@ from functools import partial
 
 import numpy as np
 from scipy.integrate import solve_ivp
+from sepv.reference.peers._integrator import integrator
+from sepv.reference.peers.peer import Peer
 
-from sepv.peers._integrator import integrator
-from sepv.peers.peer import Peer
 from sepv.problem import Array, Mechanics
 from sepv.schemes import Scheme
 

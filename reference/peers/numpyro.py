@@ -6,10 +6,9 @@ from typing import Any
 
 from numpyro.infer.hmc_util import euclidean_kinetic_energy
 from numpyro.infer.hmc_util import velocity_verlet as verlet
-
-from sepv.peers._integrator import REVERSIBLE, SYMPLECTIC, integrator
-from sepv.peers._jax import advance_by
-from sepv.peers.peer import Peer
+from sepv.reference.peers._integrator import REVERSIBLE, SYMPLECTIC, integrator
+from sepv.reference.peers._jax import advance_by
+from sepv.reference.peers.peer import Peer
 
 
 def _step(V: Any, inverse_mass: Any, q: Any, p: Any, h: Any) -> tuple[Any, Any]:

@@ -11,9 +11,9 @@ import numpy as np
 from pymc.blocking import RaveledVars
 from pymc.step_methods.hmc.integration import CpuLeapfrogIntegrator
 from pymc.step_methods.hmc.quadpotential import QuadPotentialDiag, QuadPotentialFull
+from sepv.reference.peers._integrator import REVERSIBLE, SYMPLECTIC, diagonal, integrator
+from sepv.reference.peers.peer import Peer
 
-from sepv.peers._integrator import REVERSIBLE, SYMPLECTIC, diagonal, integrator
-from sepv.peers.peer import Peer
 from sepv.problem import Array, Mechanics
 
 

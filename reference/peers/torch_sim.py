@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import torch
+from sepv.reference.peers._integrator import REVERSIBLE, SYMPLECTIC, integrator, masses, on_axis
+from sepv.reference.peers.peer import Peer
 from torch_sim.integrators.nve import nve as make
 from torch_sim.state import SimState
 
-from sepv.peers._integrator import REVERSIBLE, SYMPLECTIC, integrator, masses, on_axis
-from sepv.peers.peer import Peer
 from sepv.problem import Array, Mechanics
 
 

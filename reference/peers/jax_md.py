@@ -6,11 +6,11 @@ from typing import Any
 
 import jax
 from jax_md import simulate, space
+from sepv.reference.peers._integrator import REVERSIBLE, SYMPLECTIC, integrator
+from sepv.reference.peers._jax import advance_by
+from sepv.reference.peers.peer import Peer
 
 from sepv.errors import Skipped
-from sepv.peers._integrator import REVERSIBLE, SYMPLECTIC, integrator
-from sepv.peers._jax import advance_by
-from sepv.peers.peer import Peer
 
 
 def _step(V: Any, inverse_mass: Any, q: Any, p: Any, h: Any) -> tuple[Any, Any]:

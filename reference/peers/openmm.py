@@ -12,10 +12,10 @@ from typing import Any
 
 import openmm
 from openmm.unit import nanometer, picosecond
+from sepv.reference.peers._integrator import REVERSIBLE, SYMPLECTIC, integrator, masses, on_axis
+from sepv.reference.peers.peer import Peer
 
 from sepv.errors import Skipped
-from sepv.peers._integrator import REVERSIBLE, SYMPLECTIC, integrator, masses, on_axis
-from sepv.peers.peer import Peer
 from sepv.problem import Array, Mechanics
 
 

@@ -7,9 +7,9 @@ from typing import Any
 from ase import Atoms
 from ase.calculators.calculator import Calculator, all_changes
 from ase.md.verlet import VelocityVerlet
+from sepv.reference.peers._integrator import REVERSIBLE, SYMPLECTIC, integrator, masses, on_axis
+from sepv.reference.peers.peer import Peer
 
-from sepv.peers._integrator import REVERSIBLE, SYMPLECTIC, integrator, masses, on_axis
-from sepv.peers.peer import Peer
 from sepv.problem import Array, Mechanics
 
 
