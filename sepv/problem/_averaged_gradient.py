@@ -24,7 +24,11 @@ FEW = 512
 
 
 class Average(NamedTuple):
-    """value (d, M); evaluations of ∇H (M,); error (M,): 0 where exact, else the last two rules' difference."""
+    """An averaged gradient (d, M), with the evaluations of ∇H that it took, and its error.
+
+    `error` (M,) is 0 where the average is exact, else the difference of the last two rules. `reliable` (M,) is True
+    where that is rounding.
+    """
 
     value: Array
     evaluations: np.ndarray
@@ -33,7 +37,7 @@ class Average(NamedTuple):
 
 
 def average_gradient(problem: Problem, y0: Array, y1: Array) -> Average:
-    """∫₀¹ ∇H(y0 + τ(y1 − y0)) dτ for y0, y1 of shape (d, ...)."""
+    """The average of ∇H along the segment from y0 to y1, ∫₀¹ ∇H(y0 + τ(y1 − y0)) dτ, for states (d, ...)."""
     shape = y0.shape[1:]
     if problem.mean_gradient is not None:
         value = problem.mean_gradient(y0, y1)
@@ -46,10 +50,10 @@ def average_gradient(problem: Problem, y0: Array, y1: Array) -> Average:
 
 
 def average_hessian(problem: Problem, y0: Array, y1: Array) -> Array | None:
-    """∫₀¹ τ H″(y0 + τ(y1 − y0)) dτ, the derivative of the averaged gradient by y1.
+    """The derivative of the averaged gradient by y1, ∫₀¹ τ H″(y0 + τ(y1 − y0)) dτ, (d, d, ...); None without H″.
 
-    It serves Newton's Jacobian only. So three nodes suffice where H is not a polynomial: they change the speed of
-    convergence, not its limit.
+    Only Newton's Jacobian uses it. Three nodes therefore suffice where H is not a polynomial: they change the speed of
+    convergence and not its limit.
     """
     if problem.hessian is None:
         return None
@@ -67,12 +71,15 @@ def average_hessian(problem: Problem, y0: Array, y1: Array) -> Array | None:
 
 
 def _on_segment(y0: Array, y1: Array, points: Array) -> Array:
-    """y0 + τ(y1 − y0) for each τ, (d, nodes, ...)."""
+    """The points y0 + τ(y1 − y0) of a segment for each τ in `points`, (d, nodes, ...)."""
     return y0[:, None] + points.reshape(1, -1, *(1,) * (y0.ndim - 1)) * (y1 - y0)[:, None]
 
 
 def _quadratures(problem: Problem, y0: Array, y1: Array, *rules: int) -> list[tuple[Array, Array]]:
-    """Each rule's value (d, ...) and terms (d, nodes, ...); one call evaluates ∇H at the nodes of all rules."""
+    """The average by Gauss rules with these numbers of nodes: the value (d, ...) and the terms (d, nodes, ...) of each.
+
+    One call evaluates ∇H at the nodes of all rules.
+    """
     tabulated = [gauss_legendre(nodes) for nodes in rules]
     all_points = tabulated[0][0] if len(rules) == 1 else np.concatenate([points for points, _ in tabulated])
     gradients = problem.gradient(_on_segment(y0, y1, all_points))
@@ -85,12 +92,12 @@ def _quadratures(problem: Problem, y0: Array, y1: Array, *rules: int) -> list[tu
 
 
 def _size(terms: Array) -> Array:
-    """The sum of the absolute values of a quadrature's terms (d, nodes, ...): the largest component."""
+    """The scale of a quadrature's rounding, (...): the sum of |terms| (d, nodes, ...), in its largest component."""
     return np.asarray(np.max(summed(np.abs(terms)), axis=0))
 
 
 def argument_rounding(problem: Problem, *states: Array) -> Array:
-    """The change of ∇H(y) by one rounding of y, eps |H″(y) y|: the largest over the given states, (M,).
+    """The change of ∇H(y) by one rounding of y, about eps |H″(y) y|: the largest of the given states, (M,).
 
     Where ∇H varies fast beside |y|, as sin q does at q = 10⁸, two quadrature rules agree only to a few of these,
     because each rounds its nodes differently.
@@ -104,6 +111,7 @@ def argument_rounding(problem: Problem, *states: Array) -> Array:
 
 
 def _adaptive(problem: Problem, y0: Array, y1: Array) -> Average:
+    """The average by Gauss rules of more and more nodes, until two of them agree to rounding."""
     shape = y0.shape[1:]
     a, b = y0.reshape(y0.shape[0], -1), y1.reshape(y1.shape[0], -1)
     # The first two rules are always needed, so one call evaluates both.
@@ -114,15 +122,15 @@ def _adaptive(problem: Problem, y0: Array, y1: Array) -> Average:
     for nodes in _LADDER[2:]:
         if reliable.all():
             break
-        open_ = np.flatnonzero(~reliable)
-        ((finer, terms),) = _quadratures(problem, a[:, open_], b[:, open_], nodes)
-        error[open_] = np.max(np.abs(finer - value[:, open_]), axis=0)
-        value[:, open_] = finer
-        evaluations[open_] += nodes
-        reliable[open_] = _agree(error[open_], terms)
+        rest = np.flatnonzero(~reliable)
+        ((finer, terms),) = _quadratures(problem, a[:, rest], b[:, rest], nodes)
+        error[rest] = np.max(np.abs(finer - value[:, rest]), axis=0)
+        value[:, rest] = finer
+        evaluations[rest] += nodes
+        reliable[rest] = _agree(error[rest], terms)
     if not reliable.all():
-        open_ = np.flatnonzero(~reliable)
-        reliable[open_] = error[open_] <= 16 * argument_rounding(problem, a[:, open_], b[:, open_])
+        rest = np.flatnonzero(~reliable)
+        reliable[rest] = error[rest] <= 16 * argument_rounding(problem, a[:, rest], b[:, rest])
     return Average(
         value.reshape(y0.shape), evaluations.reshape(shape), error.reshape(shape), reliable.reshape(shape)
     )

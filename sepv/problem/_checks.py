@@ -43,9 +43,9 @@ def check_problem(problem: Problem) -> None:
 
 
 def sample_states(problem: Problem, length: float = 1.0) -> Iterator[Array]:
-    """A few states of the domain about the initial one, the same in every run.
+    """A few states of the domain around the problem's initial state, the same in every run.
 
-    Their components differ by a quarter of |y_i| + `length`.
+    Component i differs from the initial one by at most a quarter of |y_i| + `length`.
     """
     rng = np.random.default_rng(20140203)
     d = problem.dimension
@@ -108,7 +108,7 @@ def _check_gradient(problem: Problem, y: Array) -> None:
 def _mistaken(
     given: Any, of: Callable[[Any], Any], y: Array
 ) -> Iterator[tuple[tuple[int, ...], float, float]]:
-    """Entries of a given derivative that are wrong, each with its index, its value and the right value."""
+    """The wrong entries of `given`, the stated derivative of a function at y, as (index, value, right value)."""
     scale = max(float(np.abs(given).max()), 1e-3)
     for index in np.ndindex(*np.shape(given)):
         value = float(given[index])
@@ -118,10 +118,10 @@ def _mistaken(
 
 
 def _check_mean_gradient(problem: Problem, y: Array) -> None:
-    """Check (y1 − y0)ᵀ∇̄H = H(y1) − H(y0), which energy preservation rests on, for `mean_gradient` or `degree`.
+    """Check that the averaged gradient ∇̄H by `mean_gradient` or `degree` has (y1 − y0)ᵀ∇̄H = H(y1) − H(y0).
 
-    The tolerance is GRADIENT_TOLERANCE of the terms. Another rule, such as the midpoint's, is off by the cube of the
-    distance, of order 1e-5 here.
+    Energy preservation rests on that. The tolerance is GRADIENT_TOLERANCE of the terms. Another rule, such as the
+    midpoint's, is off by the cube of the distance, about 1e-5 here.
     """
     end = y * (1 + 2.0**-4) + 2.0**-6
     if (problem.mean_gradient is None and problem.degree is None) or not inside(problem, end):
@@ -186,10 +186,10 @@ def _check_derivatives(problem: Problem, y: Array) -> None:
 
 
 def closest_derivative(function: Callable[[Any], Any], y: Array, k: int, claimed: float) -> float:
-    """∂function/∂y_k, by the complex step or by extended-precision differences: the one closer to `claimed`.
+    """The derivative of a function by y_k at y, computed in two ways, of which the one closer to `claimed` is returned.
 
-    The complex step is exact to rounding but wrong for code that is not analytic (abs, comparisons, conversions to
-    float); differences work for any code but lose digits.
+    The complex step is exact to rounding, but wrong for code that is not analytic (abs, comparisons, conversions to
+    float). Differences in extended precision work for any code, but lose digits.
     """
     distances = []
     with warnings.catch_warnings(), np.errstate(all="ignore"):
@@ -205,13 +205,14 @@ def closest_derivative(function: Callable[[Any], Any], y: Array, k: int, claimed
 
 
 def _complex_step(function: Callable[[Any], Any], y: Array, k: int) -> float:
+    """The derivative by y_k as the imaginary part of the function at y + iε e_k, divided by ε."""
     z = y.astype(np.complex128)
     z[k] += 1e-40j
     return float(np.imag(function(z)) / 1e-40)
 
 
 def _extended_difference(function: Callable[[Any], Any], y: Array, k: int) -> float:
-    """Sixth-order central difference in the platform's longest float; its error is about h⁶ + eps_long/h."""
+    """The derivative by y_k as a central difference of order six in the longest float, with error h⁶ + eps_long/h."""
     z = y.astype(np.longdouble)
     h = np.longdouble(2.0**-8) * (1 + abs(z[k]))
     total = np.longdouble(0)
@@ -224,6 +225,7 @@ def _extended_difference(function: Callable[[Any], Any], y: Array, k: int) -> fl
 
 
 def _call(problem: Problem, key: str, y: Array) -> Any:
+    """The value of a function of the problem at a copy of y; ProblemError if it raises, or changes its argument."""
     copied = y.copy()
     try:
         value = getattr(problem, key)(copied)

@@ -23,12 +23,12 @@ from sepv.problem._problem import Array, Problem
 
 @dataclass(frozen=True, eq=False)
 class DampedProblem(Problem):
-    """A system (1.1) with damping −γy dt; `casimirs` are those of B.
+    """A system (1.1) with linear damping, dy = (B∇H − γy) dt + Σ_j c_j B∇H ∘dW_j; `casimirs` are those of B.
 
     Parameters
     ----------
     damping : float
-        γ.
+        The rate γ.
 
     Raises
     ------
@@ -57,11 +57,11 @@ class DampedProblem(Problem):
 
 
 def require_undamped(problem: Problem) -> None:
-    """Raise Skipped for a damped problem, in formulas that know nothing of damping."""
+    """Raise Skipped for a damped problem: a formula without a term for damping would leave it out."""
     if damping_of(problem):
         raise Skipped(f"the scheme leaves out the damping of {problem.name}")
 
 
 def damping_of(problem: Problem) -> float:
-    """γ; zero for a problem without damping."""
+    """The rate γ of a problem's damping −γy dt; zero for a problem without damping."""
     return float(getattr(problem, "damping", 0.0))

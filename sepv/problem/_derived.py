@@ -30,26 +30,25 @@ Function = Callable[[Array], Array]
 
 
 def to_be_derived(y: Array) -> Array:
-    """Placeholder for a part that will be derived; never called."""
+    """The default of `gradient`, which marks a part that is to be derived; it is never called."""
     raise NotImplementedError("a mark for what was not given")
 
 
 @dataclass(frozen=True)
 class MeanGradient:
-    """The mean gradient (y0, y1) -> ∫₀¹∇H(y0 + τ(y1 − y0))dτ from its record."""
+    """The averaged gradient as a function (y0, y1) -> ∫₀¹∇H(y0 + τ(y1 − y0))dτ, computed from its record."""
 
     of_segment: Evaluator
 
     def __call__(self, y0: Array, y1: Array) -> Array:
-        """The mean gradient, of shape (d, ...)."""
         return self.of_segment(y0, y1 - y0)
 
 
 @dataclass(frozen=True)
 class Derivatives:
-    """∇H and H″ as functions of arrays with the shapes of `sepv.Problem`, and the degree of a polynomial H.
+    """The derivatives of H as functions of arrays with the shapes of `sepv.Problem`, and the degree of a polynomial H.
 
-    `mean_gradient` is None where H is a polynomial, whose degree is enough, and where there is no closed form.
+    `mean_gradient` is None for a polynomial, whose degree is enough, and where the average has no closed form.
     """
 
     gradient: Evaluator
@@ -60,13 +59,13 @@ class Derivatives:
 
 @dataclass(frozen=True)
 class Derived(Derivatives):
-    """The derivatives of H, and B′ of shape (d, d, d, ...)."""
+    """The derivatives of H and of B: `structure_derivative` is B′, of shape (d, d, d, ...)."""
 
     structure_derivative: Evaluator
 
 
 def derive(dimension: int, structure: Function, hamiltonian: Function) -> Derived:
-    """Derive all missing parts from B and H. Raises ProblemError where one cannot be recorded, with the reason."""
+    """Derive all parts of a problem from B and H. Raises ProblemError, with the reason, if one cannot be recorded."""
     tape = Tape()
     y = tape.vector(dimension)
     B = _recorded(tape, "structure", structure, y, (dimension, dimension))
@@ -96,9 +95,9 @@ def derivatives(dimension: int, hamiltonian: Function, name: str = "hamiltonian"
 
 @dataclass(frozen=True)
 class PartFlow:
-    """(y, t) -> (d, ...): the exact flow of B∇H_k at times t (...), for a part H_k of H.
+    """The exact flow of B∇H_k for a part H_k of H, as a function (y, t) -> (d, ...) of states and times t (...).
 
-    A call raises NoClosedForm or ProblemError where B∇H_k has no flow in closed form (`sepv.record._flows`), or cannot
+    A call raises NoClosedForm if that flow has no closed form (`sepv.record._flows`), and ProblemError if B∇H_k cannot
     be recorded.
     """
 
@@ -107,7 +106,6 @@ class PartFlow:
     part: Function
 
     def __call__(self, y: Array, t: Array) -> Array:
-        """The states at the times t from y (d, ...)."""
         return self._evaluator(y, np.asarray(t)[None])
 
     @cached_property
@@ -120,7 +118,10 @@ class PartFlow:
 
 
 def _recorded(tape: Tape, key: str, function: Function, y: Any, shape: tuple[int, ...]) -> Any:
-    """The record of a function's result, of this shape; errors of the function are reported as its author's."""
+    """The record of a function of the symbols y, whose result must have this shape.
+
+    Raises ProblemError, with the reason, if it cannot be recorded or has another shape.
+    """
     try:
         symbols = tape.symbols(function(y))
     except Exception as error:

@@ -1,4 +1,4 @@
-"""Directions of gradients made orthogonal, for arrays and for symbols."""
+"""Gradients of invariants made orthogonal by Gram and Schmidt, for arrays and for symbols."""
 
 from __future__ import annotations
 
@@ -9,14 +9,15 @@ import numpy as np
 
 from sepv.problem._fields import dot
 
-# Gradients closer to those before them than this, relative to their length, are the same to rounding: they add nothing.
+# A gradient adds nothing if its part orthogonal to those before it is below this share of its length.
 DEPENDENT = 2.0**-40
 
 
 class Directions(NamedTuple):
-    """Gram and Schmidt's vectors q_k (d, ...) of gradients N_k, 1/|q_k|² (...), and the products q_jᵀN_k, j < k.
+    """Orthogonal vectors q_k (d, ...) that span the same space as some gradients N_k.
 
-    The reciprocal is 0 where N_k adds nothing to those before it.
+    `inverse` are the 1/|q_k|², (...), or 0 where N_k adds nothing to those before it. `products` has a list of the
+    q_jᵀN_k, j < k, for each k.
     """
 
     q: list[Any]
@@ -24,14 +25,17 @@ class Directions(NamedTuple):
     products: list[list[Any]]
 
     def without(self, w: Any) -> Any:
-        """w less its parts along the q_k, taken away twice: the first time leaves rounding of a longer vector."""
+        """The part of w (d, ...) that is orthogonal to all gradients.
+
+        The parts along the q_k are subtracted twice, because the first time leaves the rounding of a longer vector.
+        """
         for _ in range(2):
             for b, inverse in zip(self.q, self.inverse, strict=True):
                 w = w - b * (dot(b, w) * inverse)
         return w
 
     def correction(self, r: Sequence[Any]) -> Any:
-        """u in the span of the N_k with N_kᵀu = r_k, where they are independent."""
+        """The vector u in the span of the gradients with N_kᵀu = r_k, (d, ...), where they are independent."""
         weights: list[Any] = []
         for value, products, inverse in zip(r, self.products, self.inverse, strict=True):
             for w, product in zip(weights, products, strict=True):
@@ -40,14 +44,14 @@ class Directions(NamedTuple):
         return sum(q * w for q, w in zip(self.q, weights, strict=True))
 
     def of(self, lanes: Any) -> Directions:
-        """The directions in some lanes (M,)."""
+        """The directions at some of the states, given by their numbers or a mask."""
         parts = self.q, self.inverse, *self.products
         q, inverse, *products = ([v[..., lanes] for v in part] for part in parts)
         return Directions(q, inverse, products)
 
 
 def directions(gradients: Sequence[Any]) -> Directions:
-    """Make the directions from gradients (d, ...) each."""
+    """Make gradients, (d, ...) each, orthogonal one after the other."""
     basis = Directions([], [], [])
     for N in gradients:
         q = basis.without(N)

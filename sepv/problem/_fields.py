@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sepv.problem._nambu import cross_entries
 from sepv.problem._problem import Array, Problem
 from sepv.record import EPS, TINY
 
@@ -27,12 +28,12 @@ FEW = 96
 
 
 def _is_small(A: Array, products: int) -> bool:
-    """True if one operation should form all these products with A; symbols are recorded one by one."""
+    """True if one NumPy operation should form this many products with A; products of symbols are formed one by one."""
     return products <= FEW * A.shape[1] and isinstance(A, np.ndarray) and A.dtype != object
 
 
 def summed(terms: Array) -> Array:
-    """Σ_j terms[:, j] in the order of j, (n, ...). Small sums take one call, which costs less."""
+    """The sum of terms (n, d, ...) over their second axis, Σ_j terms[:, j], in the order of j, (n, ...)."""
     if _is_small(terms, terms.size):
         totals: Array = np.add.accumulate(terms, axis=1)
         return totals[:, -1]
@@ -43,7 +44,10 @@ def summed(terms: Array) -> Array:
 
 
 def matvec(A: Array, v: Array) -> Array:
-    """A v for A (n, d, ...) and v (d, ...); for ∂B_ij/∂y_k as A, the derivative of B(y)v with v fixed."""
+    """The product A v for matrices A (n, d, ...) and vectors v (d, ...).
+
+    With the derivatives ∂B_ij/∂y_k (d, d, d, ...) as A it is Σ_j ∂B_ij/∂y_k v_j, the derivative of B(y)v with v fixed.
+    """
     if _is_small(A, A.size):
         return summed(A * v.reshape(len(v), *(1,) * (A.ndim - 1 - v.ndim), *v.shape[1:]))
     total = A[:, 0] * v[0]
@@ -53,12 +57,15 @@ def matvec(A: Array, v: Array) -> Array:
 
 
 def dot(u: Array, v: Array) -> Array:
-    """uᵀv, (...). `np.sum` would add eight and more components of one path in another order than a batch's."""
+    """The product uᵀv of vectors (d, ...), summed in the order of the components for one state and for a batch.
+
+    `np.sum` adds eight and more components of a single state in another order.
+    """
     return matvec(u[None], v)[0]
 
 
 def matmul(A: Array, B: Array) -> Array:
-    """A B for A of shape (n, d, ...) and B of shape (d, p, ...)."""
+    """The product A B of matrices of shapes (n, d, ...) and (d, p, ...)."""
     if _is_small(A, A.size * B.shape[1]):
         return summed(A[:, :, None] * B)
     total = A[:, 0, None] * B[0]
@@ -68,12 +75,12 @@ def matmul(A: Array, B: Array) -> Array:
 
 
 def vector_field(problem: Problem, y: Array) -> Array:
-    """f(y) = B(y)∇H(y), of shape (d, ...)."""
+    """The field f(y) = B(y)∇H(y) of a problem, of shape (d, ...)."""
     return matvec(problem.structure(y), problem.gradient(y))
 
 
 def invariants(problem: Problem, y: Array) -> Array:
-    """H and the quadratic and linear Casimirs that the problem names, (1 + n, ...), at y of shape (d, ...).
+    """The invariants of a problem at y (d, ...), as rows (1 + n, ...): H, and its n quadratic and linear Casimirs.
 
     Sums are written out, so that the bits of a state do not depend on the others.
     """
@@ -87,7 +94,10 @@ def invariants(problem: Problem, y: Array) -> Array:
 
 
 def casimir_gradients(quadratic: Sequence[Any], linear: Sequence[Any], ends: Array) -> list[Array]:
-    """∫₀¹∇C(y0 + τ(y1 − y0))dτ of Casimirs yᵀAy and bᵀy, of shape (d, ...) each, for ends = y0 + y1; ∇C(y) for 2y."""
+    """The averaged gradients of Casimirs yᵀAy and bᵀy along a segment from y0 to y1, (d, ...) each, for ends = y0 + y1.
+
+    For ends = 2y they are the gradients at y.
+    """
     extra = (1,) * (ends.ndim - 1)
     return [
         *(matvec(np.reshape(A, (*np.shape(A), *extra)), ends) for A in quadratic),
@@ -96,7 +106,7 @@ def casimir_gradients(quadratic: Sequence[Any], linear: Sequence[Any], ends: Arr
 
 
 def turned_along(D: Array, w: Array) -> Array:
-    """Σ_k D[:, :, k] w_k: B′(y)w, (d, d, ...), for D = ∂B_ij/∂y_k."""
+    """The derivative of B in the direction w, B′(y)w = Σ_k D[:, :, k] w_k, (d, d, ...), for D = ∂B_ij/∂y_k."""
     total = D[:, :, 0] * w[0]
     for k in range(1, len(w)):
         total = total + D[:, :, k] * w[k]
@@ -104,7 +114,7 @@ def turned_along(D: Array, w: Array) -> Array:
 
 
 def field_jacobian(problem: Problem, y: Array) -> Array | None:
-    """f′(y), of shape (d, d, ...); None where the problem does not give the derivatives of B and ∇H."""
+    """The derivative f′(y) of the field f = B∇H, (d, d, ...); None if the problem does not give B′ and H″."""
     if problem.hessian is None or problem.structure_derivative is None:
         return None
     g = problem.gradient(y)
@@ -112,7 +122,7 @@ def field_jacobian(problem: Problem, y: Array) -> Array | None:
 
 
 def structure_slope(problem: Problem, y: Array, v: Array) -> Array:
-    """The derivative of B(y)v for fixed v, (d, d, ...): analytic, else by differences for Newton's use."""
+    """The derivative of B(y)v by y for fixed v, (d, d, ...): analytic, else by differences good for Newton's matrix."""
     if problem.structure_derivative is not None:
         return matvec(problem.structure_derivative(y), v)
     flat = v.reshape(len(v), -1)
@@ -120,14 +130,17 @@ def structure_slope(problem: Problem, y: Array, v: Array) -> Array:
 
 
 def hessian(problem: Problem, y: Array) -> Array:
-    """H″(y), (d, d, ...): analytic, else by differences of ∇H for Newton's use."""
+    """The second derivatives H″(y), (d, d, ...): analytic, else by forward differences of ∇H for Newton's matrix."""
     if problem.hessian is not None:
         return problem.hessian(y)
     return differences(problem, lambda at, _: problem.gradient(at), y)
 
 
 def differences(problem: Problem, function: OfLanes, y: Array) -> Array:
-    """function′(y), (n, d, ...), by differences; the function also takes the numbers of the states, flattened."""
+    """The derivative of a function at states y (d, ...) of a problem, (n, d, ...), by forward differences.
+
+    The function is called with states (d, M), and with the numbers of those states among the flattened y.
+    """
     flat, domain = y.reshape(len(y), -1), problem.domain
     inside = None if domain is None else lambda at, _: domain(at)
     base = function(flat, np.arange(flat.shape[1]))
@@ -136,9 +149,10 @@ def differences(problem: Problem, function: OfLanes, y: Array) -> Array:
 
 
 def forward_differences(R: OfLanes, inside: OfLanes | None, z: Array, base: Array, reach: Array) -> Array:
-    """∂R/∂z by forward differences, backward ones where those leave the domain; `reach` (M,) is the size of z.
+    """The derivative ∂R/∂z (n, d, M) at z (d, M), where R is `base` (n, M), by forward differences.
 
-    For few lanes, R and `inside` take several components at once, as lanes, with the lanes' numbers.
+    Where these leave the domain they are backward. `reach` (M,) is the size of z, which their width follows. R and
+    `inside` are called with states, and with the numbers of their lanes: several components are shifted in one call.
     """
     n, M = z.shape
     width = _ROOT * np.maximum(reach, TINY)
@@ -163,13 +177,13 @@ _SCALES = (1.0, 2 / 3, 1 / 3, 0.0)
 
 
 def derivative_along(problem: Problem, y: Array, v: Array) -> Array:
-    """f′(y) v, of shape (d, ...): analytic where the problem gives derivatives, else by differences.
+    """The derivative of the field f = B∇H in the direction v, f′(y)v, (d, ...): analytic, else by differences.
 
     The differences are central and of order six along v. Several widths are tried, and each state takes the one with
     the smallest estimate of its error: the distance of orders four and six, and the rounding of f. Functions that keep
     the type of their argument are differenced in long double, with an error below a rounding of f if that has 64 bits
-    of mantissa; others in binary64, with about 1e-13 of the scale of f. The Itô correction and Milstein's term use the
-    derivative and can be larger than f times the step: an error of 1e-13 would then show in y1.
+    of mantissa. Others are in binary64, with an error of about 1e-13 of the scale of f. The Itô correction and
+    Milstein's term can be larger than f times the step, so that such an error would show in y1.
     """
     jacobian = field_jacobian(problem, y)
     if jacobian is not None:
@@ -201,7 +215,7 @@ def derivative_along(problem: Problem, y: Array, v: Array) -> Array:
 
 
 def slope_along(function: Callable[[Array], Any], y: Array, direction: Array, width: Any) -> Array:
-    """function′(y)·direction by central differences of order six, exact for polynomials of degree 6."""
+    """The derivative of a function at y in a direction, by central differences exact for polynomials of degree 6."""
     rises = [
         np.asarray(function(y + n * width * direction)) - function(y - n * width * direction)
         for n in (1, 2, 3)
@@ -210,10 +224,10 @@ def slope_along(function: Callable[[Array], Any], y: Array, direction: Array, wi
 
 
 def linear_solve(A: Array, b: Array) -> Array:
-    """x with A x = b for A of shape (d, d, M), b of shape (d, M); not finite where A is singular.
+    """The solutions x (d, M) of A x = b for M matrices A (d, d, M) and b (d, M); not finite where A is singular.
 
-    Cramer's rule is used up to d = 3, elementwise: for batches it is several times faster than a LAPACK call a matrix.
-    It is not backward stable, which Newton's iteration does not need: the next residual is computed afresh.
+    Up to d = 3 Cramer's rule is used, elementwise, several times faster for batches than a LAPACK call for each matrix.
+    It is not backward stable. Newton's iteration does not need that, because it computes the next residual afresh.
     """
     if len(b) <= 3:
         if b.shape[1] == 1:  # over numbers: operations on arrays of a few elements take ten times as long
@@ -229,20 +243,20 @@ def linear_solve(A: Array, b: Array) -> Array:
 
 
 def cramer(A: Any, b: Any) -> tuple[list[Any], Any]:
-    """The numerators and the determinant of Cramer's rule for d ≤ 3; entries are numbers or arrays."""
+    """The numerators and the determinant of Cramer's rule for A x = b, d ≤ 3, with numbers, arrays or symbols."""
     if len(b) == 1:
         return [b[0]], A[0][0]
     if len(b) == 2:
         (p, q), (r, s) = A
         return [s * b[0] - q * b[1], p * b[1] - r * b[0]], p * s - q * r
     u, v, w = A
-    cross = _cross(v, w), _cross(w, u), _cross(u, v)
-    determinant = u[0] * cross[0][0] + u[1] * cross[0][1] + u[2] * cross[0][2]
-    return [x * b[0] + y * b[1] + z * b[2] for x, y, z in zip(*cross, strict=True)], determinant
+    columns = cross_entries(v, w), cross_entries(w, u), cross_entries(u, v)
+    determinant = u[0] * columns[0][0] + u[1] * columns[0][1] + u[2] * columns[0][2]
+    return [x * b[0] + y * b[1] + z * b[2] for x, y, z in zip(*columns, strict=True)], determinant
 
 
 class Algebra(NamedTuple):
-    """The operations of Newton's iteration on K = ∂R/∂z, for one way to store K."""
+    """The operations of Newton's iteration on its matrix K = ∂R/∂z, for one way to store K, such as dense or sparse."""
 
     # (K, F) -> (1 − K)⁻¹F, (n, M), not finite where 1 − K is singular.
     correction: Callable[[Any, Array], Array]
@@ -263,10 +277,6 @@ DENSE = Algebra(
     lambda K: np.isfinite(K).all(axis=(0, 1)),
     lambda K, size: matvec(np.abs(K), size),
 )
-
-
-def _cross(u: Any, v: Any) -> tuple[Any, Any, Any]:
-    return u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
 
 
 def _solve_one(matrix: Array, side: Array) -> Array:

@@ -38,13 +38,14 @@ from sepv.problem._fields import differences, hessian, matmul, matvec, structure
 from sepv.problem._problem import Array, Flow, Function, Problem, constant, require_one_for_each_noise
 from sepv.problem._structures import ClosedForm, CommutingStructure, StructuresProblem, combined
 
-# Differences may leave 1e-8 of a slope; a bracket that does not vanish is far larger at some sample state.
+# The largest bracket that counts as zero, relative to its factors: differences may leave 1e-8 of a slope, and a bracket
+# that does not vanish is far larger at some sample state.
 VANISHES = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
 class HamiltoniansProblem(Problem):
-    """A system with several Hamiltonians; `hamiltonian`, `gradient` and the rest are those of H_0.
+    """A system dy = B(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j); `hamiltonian`, `gradient` and the other parts are those of H_0.
 
     Parameters
     ----------
@@ -134,12 +135,12 @@ def is_several(problem: Problem) -> bool:
 
 
 def noise_vectors(problem: Problem) -> Array:
-    """The g_j of additive noise, (m, d); (0, d) for noise that is given otherwise."""
+    """The constant vectors g_j of additive noise, as rows (m, d); (0, d) for noise that is not given by vectors."""
     return np.reshape(getattr(problem, "noise_vectors", ()), (-1, problem.dimension))
 
 
 def noise_gradients(problem: Problem) -> Sequence[Function]:
-    """∇H_1, …, ∇H_m; for (1.1), m times ∇H.
+    """The gradients ∇H_1, …, ∇H_m of the noise Hamiltonians; for (1.1), m times ∇H.
 
     Raises Skipped for several structures that do not come from several Hamiltonians, and for noise vectors.
     """
@@ -156,7 +157,10 @@ def noise_gradients(problem: Problem) -> Sequence[Function]:
 
 
 def combined_field(problem: Problem, y: Array, parts: Array) -> Array:
-    """h f_0(y) + Σ_j c_j ΔW_j f_j(y), (d, M), for parts (1 + m, M) holding h and the c_j ΔW_j."""
+    """The sum of drift and noises of a step, h f_0(y) + Σ_j c_j ΔW_j f_j(y), (d, M), for problems of any class.
+
+    `parts` (1 + m, M) holds h and the c_j ΔW_j. With damping f_0 is B∇H_0 − γy.
+    """
     if len(vectors := noise_vectors(problem)):
         return parts[0] * vector_field(problem, y) + vectors.T @ parts[1:]
     if gamma := damping_of(problem):
@@ -167,12 +171,18 @@ def combined_field(problem: Problem, y: Array, parts: Array) -> Array:
 
 
 def hamiltonian_field(problem: Problem, y: Array, parts: Array) -> Array:
-    """`combined_field` as B(y)(h∇H_0 + Σ c_j ΔW_j ∇H_j), for all problems that `noise_gradients` takes."""
+    """The field B(y)(h∇H_0 + Σ c_j ΔW_j ∇H_j) of a step, (d, M), for problems that have `noise_gradients`.
+
+    `parts` (1 + m, M) holds h and the c_j ΔW_j.
+    """
     return matvec(problem.structure(y), combined_gradient(problem, y, parts))
 
 
 def combined_gradient(problem: Problem, y: Array, parts: Array) -> Array:
-    """h∇H_0(y) + Σ_j c_j ΔW_j ∇H_j(y), (d, M), for parts (1 + m, M) holding h and the c_j ΔW_j."""
+    """The gradient of a step's Hamiltonian, h∇H_0(y) + Σ_j c_j ΔW_j ∇H_j(y), (d, M).
+
+    `parts` (1 + m, M) holds h and the c_j ΔW_j.
+    """
     require_undamped(problem)
     total = parts[0] * problem.gradient(y)
     for part, gradient in zip(parts[1:], noise_gradients(problem), strict=True):
@@ -181,7 +191,7 @@ def combined_gradient(problem: Problem, y: Array, parts: Array) -> Array:
 
 
 def combined_hessian(problem: Problem, y: Array, parts: Array) -> Array:
-    """The derivative of `combined_gradient`, (d, d, M), by differences where second derivatives are not given."""
+    """The derivative of `combined_gradient` by y, (d, d, M); differences replace second derivatives not given."""
     total = parts[0] * hessian(problem, y)
     for j, part in enumerate(parts[1:]):
         total = total + part * noise_hessian(problem, j, y)
@@ -189,7 +199,10 @@ def combined_hessian(problem: Problem, y: Array, parts: Array) -> Array:
 
 
 def noise_hessian(problem: Problem, j: int, y: Array) -> Array:
-    """H_j″(y) for j = 0, 1, …, m − 1 of the noises, (d, d, ...): as given, else by differences; 0 for vectors."""
+    """The second derivatives of the Hamiltonian of noise number j = 0, …, m − 1 at y, (d, d, ...).
+
+    They are as given, else taken by differences of its gradient. They are 0 for noise given by vectors.
+    """
     if len(noise_vectors(problem)):
         return np.zeros((problem.dimension, *y.shape))
     if not isinstance(problem, (HamiltoniansProblem, StructuresProblem)):
@@ -200,14 +213,14 @@ def noise_hessian(problem: Problem, j: int, y: Array) -> Array:
 
 
 def noise_field(problem: Problem, j: int, y: Array) -> Array:
-    """f_j = B∇H_j, or g_j, of noise j = 0, …, m − 1, without c_j, (d, ...)."""
+    """The field of noise number j = 0, …, m − 1 without its c_j, (d, ...): f_j = B∇H_j, or the vector g_j."""
     if len(vectors := noise_vectors(problem)):
         return np.broadcast_to(vectors[j].reshape(-1, *(1,) * (y.ndim - 1)), y.shape)
     return matvec(problem.structure(y), noise_gradients(problem)[j](y))
 
 
 def noise_slope(problem: Problem, j: int, y: Array) -> Array:
-    """f_j′(y), (d, d, ...)."""
+    """The derivative f_j′(y) of the field of noise number j, (d, d, ...)."""
     if len(noise_vectors(problem)):
         return np.zeros((problem.dimension, *y.shape))
     turned = structure_slope(problem, y, noise_gradients(problem)[j](y))
@@ -215,13 +228,19 @@ def noise_slope(problem: Problem, j: int, y: Array) -> Array:
 
 
 def bracket(problem: Problem, i: int, j: int, y: Array) -> Array:
-    """[f_i, f_j] = f_j′f_i − f_i′f_j of two noises, without their c, (d, ...): the factor of a Lévy area A_ij."""
+    """The Lie bracket [f_i, f_j] = f_j′f_i − f_i′f_j of two noise fields without their c, (d, ...).
+
+    It is the factor of the Lévy area A_ij in the expansion of the solution.
+    """
     first = matvec(noise_slope(problem, j, y), noise_field(problem, i, y))
     return first - matvec(noise_slope(problem, i, y), noise_field(problem, j, y))
 
 
 def drift_bracket(problem: Problem, j: int, y: Array) -> Array:
-    """[f_0, f_j] of the drift and a noise, without its c: the factor of A_0j = ½∫(s dW_j − W_j ds)."""
+    """The Lie bracket [f_0, f_j] of the drift and noise number j without its c, (d, ...).
+
+    It is the factor of A_0j = ½∫(s dW_j − W_j ds) in the expansion of the solution.
+    """
     turned = structure_slope(problem, y, problem.gradient(y))
     drift_slope = turned + matmul(problem.structure(y), hessian(problem, y))
     pushed = matvec(noise_slope(problem, j, y), vector_field(problem, y))
@@ -229,7 +248,7 @@ def drift_bracket(problem: Problem, j: int, y: Array) -> Array:
 
 
 def ito_drift(problem: Problem, y: Array) -> Array:
-    """f_0 + ½ Σ_j c_j² f_j′f_j, (d, ...): the drift of the Itô form."""
+    """The drift of the Itô form of a problem, f_0 + ½ Σ_j c_j² f_j′f_j, (d, ...)."""
     total = vector_field(problem, y)
     for j, c in enumerate(problem.c):
         total = total + 0.5 * c * c * matvec(noise_slope(problem, j, y), noise_field(problem, j, y))
@@ -267,9 +286,10 @@ def commutes(problem: Problem) -> bool:
 
 
 def _vanish(problem: Problem, values: Callable[[Array], list[Any]], *, per_field: bool = False) -> bool:
-    """True if these products of a field and a slope (with `per_field`: slopes alone) vanish at all sample states.
+    """True if some vectors or matrices, `values(y)`, vanish at all sample states.
 
-    Vanishing is relative to the sizes of the fields and their slopes there.
+    They are compared with the sizes of the noise fields and of their derivatives there: with products of both, or with
+    the fields alone (`per_field`).
     """
     acting = [int(j) for j in np.flatnonzero(problem.c)]
     for y in sample_states(problem):

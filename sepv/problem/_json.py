@@ -23,7 +23,7 @@ from sepv.record import poly
 
 
 def to_json(problem: Problem | PolynomialSystem | NamedProblem) -> dict[str, Any]:
-    """A problem as a JSON object with hex floats, as a problem file holds it; a `Problem` includes its initial state.
+    """The JSON object of a problem file, with hex floats; that of a `Problem` includes its initial state.
 
     Raises
     ------
@@ -46,7 +46,7 @@ def to_json(problem: Problem | PolynomialSystem | NamedProblem) -> dict[str, Any
 
 
 def from_json(data: Any) -> PolynomialSystem | NamedProblem:
-    """The description that a JSON object holds; plain numbers are taken as well as hex floats.
+    """The problem description in a JSON object, whose numbers may be plain or hex floats.
 
     Raises
     ------
@@ -64,9 +64,10 @@ def from_json(data: Any) -> PolynomialSystem | NamedProblem:
 
 
 def problem_to_json(data: Description) -> dict[str, Any]:
-    """{"name", "parameters"} or polynomial data, floats in hex; {"given"} for functions, with the noise they have.
+    """The JSON object of a description: {"name", "parameters"}, polynomial data, or {"given"} for functions.
 
-    "given" names the problem in words. Where it is empty, "object" is the problem's own name.
+    Floats are in hex. "given" is the name on the command line of a problem made of functions, which stands with its
+    noise. Where it is empty, "object" is the problem's own name.
     """
     if isinstance(data, GivenProblem):
         record = {"given": data.target, "noise": _row(data.problem.c)}

@@ -1,4 +1,4 @@
-"""Mechanical systems, H = ½ pᵀM⁻¹p + V(q) with a constant mass matrix M and B = J: their parts as libraries want them.
+"""Mechanical systems, H = ½ pᵀM⁻¹p + V(q) with a constant mass matrix M and B = J, taken apart for other libraries.
 
     q̇ = M⁻¹p,  ṗ = −∇V(q);  with v = M⁻¹p:  q̇ = v,  Mv̇ = −∇V(q)
 
@@ -68,30 +68,30 @@ class Mechanics:
         return np.concatenate([q, p] if self.positions_first else [p, q])
 
     def potential(self, q: Array) -> Array:
-        """V(q), with the constant of H."""
+        """The potential V(q), with the constant term of H, (...)."""
         return self.problem.hamiltonian(self.join(q, np.zeros_like(q)))
 
     def force(self, q: Array) -> Array:
-        """−∇V(q)."""
+        """The force −∇V(q), (n, ...)."""
         return -self.split(self.problem.gradient(self.join(q, np.zeros_like(q))))[0]
 
     def velocity(self, p: Array) -> Array:
-        """v = M⁻¹p."""
+        """The velocity v = M⁻¹p, (n, ...)."""
         return _product(self.inverse_mass, p)
 
     def momentum(self, v: Array) -> Array:
-        """p = Mv."""
+        """The momentum p = Mv, (n, ...)."""
         return _product(self.mass, v)
 
 
 def _product(A: Array, v: Array) -> Array:
-    """A v for v (n,) or (n, M), with the same bits for a state alone and in a batch."""
+    """The product A v for v (n,) or (n, M), with the same bits for a state alone and in a batch."""
     return matvec(A.reshape(*A.shape, *(1,) * (v.ndim - 1)), v)
 
 
 @lru_cache(maxsize=1024)
 def mechanics(problem: Problem) -> Mechanics:
-    """Take a mechanical problem apart: one record for each problem.
+    """The parts M, V and their derivatives of a mechanical problem, in one record for each problem.
 
     Noises c_j do not matter here: they act through the step Δ = h + Σ c_jΔW_j (`Problem.random_step`).
 
@@ -147,7 +147,7 @@ def mechanics(problem: Problem) -> Mechanics:
 
 
 def _inverted(W: Array) -> Array:
-    """W⁻¹, refined in long floats: a mass matrix that is a number of few bits comes out as it is."""
+    """The inverse of W, refined in long floats, so that entries of few bits are exact."""
     wide, inverse = W.astype(np.longdouble), np.linalg.inv(W).astype(np.longdouble)
     for _ in range(2):
         inverse = inverse + inverse @ (np.eye(len(W)) - wide @ inverse)

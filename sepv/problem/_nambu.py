@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -21,15 +22,15 @@ class Nambu:
     Attributes
     ----------
     factor : callable, (3, ...) -> (...)
-        g.
+        The factor g.
     casimir : callable
-        C, with the shapes of H. What follows is derived from it where ∇C is not given, as for H.
+        C, with the shapes of H. The parts below are derived from it if ∇C is not given, as for H.
     gradient, hessian : callable, optional
         ∇C and C″, with the shapes of ∇H and H″.
     mean_gradient : callable, optional
         (y0, y1) -> ∫₀¹∇C(y0 + τ(y1 − y0))dτ, exact to rounding.
     degree : int, optional
-        Of a polynomial C. With neither, the average is found by adaptive quadrature.
+        The degree of a polynomial C. With neither, the average is found by adaptive quadrature.
     """
 
     factor: Function
@@ -46,6 +47,11 @@ class Nambu:
                 object.__setattr__(self, key, value)
 
 
+def cross_entries(u: Any, v: Any) -> tuple[Any, Any, Any]:
+    """The three components of u × v, for numbers, arrays or symbols."""
+    return u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
+
+
 def cross(u: Array, v: Array) -> Array:
-    """u × v for (3, ...) arrays."""
-    return np.stack([u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]])
+    """The vector product u × v of (3, ...) arrays."""
+    return np.stack(cross_entries(u, v))

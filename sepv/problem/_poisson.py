@@ -37,7 +37,7 @@ BLIND_WIDTH = 2.0**-9
 
 
 def shifted(y: Array, widths: Array) -> Array:
-    """The states whose steps `derivative` needs: y and y ± k w_j e_j, (d, 1 + 2·POINTS·d)."""
+    """The states at which `derivative` needs the step Φ: y and y ± k w_j e_j, k ≤ POINTS, (d, 1 + 2·POINTS·d)."""
     states = [y]
     for j in range(y.size):
         for k in range(1, POINTS + 1):
@@ -49,7 +49,10 @@ def shifted(y: Array, widths: Array) -> Array:
 
 
 def derivative(answers: Array, widths: Array) -> tuple[Array, Array]:
-    """∂Φ/∂y (n, d) from Φ (n, …) at the states of `shifted`, and its entrywise distance from order four."""
+    """The derivative ∂Φ/∂y (n, d) by differences of order six, and the distance of its entries from order four.
+
+    `answers` (n, …) are the values of Φ at the states of `shifted`.
+    """
     # Columns of direction j: k = 1, 2, 3, each with both signs.
     sides = answers[:, 1:].reshape(-1, widths.size, POINTS, 2)
     rises = sides[..., 0] - sides[..., 1]
@@ -58,7 +61,7 @@ def derivative(answers: Array, widths: Array) -> tuple[Array, Array]:
 
 
 def derivative_of_structure(problem: Problem, y: Array) -> Array:
-    """∂B_ij/∂y_k at [i, j, k] for one state y (d,): as given, else by differences of order six."""
+    """The derivatives ∂B_ij/∂y_k at [i, j, k], (d, d, d), at one state y (d,): as given, else by differences."""
     if problem.structure_derivative is not None:
         return np.asarray(problem.structure_derivative(y))
     d = problem.dimension
@@ -68,7 +71,10 @@ def derivative_of_structure(problem: Problem, y: Array) -> Array:
 
 
 def scales(problem: Problem, y: Array) -> Array:
-    """Lengths (d,) over which B and H change, for differences: |y_j| where there is a domain to leave."""
+    """The lengths (d,) over which B and H change at y, for the widths of differences.
+
+    They are |y_j| where there is a domain to leave, else the largest |y_j|.
+    """
     largest = max(float(np.max(np.abs(y))), 2.0**-40)
     if problem.domain is None:
         return np.full(y.size, largest)
@@ -76,7 +82,7 @@ def scales(problem: Problem, y: Array) -> Array:
 
 
 def jacobi_defect(problem: Problem, y: Array) -> Array:
-    """Evaluate the defect of Jacobi's identity at a state y (d,): zero for a Poisson structure.
+    """The defect of Jacobi's identity for B at a state y (d,), which is zero for a Poisson structure.
 
     Returns
     -------
@@ -108,5 +114,5 @@ def is_poisson(problem: Problem, y: Array) -> bool:
 
 
 def structure_error(problem: Problem, y: Array, error: float) -> Array:
-    """|B(y + e) − B(y)| for |e|_∞ ≤ error, to first order, (d, d)."""
+    """A bound of |B(y + e) − B(y)| for an error |e|_∞ ≤ `error` of the state, to first order, (d, d)."""
     return np.asarray(np.sum(np.abs(derivative_of_structure(problem, y)), axis=2) * error)

@@ -34,7 +34,7 @@ Matrix = tuple[tuple[float, ...], ...]
 
 
 class Systems(StrEnum):
-    """A class of systems; users may type its text in its place.
+    """The classes of systems for which schemes are made; users may type the text of a class in its place.
 
     single
         (1.1): dy = B(y)∇H(y)(dt + Σ c_j∘dW_j).
@@ -162,14 +162,14 @@ class Problem:
     initial : array_like, shape (d,), optional
         A typical initial state.
     name : str
-        In tables and messages.
+        The name in tables and messages.
     data : PolynomialSystem or NamedProblem, optional
-        All that the functions say, as numbers. `sepv.problems` makes it; do not make it by hand.
+        The same problem as numbers instead of functions. `sepv.problems` makes it; do not make it by hand.
     nambu : Nambu, optional
         For d = 3: the Casimir C and the factor g with B(y)v = g(y)(v × ∇C(y)).
     longest_step : float, optional
-        The largest |h| + Σ|c_jΔW_j| from states near the initial one of which a solution is known for every scheme.
-        Where it is stated, studies take their steps from it, and laws ask for no longer ones.
+        The largest |h| + Σ|c_jΔW_j| for which every scheme is known to have a solution, from states near the initial
+        one. Where it is stated, studies take their steps from it, and laws take no longer ones.
     flows : sequence of callables (y, t) -> (d, ...), optional
         Exact flows of B∇H_k at times t (...), for parts H_k with H = ΣH_k: splitting methods need them.
     check : bool
@@ -259,11 +259,11 @@ class Problem:
 
     @property
     def noises(self) -> int:
-        """m, the number of Wiener processes."""
+        """The number m of Wiener processes."""
         return int(self.c.size)
 
     def random_step(self, h: float, dW: Array) -> Array:
-        """Δ = h + Σ_j c_j ΔW_j, of shape () or (M,), summed in the order of j."""
+        """The random step Δ = h + Σ_j c_j ΔW_j, of shape () or (M,), summed in the order of j."""
         delta = np.full(np.shape(dW)[1:], float(h))
         for c, increment in zip(self.c, dW, strict=True):
             delta = delta + c * increment
@@ -271,7 +271,7 @@ class Problem:
 
 
 def require_one_for_each_noise(problem: Problem, key: str, each: str) -> None:
-    """Raise a ProblemError unless there are as many of these as coefficients in noise."""
+    """Raise a ProblemError unless the attribute `key` has one entry (named `each`) for each coefficient in noise."""
     count = len(getattr(problem, key))
     if count != problem.noises:
         raise ProblemError(
@@ -282,7 +282,7 @@ def require_one_for_each_noise(problem: Problem, key: str, each: str) -> None:
 
 
 def _check_kinds(problem: Problem) -> None:
-    """Check that functions take the arguments they are called with, and that sequences, numbers and names are such."""
+    """Check the types of a problem's attributes, and that its functions take the arguments they are called with."""
     for key in _FUNCTIONS:
         function, arguments = getattr(problem, key), "y0, y1" if key == "mean_gradient" else "y"
         if function is None and key not in _FUNCTIONS[:3]:
@@ -327,25 +327,25 @@ def _check_kinds(problem: Problem) -> None:
 def coefficients(noise: ArrayLike) -> Array:
     """Convert `noise` to the c_j, (m,). Raises ProblemError unless it is a number ≥ 0 or a row of them, all finite."""
     c = _numbers("noise", noise)
-    if not np.all(np.isfinite(c)):
-        raise ProblemError(
-            expected="noise: finite coefficients c_j",
-            received=f"{noise!r:.120}",
-            remedy="give a number for each noise, or () for none",
-        )
-    if c.ndim > 1:
-        raise ProblemError(
-            expected="noise: the coefficients c_j in one row, or () for none",
-            received=f"shape {c.shape}: {noise!r:.120}",
-            remedy="noise=(0.5, 1.0) for two noises; noises with structures or Hamiltonians of their own are "
+    for right, expected, remedy in (
+        (np.all(np.isfinite(c)), "finite coefficients c_j", "give a number for each noise, or () for none"),
+        (
+            c.ndim <= 1,
+            "the coefficients c_j in one row, or () for none",
+            "noise=(0.5, 1.0) for two noises; noises with structures or Hamiltonians of their own are "
             "sepv.problem.StructuresProblem and HamiltoniansProblem",
-        )
-    if np.any(c < 0):
-        raise ProblemError(
-            expected="noise: coefficients c_j ≥ 0",
-            received=f"{noise!r:.120}",
-            remedy="a sign belongs into the Wiener increment: c∘dW and −c∘dW have the same law",
-        )
+        ),
+        (
+            np.all(c >= 0),
+            "coefficients c_j ≥ 0",
+            "a sign belongs into the Wiener increment: c∘dW and −c∘dW have the same law",
+        ),
+    ):
+        if not right:
+            shape = f"shape {c.shape}: " if c.ndim > 1 else ""
+            raise ProblemError(
+                expected=f"noise: {expected}", received=f"{shape}{noise!r:.120}", remedy=remedy
+            )
     return c.reshape(-1)
 
 
@@ -358,7 +358,7 @@ def _numbers(key: str, value: ArrayLike) -> Array:
 
 
 def constant(key: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
-    """The value as an array of this shape that cannot be written to; a ProblemError for anything else."""
+    """The value of the attribute `key` as an array of this shape, finite and not writable; else a ProblemError."""
     array = _numbers(key, value)
     if array.shape == shape and not np.all(np.isfinite(array)):
         raise ProblemError(
@@ -382,7 +382,7 @@ def constant(key: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
 
 @dataclass(frozen=True)
 class GivenProblem:
-    """A user's problem made of functions, in the place of a case's data; `target` is its name, if it has one."""
+    """A user's problem made of functions, where others have data; `target` is its name on the command line, if any."""
 
     problem: Problem
     target: str = ""

@@ -17,7 +17,7 @@ ROUNDINGS = 64
 
 
 def momentum_flip(problem: Problem) -> Array | None:
-    """ρ as its diagonal (d,), −1 at the momenta, or None where the problem is not reversible under it.
+    """The map ρ that reverses momenta, as its diagonal (d,) of ±1; None if the problem is not reversible under it.
 
     Momenta are the second half of y where the upper right block of B is positive, q̇ = ∂H/∂p, and the first half where
     it is negative. Polynomial data are read, functions compared at a few states.
@@ -47,6 +47,6 @@ def momentum_flip(problem: Problem) -> Array | None:
 
 
 def _parity(polynomial: Polynomial, rho: Array) -> float:
-    """1 for p(ρy) = p(y), −1 for p(ρy) = −p(y), 0 for neither."""
+    """The parity of a polynomial p under ρ: 1 for p(ρy) = p(y), −1 for p(ρy) = −p(y), and 0 for neither."""
     signs = {float(np.prod(rho ** np.array(e))) for e, _ in polynomial.terms}
     return signs.pop() if len(signs) == 1 else float(not signs)

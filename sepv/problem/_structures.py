@@ -44,14 +44,14 @@ BRACKET_TOLERANCE = 1e-12
 # every h: m and w are then the mean of a parabola over a chord and its value in the middle, 1/12 and 1/8. Elsewhere the
 # share is of the order of |y1 − y0|², and a step with a quarter is useless anyway.
 MISSED = 0.25
-# w is below its own rounding while v is above this: some sums of a dozen terms. The margin is wide because both vanish
-# alike next to an isolated critical point.
+# S_j is undefined where w is below the first share of its terms, its own rounding, and v is above the second. The
+# margin is wide because both vanish alike next to an isolated critical point.
 ROUNDING_OF_W, ROUNDING_OF_V = 16 * EPS, 1024 * EPS
 
 
 @dataclass(frozen=True, eq=False)
 class StructuresProblem(Problem):
-    """A system with several structures; `structure`, `hamiltonian` and the rest are those of the drift.
+    """A system dy = B∇H dt + Σ_j c_j G_j∇H ∘dW_j; `structure`, `hamiltonian` and other parts are those of the drift.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ class StructuresProblem(Problem):
 
     @property
     def noise_gradients(self) -> tuple[Function, ...]:
-        """∇H_1, …, ∇H_m if every G_j comes from a Hamiltonian (`commuting_hamiltonians`), else an AttributeError."""
+        """The ∇H_1, …, ∇H_m if every G_j comes from a Hamiltonian (`commuting_hamiltonians`); else AttributeError."""
         gradients = [G.noise_gradient for G in self.noise_structures if isinstance(G, CommutingStructure)]
         if len(gradients) < self.noises:
             raise AttributeError(f"{self.name} has several structures, and not several Hamiltonians")
@@ -103,12 +103,12 @@ class StructuresProblem(Problem):
 
 
 def each_noise(problem: Problem, h: float, noise: Array) -> Array:
-    """The parts h and c_j ΔW_j of a step, (1 + m, M)."""
+    """The numbers h and c_j ΔW_j of a step of M paths, (1 + m, M), for schemes that treat each noise by itself."""
     return np.concatenate([np.full((1, noise.shape[1]), float(h)), problem.c[:, None] * noise])
 
 
 def combined(problem: Problem, y: Array, parts: Array) -> Array:
-    """h B(y) + Σ_j c_j ΔW_j G_j(y), (d, d, M), for parts (1 + m, M) holding h and the c_j ΔW_j."""
+    """The structure of a step, h B(y) + Σ_j c_j ΔW_j G_j(y), (d, d, M); `parts` (1 + m, M) are h and the c_j ΔW_j."""
     require_undamped(problem)
     total = parts[0] * problem.structure(y)
     for part, G in zip(parts[1:], noise_structures(problem), strict=True):
@@ -118,9 +118,9 @@ def combined(problem: Problem, y: Array, parts: Array) -> Array:
 
 
 def undefined(problem: Problem, y0: Array, y1: Array, mean: Array, parts: Array) -> np.ndarray:
-    """True where a structure that stands for B∇H_j misses it in the step from y0 to y1, (M,).
+    """True where S_j∇̄H_0, which stands for B∇H_j, misses it in the step from y0 to y1, (M,).
 
-    `mean` (d, M) is the averaged gradient of H_0 of the step, `parts` (1 + m, M) are h and the c_j ΔW_j.
+    `mean` (d, M) is the averaged gradient ∇̄H_0 of the step, `parts` (1 + m, M) are h and the c_j ΔW_j.
     """
     outside = np.zeros(y0.shape[1], dtype=bool)
     size = np.maximum(np.abs(y0), np.abs(y1)).max(axis=0)
@@ -134,7 +134,7 @@ def undefined(problem: Problem, y0: Array, y1: Array, mean: Array, parts: Array)
 
 
 def combined_slope(problem: Problem, y: Array, parts: Array) -> Array | None:
-    """The derivative of `combined`, (d, d, d, M); None where the problem does not give it."""
+    """The derivative of `combined` by y, (d, d, d, M); None if the problem does not give those of its structures."""
     if problem.structure_derivative is None:
         return None
     if isinstance(problem, StructuresProblem):
@@ -150,7 +150,7 @@ def combined_slope(problem: Problem, y: Array, parts: Array) -> Array | None:
 
 
 def noise_structures(problem: Problem) -> Sequence[Function]:
-    """G_1, …, G_m; for a single structure, m times B.
+    """The structures G_1, …, G_m of the noises; for a single structure, m times B.
 
     Raises UsageError for several Hamiltonians that do not commute with H_0: they have no such structures.
     """
@@ -167,9 +167,10 @@ def noise_structures(problem: Problem) -> Sequence[Function]:
 
 @dataclass(frozen=True)
 class CommutingStructure:
-    """S(y) = (v wᵀ − w vᵀ)/|w|² with v = B∇H_j and w the part of ∇H_0 orthogonal to the Casimirs' gradients.
+    """The structure S_j(y) = (v wᵀ − w vᵀ)/|w|², with S_j∇H_0 = B∇H_j, of a Hamiltonian H_j that commutes with H_0.
 
-    NaN where w cannot be told from zero and v can; zero where both are, at a rest point of all flows.
+    Here v = B∇H_j, and w is the part of ∇H_0 orthogonal to the Casimirs' gradients. S_j is NaN where w is zero to
+    rounding and v is not. It is zero where both are, at a rest point of all flows.
     """
 
     structure: Function
@@ -194,11 +195,11 @@ class CommutingStructure:
         return np.asarray(S)
 
     def field(self, y: Array) -> Array:
-        """v = B∇H_j, (d, ...)."""
+        """The field v = B∇H_j, (d, ...)."""
         return matvec(self.structure(y), self.noise_gradient(y))
 
     def missed(self, y: Array, mean: Array) -> tuple[Array, Array, Array]:
-        """|S(y) mean − v(y)|, |v(y)| and the rounding of v, each (M,), as largest components."""
+        """The distance |S_j(y) mean − v(y)|, |v(y)| and the rounding of v, each (M,), as largest components."""
         v = self.field(y)
         apart = np.abs(matvec(self(y), mean) - v).max(axis=0)
         return apart, np.abs(v).max(axis=0), ROUNDING_OF_V * self._terms(y).max(axis=0)
@@ -208,12 +209,12 @@ class CommutingStructure:
         return matvec(majorant(self.structure, y), majorant(self.noise_gradient, y))
 
     def tangent(self, y: Array, w: Array) -> Array:
-        """w from ∇H_0, by Gram-Schmidt against ∇C of each Casimir."""
+        """The part of a vector w (d, ...) orthogonal to the gradients of the Casimirs at y."""
         tangent: Array = directions(casimir_gradients(self.casimirs, self.linear_casimirs, 2 * y)).without(w)
         return tangent
 
     def majorant(self, y: Array) -> Array:
-        """The scale of rounding errors of S, (d, d): 2 M_v M_w/|w|² with sums of absolute values of terms."""
+        """The scale of rounding errors of S_j, (d, d): 2 M_v M_w/|w|² with sums of absolute values of terms."""
         B, g, G = (majorant(f, y) for f in (self.structure, self.gradient, self.noise_gradient))
         w = self.tangent(y, self.gradient(y))
         square, v = dot(w, w), matvec(B, G)
@@ -231,7 +232,7 @@ def commuting_hamiltonians(
     data: Any = None,
     check: bool = True,
 ) -> StructuresProblem:
-    """The problem dy = B∇H_0 dt + Σ_j c_j B∇H_j ∘dW_j from that of its drift, whose noise is not used.
+    """The problem dy = B∇H_0 dt + Σ_j c_j B∇H_j ∘dW_j with {H_0, H_j} = 0, from `drift`, a problem with B and H_0.
 
     Parameters
     ----------
@@ -240,7 +241,7 @@ def commuting_hamiltonians(
     closed_form : callable (y0, T, W), optional
         As for `StructuresProblem`.
     check : bool
-        Check the brackets. Those of polynomials are known from their coefficients.
+        False leaves out the check of the brackets, such as for polynomials, where the coefficients tell.
 
     Raises
     ------
@@ -270,6 +271,7 @@ def commuting_hamiltonians(
 
 
 def _check_bracket(drift: Problem, gradient: Function, j: int) -> None:
+    """Raise a ProblemError if {H_0, H_j} is not zero at a sample state; `gradient` is ∇H_j."""
     for y in sample_states(drift):
         w, v = drift.gradient(y), matvec(drift.structure(y), gradient(y))
         bracket, size = float(w @ v), float(np.linalg.norm(w) * np.linalg.norm(v))

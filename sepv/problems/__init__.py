@@ -60,25 +60,12 @@ def _listed(*factories: Callable[..., Problem]) -> dict[str, Callable[..., Probl
 PAPER = _listed(harmonic_oscillator, rigid_body, pendulum, lotka_volterra)
 # Problems beyond the paper; two of them serve the hard cases.
 EXTENSIONS = _listed(
-    figure_eight,
-    harmonic_trap,
-    henon_heiles,
-    kepler,
-    lennard_jones,
-    maxwell_bloch,
-    pendulum_chain,
-    planets,
-    toda,
-)
+    figure_eight, harmonic_trap, henon_heiles, kepler, lennard_jones, maxwell_bloch, pendulum_chain, planets, toda
+)  # fmt: skip
 # Problems with several structures or Hamiltonians.
 SEVERAL = _listed(
-    damped_top,
-    commuting_rotations,
-    commuting_oscillators,
-    noncommuting_drift,
-    noncommuting_tops,
-    kubo_oscillator,
-)
+    damped_top, commuting_rotations, commuting_oscillators, noncommuting_drift, noncommuting_tops, kubo_oscillator
+)  # fmt: skip
 # Problems with several Hamiltonians that do not commute.
 HAMILTONIANS = _listed(
     commuting_twists, manakov_top, noisy_henon_heiles, point_vortices, pushed_henon_heiles, pushed_rigid_body,
@@ -88,20 +75,20 @@ HAMILTONIANS = _listed(
 
 @lru_cache(maxsize=64)
 def by_name(name: str) -> Problem:
-    """The named problem with its default parameters; hyphens and underscores are the same."""
-    known = PAPER | EXTENSIONS | SEVERAL | HAMILTONIANS
-    factory = known.get(str(name).replace("_", "-"))
+    """The built-in problem of a name with its default parameters; hyphens and underscores are the same."""
+    factories = PAPER | EXTENSIONS | SEVERAL | HAMILTONIANS
+    factory = factories.get(str(name).replace("_", "-"))
     if factory is None:
         raise UsageError(
-            expected=f"a problem, one of {', '.join(known)}, a .json file, or module:attribute",
-            received=did_you_mean(name, known),
+            expected=f"a problem, one of {', '.join(factories)}, a .json file, or module:attribute",
+            received=did_you_mean(name, factories),
             remedy="see `sepv list`",
         )
     return factory()
 
 
 def build(data: Description) -> Problem:
-    """Build the problem of a description."""
+    """The problem that a description describes: its name and parameters, polynomial data, or functions."""
     if isinstance(data, GivenProblem):
         return data.problem
     if isinstance(data, PolynomialSystem):
@@ -112,17 +99,16 @@ def build(data: Description) -> Problem:
 @lru_cache(maxsize=128)
 def _named(data: NamedProblem) -> Problem:
     """A named problem, built once for a name and parameters: recording takes as long as a few steps."""
-    known = PAPER | EXTENSIONS | HAMILTONIANS
+    factories = PAPER | EXTENSIONS | HAMILTONIANS
     require_one_of(
-        "a problem's name", data.name, known, "correct the name, or give the problem as polynomial data"
+        "a problem's name", data.name, factories, "correct the name, or give the problem as polynomial data"
     )
-    factory = known[data.name]
+    factory = factories[data.name]
     given = {key: value[0] if len(value) == 1 else value for key, value in data.parameters}
-    usual = {p.name: p.default for p in signature(factory).parameters.values() if p.kind is not p.VAR_KEYWORD}
-    open_ended = len(usual) < len(
-        signature(factory).parameters
-    )  # some factories pass their parameters on to another
-    for key in given if not open_ended else ():
+    parameters = signature(factory).parameters.values()
+    usual = {p.name: p.default for p in parameters if p.kind is not p.VAR_KEYWORD}
+    # A factory with **parameters passes them on to another.
+    for key in given if len(usual) == len(parameters) else ():
         require_one_of(f"a parameter of {data.name}", key, usual)
     try:
         return factory(**given)

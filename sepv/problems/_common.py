@@ -1,4 +1,4 @@
-"""Parts that many problems share: structures, a name and parameters, H as a sum of parts with known flows.
+"""Parts that many problems share: structures, names and parameters, and H as a sum of parts with known flows.
 
 The structures are the canonical ones, equations (1.2) and (1.3), and those of so(3)*.
 """
@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sepv._arguments import is_number
+from sepv.errors import ProblemError
 from sepv.problem import Array, Flow, Function, NamedProblem, PartFlow, Problem, Structure, coefficients
 from sepv.record import poly
 
@@ -21,7 +23,7 @@ UNIT3 = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 def skew(y: Array, entries: Iterable[tuple[int, int, Any]]) -> Array:
-    """B (d, d, ...) from its entries above the diagonal at y (d, ...)."""
+    """The skew matrix B(y), (d, d, ...), from its entries (i, j, B_ij) above the diagonal at y (d, ...)."""
     B = np.zeros((len(y), *y.shape), dtype=y.dtype)
     for i, j, value in entries:
         B[i, j], B[j, i] = value, -value
@@ -29,24 +31,27 @@ def skew(y: Array, entries: Iterable[tuple[int, int, Any]]) -> Array:
 
 
 def structure(y: Array) -> Array:
-    """The canonical B = ((0, −I), (I, 0)) for y = (p, q), (d, d, ...)."""
+    """The canonical B = ((0, −I), (I, 0)) at states y = (p, q), (d, d, ...)."""
     n = len(y) // 2
     return skew(y, ((i, n + i, -1.0) for i in range(n)))
 
 
 def canonical(dimension: int, sign: float = -1.0) -> Structure:
-    """The canonical structure as data, for y = (p, q), or with the sign 1 for y = (q, p)."""
+    """The canonical structure as polynomial data, for y = (p, q); with the sign 1 for y = (q, p)."""
     n = dimension // 2
     return tuple((k, n + k, poly.constant(dimension, sign)) for k in range(n))
 
 
 def planes(dimension: int) -> Structure:
-    """The constant B of (1.3), block by block; an odd last component does not move."""
+    """The constant B of (1.3) as polynomial data, with a block for each pair of components; an odd last one rests."""
     return tuple((2 * k, 2 * k + 1, poly.constant(dimension, -1.0)) for k in range(dimension // 2))
 
 
 def hat(factor: poly.Polynomial | None = None, spins: int = 1) -> Structure:
-    """B(y)v = y × v in each of n blocks of three, times a factor: |y|² of each block is a Casimir."""
+    """The structure B(y)v = y × v in each block of three components, times a factor, as polynomial data.
+
+    |y|² of each block is a Casimir.
+    """
     d = 3 * spins
     entries = [(n + i, n + j, n + k, s) for n in range(0, d, 3) for i, j, k, s in HAT]
     g = poly.constant(d, 1.0) if factor is None else factor
@@ -54,14 +59,14 @@ def hat(factor: poly.Polynomial | None = None, spins: int = 1) -> Structure:
 
 
 def named(name: str, noise: ArrayLike, parameters: dict[str, Sequence[float]], **parts: Any) -> Problem:
-    """The problem of these parts, with its name and parameters as its data."""
+    """A built-in problem with `parts` as the arguments of `Problem`, and its name and parameters as its data."""
     c = tuple(coefficients(noise).tolist())
     given = tuple((key, tuple(map(float, values))) for key, values in {**parameters, "noise": c}.items())
     return Problem(**parts, noise=c, name=name, data=NamedProblem(name, given), check=False)
 
 
 def total(parts: Sequence[Function]) -> Function:
-    """Σ H_k, from left to right."""
+    """The Hamiltonian Σ H_k of parts H_k, summed from left to right."""
 
     def hamiltonian(y: Array) -> Array:
         value = parts[0](y)
@@ -72,6 +77,17 @@ def total(parts: Sequence[Function]) -> Function:
     return hamiltonian
 
 
+def whole_number(name: str, value: float, least: int, most: int) -> int:
+    """A parameter of a problem as an int; a ProblemError unless it is a whole number from `least` to `most`."""
+    if not (is_number(value) and value == int(value) and least <= value <= most):
+        raise ProblemError(
+            expected=f"{name}, a whole number from {least} to {most}",
+            received=f"{value!r:.80}",
+            remedy=f"give {name}=3; larger systems have a sparse B: see sepv.large",
+        )
+    return int(value)
+
+
 def flows(dimension: int, structure: Function, parts: Sequence[Function]) -> tuple[Flow, ...]:
-    """The exact flows of B∇H_k, one for each part."""
+    """The exact flows of B∇H_k, one for each part H_k of H."""
     return tuple(PartFlow(dimension, structure, part) for part in parts)

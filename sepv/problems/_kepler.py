@@ -14,10 +14,9 @@ from sepv.problems._common import named, structure
 def kepler(eccentricity: float = 0.6, noise: ArrayLike = 1.0) -> Problem:
     """The planar Kepler problem, y = (p1, p2, q1, q2), from the pericentre of an orbit with semi-major axis 1; |q| > 0.
 
-    The averaged gradient is the field of a uniformly charged segment from q0 to q1, seen from the origin: it
-    points along the bisector u = q0/|q0| + q1/|q1|, and ∫₀¹ q/|q|³ dτ = 2u/(|q0||q1||u|²). Nothing cancels as
-    q1 → q0; as the segment comes near the origin it grows like 1/|u|, and where that is it is written as a part
-    along the segment, which does all the work, and one across it.
+    The averaged gradient is the field of a uniformly charged segment from q0 to q1, seen from the origin. It points
+    along the bisector u = q0/|q0| + q1/|q1|, and ∫₀¹ q/|q|³ dτ = 2u/(|q0||q1||u|²). Nothing cancels as q1 → q0. Near
+    the origin it grows like 1/|u|. There it is a part along the segment, which does all the work, and one across it.
     """
     if not is_number(eccentricity) or not 0 <= eccentricity < 1:
         raise ProblemError(
@@ -50,7 +49,7 @@ def _mean_gradient(y0: Array, y1: Array) -> Array:
 
 
 def mean_attraction(q0: Array, q1: Array) -> Array:
-    """∫₀¹ q/|q|³ dτ over the segment from q0 to q1 in the plane, (2, ...)."""
+    """The average of q/|q|³ along the segment from q0 to q1 in the plane, (2, ...)."""
     r0, r1 = np.sqrt(q0[0] * q0[0] + q0[1] * q0[1]), np.sqrt(q1[0] * q1[0] + q1[1] * q1[1])
     u = np.stack([q0[0] / r0 + q1[0] / r1, q0[1] / r0 + q1[1] / r1])
     opening = u[0] * u[0] + u[1] * u[1]  # 2(1 + cos φ) for the angle φ between q0 and q1

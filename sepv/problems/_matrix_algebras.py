@@ -24,7 +24,10 @@ from sepv.record import EPS, Polynomial, poly
 
 
 class MatrixAlgebra(NamedTuple):
-    """A Lie algebra of n × n matrices, or several `copies` of it: its name, and the E_a and E*_a, (d, n, n) of one."""
+    """A Lie algebra of n × n matrices, or the product of several `copies` of it.
+
+    `basis` and `dual` are the E_a and E*_a of one copy, (d, n, n).
+    """
 
     name: str
     basis: Any
@@ -32,37 +35,37 @@ class MatrixAlgebra(NamedTuple):
     copies: int = 1
 
     def matrix(self, y: Array) -> Any:
-        """W for y (copies d, M), of shape (M copies, n, n)."""
+        """The matrices W of states y (copies·d, M), of shape (M·copies, n, n)."""
         return _combined(self._lanes(y), self.basis)
 
     def dual_matrix(self, m: Array) -> Any:
-        """M for m (copies d, M), of shape (M copies, n, n)."""
+        """The matrices Σ m_b E*_b of gradients m (copies·d, M), of shape (M·copies, n, n)."""
         return _combined(self._lanes(m), self.dual)
 
     def coordinates(self, W: Any) -> Array:
-        """y (copies d, M) of matrices (M copies, n, n); a part of W outside the algebra is left out."""
+        """The states y (copies·d, M) of matrices W (M·copies, n, n); a part of W outside the algebra is left out."""
         d = len(self.dual)
         traces = _combined(W.reshape(len(W), -1), self.dual.swapaxes(1, 2).reshape(d, -1).T)
         return np.ascontiguousarray(-0.5 * traces.real.reshape(-1, self.copies * d).T)
 
     def _lanes(self, y: Array) -> Array:
-        """The coordinates of each matrix, (M copies, d)."""
+        """The coordinates of each matrix, (M·copies, d)."""
         return y.T.reshape(-1, len(self.basis))
 
 
 def product(X: Any, M: Any) -> Any:
-    """X M of stacks of matrices (M, n, n), summed in one order whatever M is, as BLAS does not."""
+    """The products X M of two stacks of matrices (k, n, n), summed in the same order for every k, as BLAS does not."""
     return sum(X[:, :, k, None] * M[:, k, None, :] for k in range(X.shape[1]))
 
 
 def _combined(weights: Any, parts: Any) -> Any:
-    """Σ_a weights[:, a] parts[a] for weights (M, d), summed in one order whatever M is."""
+    """The sums Σ_a weights[:, a] parts[a] for weights (k, d), summed in the same order for every k."""
     return sum(np.multiply.outer(weights[:, a], part) for a, part in enumerate(parts))
 
 
 @lru_cache(maxsize=16)
 def spins(count: int) -> MatrixAlgebra:
-    """so(3), `count` times, with B(y)v = y × v."""
+    """The product of `count` copies of so(3), with B(y)v = y × v in blocks of three."""
     basis = np.zeros((3, 3, 3))
     for i, j, k, sign in HAT:
         basis[k, i, j], basis[k, j, i] = sign, -sign
@@ -71,7 +74,7 @@ def spins(count: int) -> MatrixAlgebra:
 
 @lru_cache(maxsize=16)
 def orthogonal(n: int) -> MatrixAlgebra:
-    """so(n)."""
+    """The algebra so(n) of skew matrices."""
     pairs = list(combinations(range(n), 2))
     basis = np.zeros((len(pairs), n, n))
     for a, (j, k) in enumerate(pairs):
@@ -81,7 +84,7 @@ def orthogonal(n: int) -> MatrixAlgebra:
 
 @lru_cache(maxsize=16)
 def unitary(n: int) -> MatrixAlgebra:
-    """su(n)."""
+    """The algebra su(n) of skew-Hermitian matrices with trace zero."""
     pairs, d = list(combinations(range(n), 2)), n * n - 1
     basis, dual = np.zeros((d, n, n), dtype=complex), np.zeros((d, n, n), dtype=complex)
     for j in range(n - 1):
@@ -97,7 +100,7 @@ def unitary(n: int) -> MatrixAlgebra:
 
 @lru_cache(maxsize=16)
 def constants(name: str) -> Array:
-    """The whole numbers c_abc with B_ab(y) = Σ_c c_abc y_c, (d, d, d)."""
+    """The structure constants of an algebra: the whole numbers c_abc with B_ab(y) = Σ_c c_abc y_c, (d, d, d)."""
     _, E, D, count = named(name)
     half = -0.5 * np.einsum("ajk,ckl,blj->abc", D, E, D, optimize=True).real
     one, d = np.rint(half - half.swapaxes(0, 1)), len(E)
@@ -108,7 +111,7 @@ def constants(name: str) -> Array:
 
 
 def named(name: str) -> MatrixAlgebra:
-    """The algebra of a name: so(4), su(3), 2 so(3)."""
+    """The algebra of a name such as so(4), su(3) or 2 so(3)."""
     count, _, rest = name.rpartition(" ")
     kind, n = rest[:2], int(rest[3:-1])
     if n == 3 and kind == "so":
@@ -139,7 +142,7 @@ def algebra_of(problem: Problem, y: Array) -> MatrixAlgebra:
 
 @lru_cache(maxsize=16)
 def structure(name: str) -> Structure:
-    """B as data."""
+    """The structure B of an algebra as polynomial data."""
     c = constants(name)
     entries = ((i, j, poly.linear(c[i, j].tolist())) for i, j in combinations(range(len(c)), 2))
     return tuple(entry for entry in entries if entry[2].terms)
@@ -147,9 +150,9 @@ def structure(name: str) -> Structure:
 
 @lru_cache(maxsize=16)
 def casimirs(name: str) -> tuple[tuple[Matrix, ...], tuple[Polynomial, ...]]:
-    """The quadratic Casimirs as matrices, and the others as polynomials.
+    """The Casimirs of an algebra: the quadratic ones as matrices, and the others as polynomials.
 
-    −½ tr W² (of each block of so(3)), the Pfaffian of so(4), and tr Pᵏ, k = 3 … n, of su(n).
+    They are −½ tr W² (of each block of so(3)), the Pfaffian of so(4), and tr Pᵏ, k = 3 … n, of su(n).
     """
     _, E, _, count = named(name)
     n = E.shape[1]
@@ -166,7 +169,7 @@ def _rows(A: Array) -> Matrix:
 
 
 def power_trace(name: str, k: int) -> Polynomial:
-    """tr Pᵏ for su(n) with W = iP, by products of matrices of polynomials with real and imaginary parts."""
+    """The polynomial tr Pᵏ in y for su(n) with W = iP, from products of matrices of complex polynomials."""
     P = named(name).basis / 1j
     d, n = P.shape[:2]
     one = [
@@ -182,6 +185,7 @@ def power_trace(name: str, k: int) -> Polynomial:
     return poly.add(zero, *(power[i][i][0] for i in range(n)))
 
 
+# The real and the imaginary part of a complex polynomial.
 Complex = tuple[Polynomial, ...]
 
 

@@ -83,7 +83,7 @@ def zeitlin(size: float = 4, noise: Sequence[float] = (0.25, 0.25)) -> Problem:
 
 
 def _inverse_laplacian(n: int) -> Array:
-    """The matrix A (d, d) of ½⟨W, Δ_N⁻¹W⟩ = ½yᵀAy.
+    """The matrix A (d, d) of Zeitlin's Hamiltonian on su(N), N = n: ½⟨W, Δ_N⁻¹W⟩ = ½yᵀAy.
 
     Entries are rounded to 2⁻⁴⁰, so that they are the same numbers wherever they are computed.
     """
@@ -98,6 +98,6 @@ def _inverse_laplacian(n: int) -> Array:
 
 
 def _twice(S: Array, W: Array) -> Array:
-    """[S, [S, W]]."""
+    """The double commutator [S, [S, W]]."""
     once = S @ W - W @ S
     return np.asarray(S @ once - once @ S)

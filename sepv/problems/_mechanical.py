@@ -8,10 +8,9 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sepv._arguments import is_number
 from sepv.errors import ProblemError
 from sepv.problem import Array, Function, PolynomialSystem, Problem, coefficients, dot
-from sepv.problems._common import canonical, flows, named, skew
+from sepv.problems._common import canonical, flows, named, skew, whole_number
 from sepv.problems._polynomial_system import started
 from sepv.record import poly
 
@@ -20,7 +19,7 @@ MOST = 32
 
 
 def positions_first(y: Array) -> Array:
-    """The canonical B = ((0, I), (−I, 0)) for y = (q, p), (d, d, ...)."""
+    """The canonical B = ((0, I), (−I, 0)) at states y = (q, p), (d, d, ...)."""
     n = len(y) // 2
     return skew(y, ((i, n + i, 1.0) for i in range(n)))
 
@@ -34,12 +33,15 @@ def henon_heiles(coupling: float = 1.0, noise: ArrayLike = 1.0) -> Problem:
     parts = [poly.squares((0, 0, 1, 1)), poly.add(poly.squares((1, 1, 0, 0)), cubic)]
     c = tuple(coefficients(noise).tolist())
     data = PolynomialSystem(4, poly.add(*parts), canonical(4, 1.0), c)
-    known = flows(4, positions_first, [poly.PolynomialMap((), (p,)) for p in parts])
-    return started(data, "henon-heiles", (0.0, 0.2, 0.4, -0.1), flows=known)
+    exact = flows(4, positions_first, [poly.PolynomialMap((), (p,)) for p in parts])
+    return started(data, "henon-heiles", (0.0, 0.2, 0.4, -0.1), flows=exact)
 
 
 def harmonic_trap(frequencies: ArrayLike = (1.0, 10.0, 100.0), noise: ArrayLike = ()) -> Problem:
-    """A trap of mixed stiffness: H = ½Σ (p_k² + ω_k²q_k²), from q_k = 1/ω_k and p = 0. Each q_k = cos(ω_k t)/ω_k."""
+    """A harmonic trap of mixed stiffness: H = ½Σ (p_k² + ω_k²q_k²), from q_k = 1/ω_k and p = 0.
+
+    The solution is q_k = cos(ω_k t)/ω_k.
+    """
     w = np.atleast_1d(np.asarray(frequencies, dtype=np.float64))
     if w.ndim > 1 or not 1 <= w.size <= MOST or not np.all((w > 0) & np.isfinite(w)):
         raise ProblemError(
@@ -57,14 +59,14 @@ def pendulum_chain(links: float = 3, coupling: float = 0.5, noise: ArrayLike = 1
 
     A discrete sine-Gordon equation with free ends (Y. Frenkel and T. Kontorova, 1938).
     """
-    n = _count("links", links, 1)
+    n = whole_number("links", links, 1, MOST)
 
     def hamiltonian(y: Array) -> Array:
         q, p = y[:n], y[n:]
         bent = sum((q[k + 1] - q[k]) ** 2 for k in range(n - 1))
         return 0.5 * dot(p, p) - sum(np.cos(q[k]) for k in range(n)) + 0.5 * coupling * bent
 
-    return _of(
+    return _mechanical(
         hamiltonian, "pendulum-chain", noise, {"links": (n,), "coupling": (coupling,)},
         [1.0 - 2.0 * (k % 2) for k in range(n)] + [0.5] * n,
     )  # fmt: skip
@@ -75,7 +77,7 @@ def lennard_jones(atoms: float = 3, noise: ArrayLike = 1.0) -> Problem:
 
     y = (x_1, y_1, x_2, …, p). The atoms start on a circle, neighbours 1.2 apart, with momenta that add up to zero.
     """
-    n = _count("atoms", atoms, 2)
+    n = whole_number("atoms", atoms, 2, MOST)
     pairs = list(combinations(range(n), 2))
 
     def squared(y: Array, i: int, j: int) -> Array:
@@ -89,18 +91,15 @@ def lennard_jones(atoms: float = 3, noise: ArrayLike = 1.0) -> Problem:
     angle = 2 * np.pi * np.arange(n) / n
     radius = 0.6 / np.sin(np.pi / n)
     q = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1).ravel()
-    p = (
-        0.3 * np.stack([np.cos(2 * angle), -np.sin(angle)], axis=1).ravel()
-        if n > 2
-        else np.array([0, 0.3, 0, -0.3])
-    )
-    return _of(
+    turning = 0.3 * np.stack([np.cos(2 * angle), -np.sin(angle)], axis=1).ravel()
+    p = turning if n > 2 else np.array([0, 0.3, 0, -0.3])
+    return _mechanical(
         hamiltonian, "lennard-jones", noise, {"atoms": (n,)}, np.concatenate([q, p]).tolist(),
         lambda y: np.min([squared(y, i, j) for i, j in pairs], axis=0) > 0,
     )  # fmt: skip
 
 
-def _of(
+def _mechanical(
     hamiltonian: Function, name: str, noise: ArrayLike, parameters: dict[str, Sequence[float]], initial: list[float],
     domain: Function | None = None,
 ) -> Problem:  # fmt: skip
@@ -108,13 +107,3 @@ def _of(
         name, noise, parameters, dimension=len(initial), structure=positions_first, hamiltonian=hamiltonian,
         initial=initial, domain=domain,
     )  # fmt: skip
-
-
-def _count(name: str, value: float, least: int) -> int:
-    if not (is_number(value) and value == int(value) and least <= value <= MOST):
-        raise ProblemError(
-            expected=f"{name}, a whole number from {least} to {MOST}",
-            received=f"{value!r:.80}",
-            remedy=f"give {name}=3; larger systems have a sparse B: see sepv.large",
-        )
-    return int(value)

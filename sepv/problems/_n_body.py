@@ -71,7 +71,10 @@ def figure_eight(noise: ArrayLike = 1.0) -> Problem:
 def _bodies(
     name: str, parameters: dict[str, Sequence[float]], m: Array, q: Array, v: Array, noise: ArrayLike, gravity: float
 ) -> Problem:  # fmt: skip
-    """The problem of masses (n,) at positions (n, 2) with velocities (n, 2), moved to their centre of mass."""
+    """The problem of n bodies with masses m (n,), positions q (n, 2) and velocities v (n, 2).
+
+    They are shifted so that their centre of mass rests in the origin.
+    """
     n = m.size
     q, v = q - m @ q / m.sum(), v - m @ v / m.sum()
     inverse = np.repeat(1 / m, 2).tolist()

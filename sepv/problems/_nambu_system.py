@@ -13,7 +13,7 @@ def nambu_system(
     casimir: poly.Polynomial,
     noise: tuple[float, ...] = (1.0,),
 ) -> PolynomialSystem:
-    """The polynomial system dy = g ∇H × ∇C (dt + Σ c_j∘dW_j) as data.
+    """The polynomial system dy = g ∇H × ∇C (dt + Σ c_j∘dW_j) in dimension three as data, with any Casimir C.
 
     A homogeneous C of degree 2 is listed among the quadratic Casimirs too, of degree 1 among the linear ones.
 
@@ -45,7 +45,7 @@ def _value(p: poly.Polynomial) -> float:
 
 
 def _structure(factor: poly.Polynomial, casimir: poly.Polynomial) -> Structure:
-    """B_12 = g ∂₃C, B_13 = −g ∂₂C, B_23 = g ∂₁C."""
+    """The structure of B(y)v = g(y)(v × ∇C(y)): B_12 = g ∂₃C, B_13 = −g ∂₂C, B_23 = g ∂₁C."""
     entries = [
         (i, j, poly.multiply(factor, poly.scale(sign, poly.differentiate(casimir, k))))
         for i, j, k, sign in ((0, 1, 2, 1.0), (0, 2, 1, -1.0), (1, 2, 0, 1.0))
@@ -54,7 +54,7 @@ def _structure(factor: poly.Polynomial, casimir: poly.Polynomial) -> Structure:
 
 
 def check_nambu(data: PolynomialSystem) -> None:
-    """Raise ProblemError where `structure` does not agree with (g, C)."""
+    """Raise ProblemError if the structure of a system with `nambu` = (g, C) is not the one that g and C define."""
     if data.nambu is None:
         return
     if data.dimension != 3 or sorted(data.structure) != sorted(_structure(*data.nambu)):

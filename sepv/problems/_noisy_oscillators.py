@@ -42,5 +42,5 @@ def _oscillators(
     cubic = poly.polynomial(4, {(0, 0, 2, 1): coupling, (0, 0, 0, 3): -coupling / 3})
     parts = [poly.squares((1, 1, 0, 0)), poly.add(poly.squares((0, 0, 1, 1)), cubic)]
     data = PolynomialSystem(4, poly.add(*parts), canonical(4), tuple(noise), noise_hamiltonians=tuple(others))
-    known = flows(4, structure, [poly.PolynomialMap((), (p,)) for p in (*parts, *others)])
-    return started(data, name, (0.2, -0.1, 0.3, 0.2), flows=known[:2], noise_flows=known[2:])
+    exact = flows(4, structure, [poly.PolynomialMap((), (p,)) for p in (*parts, *others)])
+    return started(data, name, (0.2, -0.1, 0.3, 0.2), flows=exact[:2], noise_flows=exact[2:])

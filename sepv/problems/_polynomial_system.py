@@ -30,7 +30,7 @@ MAX_DIMENSION = 64
 
 @lru_cache(maxsize=512)
 def polynomial_problem(data: PolynomialSystem) -> Problem:
-    """The problem of a `PolynomialSystem`, with analytic derivatives and exact quadrature degree.
+    """The problem of polynomial data, with analytic derivatives and the degree of H, which makes averages exact.
 
     Raises
     ------
@@ -80,12 +80,12 @@ def polynomial_problem(data: PolynomialSystem) -> Problem:
 
 
 def started(data: PolynomialSystem, name: str, initial: Sequence[float], **more: Any) -> Any:
-    """The problem of this data with a name, an initial state and further known facts."""
+    """The problem of polynomial data with a name, an initial state, and further attributes of its class, `more`."""
     return replace(polynomial_problem(data), name=name, initial=tuple(initial), check=False, **more)
 
 
 def _hessian(gradient: tuple[Polynomial, ...]) -> tuple[Polynomial, ...]:
-    """∂²H/∂y_i∂y_k row by row; the lower triangle repeats the upper one."""
+    """The second derivatives ∂²H/∂y_i∂y_k from ∇H, row by row; the lower triangle repeats the upper one."""
     above = [poly.gradient(slope, i) for i, slope in enumerate(gradient)]
     numbers = range(len(gradient))
     return tuple(above[min(i, k)][abs(i - k)] for i in numbers for k in numbers)
@@ -93,7 +93,7 @@ def _hessian(gradient: tuple[Polynomial, ...]) -> tuple[Polynomial, ...]:
 
 @lru_cache(maxsize=512)
 def _structure_maps(d: int, structure: Structure) -> tuple[PolynomialMap, PolynomialMap]:
-    """B (d, d) and its derivatives (d, d, d), as tables that systems with the same B share."""
+    """The functions B (d, d) and B′ (d, d, d) of a structure, as tables that systems with the same B share."""
     zero = poly.polynomial(d, {})
     above = {(i, j): entry for i, j, entry in structure}
     below = {(j, i): poly.scale(-1.0, entry) for i, j, entry in structure}
@@ -107,7 +107,7 @@ def _structure_maps(d: int, structure: Structure) -> tuple[PolynomialMap, Polyno
 
 
 def _with_more_noise(drift: Problem, data: PolynomialSystem) -> Problem:
-    """Add several structures, several Hamiltonians or noise vectors to the system of the drift.
+    """The problem with the drift of `drift` and a structure, a Hamiltonian or a vector for each noise, from its data.
 
     Hamiltonians whose brackets {H, H_j} all vanish keep H, so they are posed as structures.
     """
@@ -149,12 +149,12 @@ def _with_more_noise(drift: Problem, data: PolynomialSystem) -> Problem:
 
 
 def _shared(drift: Problem) -> dict[str, Any]:
-    """Parts of the drift's problem that hold for any noise."""
+    """The attributes of the drift's problem, as arguments for the problem of a wider class."""
     return {f.name: getattr(drift, f.name) for f in fields(Problem) if f.init}
 
 
 def bracket(data: PolynomialSystem, F: Polynomial, G: Polynomial) -> tuple[Polynomial, list[Polynomial]]:
-    """{F, G} = ∇FᵀB∇G, and the products whose sum it is."""
+    """The Poisson bracket {F, G} = ∇FᵀB∇G of two polynomials, and the products whose sum it is."""
     left, right = poly.gradient(F), poly.gradient(G)
     terms = []
     for i, j, entry in data.structure:
@@ -164,16 +164,16 @@ def bracket(data: PolynomialSystem, F: Polynomial, G: Polynomial) -> tuple[Polyn
 
 
 def vanishes(bracket: tuple[Polynomial, list[Polynomial]]) -> bool:
-    """True if every coefficient is rounding beside those of the products."""
+    """True if a `bracket` is zero: every coefficient of it is rounding beside those of its products."""
     total, terms = bracket
     size = max((abs(c) for p in terms for _, c in p.terms), default=0.0)
     return all(abs(c) <= 64 * EPS * size for _, c in total.terms)
 
 
 def drift_of_energy(data: PolynomialSystem) -> float | None:
-    """The constant σ with LH_0 = ½ Σ_j c_j² {{H_0, H_j}, H_j} = σ, L the generator; None where LH_0 is not constant.
+    """The constant rate at which the mean of H_0 changes; None where that rate depends on y.
 
-    Along vectors g_j it is ½ Σ_j c_j² g_jᵀH_0″g_j.
+    It is LH_0 with the generator L: ½ Σ_j c_j² {{H_0, H_j}, H_j}, or ½ Σ_j c_j² g_jᵀH_0″g_j along vectors g_j.
     """
     noises: list[Callable[[Polynomial], Polynomial]]
     noises = [lambda p, H=H: bracket(data, p, H)[0] for H in data.noise_hamiltonians]  # type: ignore[misc]
@@ -184,12 +184,13 @@ def drift_of_energy(data: PolynomialSystem) -> float | None:
 
 
 def _along(p: Polynomial, g: Sequence[float]) -> Polynomial:
-    """∇pᵀg."""
+    """The derivative ∇pᵀg of a polynomial p along a vector g."""
     parts = [poly.scale(v, slope) for v, slope in zip(g, poly.gradient(p), strict=True)]
     return poly.add(poly.polynomial(p.dimension, {}), *parts)
 
 
 def _nambu(factor: Polynomial, casimir: Polynomial) -> Nambu:
+    """The functions of g and C, with analytic derivatives of C."""
     slope = poly.gradient(casimir)
     return Nambu(
         factor=PolynomialMap((), (factor,)),
@@ -201,7 +202,7 @@ def _nambu(factor: Polynomial, casimir: Polynomial) -> Nambu:
 
 
 def structure_entries(data: PolynomialSystem) -> list[list[Polynomial]]:
-    """B as a d × d table of polynomials, skew by construction."""
+    """The structure B of polynomial data as a full d × d table of polynomials."""
     d = data.dimension
     table = [[poly.polynomial(d, {}) for _ in range(d)] for _ in range(d)]
     for i, j, entry in data.structure:
@@ -211,6 +212,7 @@ def structure_entries(data: PolynomialSystem) -> list[list[Polynomial]]:
 
 
 def _check_indices(data: PolynomialSystem) -> None:
+    """Raise a ProblemError unless the structure has each entry above the diagonal at most once."""
     seen = set()
     for i, j, entry in data.structure:
         if not 0 <= i < j < data.dimension or (i, j) in seen or entry.dimension != data.dimension:
@@ -223,24 +225,22 @@ def _check_indices(data: PolynomialSystem) -> None:
 
 
 def _check_shapes(data: PolynomialSystem) -> None:
-    """Check rows of matrices and vectors, and variables of polynomials, against the dimension."""
-    d = data.dimension
+    """Raise a ProblemError unless matrices, vectors and polynomials fit the dimension d."""
+    d, H = data.dimension, data.hamiltonian
+    parts: list[tuple[bool, str, str]] = []
     for n, A in enumerate(data.casimirs):
-        if [len(row) for row in A] != [d] * d:
-            received = f"rows of {[len(row) for row in A]} numbers"
-            raise _of_another_dimension(f"casimirs[{n}], a matrix of {d} rows of {d} numbers", received)
+        rows = [len(row) for row in A]
+        fits = rows == [d] * d
+        parts.append((fits, f"casimirs[{n}], a matrix of {d} rows of {d} numbers", f"rows of {rows} numbers"))
     for n, b in enumerate(data.linear_casimirs):
-        if len(b) != d:
-            raise _of_another_dimension(f"linear_casimirs[{n}], a row of {d} numbers", f"{len(b)} numbers")
-    for n, C in enumerate(data.polynomial_casimirs):
-        if C.dimension != d:
-            raise _of_another_dimension(f"polynomial_casimirs[{n}] in {d} variables", f"one in {C.dimension}")
-    if data.hamiltonian.dimension != d:
-        raise _of_another_dimension(f"hamiltonian in {d} variables", f"one in {data.hamiltonian.dimension}")
-
-
-def _of_another_dimension(expected: str, received: str) -> ProblemError:
-    return ProblemError(expected=expected, received=received, remedy="give one for each component of y")
+        parts.append((len(b) == d, f"linear_casimirs[{n}], a row of {d} numbers", f"{len(b)} numbers"))
+    polynomials = {f"polynomial_casimirs[{n}]": C for n, C in enumerate(data.polynomial_casimirs)}
+    for name, p in (polynomials | {"hamiltonian": H}).items():
+        parts.append((p.dimension == d, f"{name} in {d} variables", f"one in {p.dimension}"))
+    for fits, expected, received in parts:
+        if not fits:
+            remedy = "give one for each component of y"
+            raise ProblemError(expected=expected, received=received, remedy=remedy)
 
 
 @lru_cache(maxsize=256)
@@ -248,9 +248,9 @@ def _check_casimirs(
     d: int, structure: Structure, casimirs: tuple[Matrix, ...], linear_casimirs: Matrix,
     polynomial_casimirs: tuple[Polynomial, ...],
 ) -> None:  # fmt: skip
-    """Check that all coefficients of ∇CᵀB vanish, to the rounding of their own sums.
+    """Raise a ProblemError unless all coefficients of ∇CᵀB vanish, to the rounding of their own sums.
 
-    They depend on B and the Casimirs alone, so systems that differ only in H share the check.
+    The result depends on B and the Casimirs alone, and is cached: systems that differ only in H share it.
     """
     zero = poly.polynomial(d, {})
     # ∇C up to a factor: Ay for yᵀAy, b for bᵀy.

@@ -30,7 +30,7 @@ def action(dimension: int, k: int) -> Polynomial:
 
 
 def in_actions(p: Polynomial) -> Polynomial:
-    """Convert a polynomial in n actions to one in 2n variables."""
+    """The polynomial p(I_1, …, I_n) in n actions as a polynomial in the 2n components of y."""
     d = 2 * p.dimension
     terms = []
     for exponents, coefficient in p.terms:
@@ -47,7 +47,7 @@ def rotating_planes(
     frequencies: Sequence[Sequence[Polynomial]],
     noise: tuple[float, ...] | None = None,
 ) -> PolynomialSystem:
-    """n planes with H = H(I_1, …, I_n), B = J in each and G_j = α_jk(I) J in plane k: a commuting family.
+    """A system of n planes with H = H(I_1, …, I_n), B = J in each plane and G_j = α_jk(I) J in plane k.
 
     Every I_k is kept, and plane k turns by the angle ∂H/∂I_k (T + Σ_j c_j α_jk W_j(T)). H is a polynomial in the
     actions, and the frequencies α_jk are m rows of n such polynomials.
@@ -64,7 +64,10 @@ def rotating_planes(
 def commuting_actions(
     hamiltonian: Polynomial, others: Sequence[Polynomial], noise: tuple[float, ...] | None = None
 ) -> PolynomialSystem:
-    """n planes with Hamiltonians H_j(I_1, …, I_n): plane k turns by ∂H/∂I_k T + Σ_j c_j ∂H_j/∂I_k W_j."""
+    """A system of n planes with Hamiltonians H(I_1, …, I_n) and H_j(I_1, …, I_n), all of which commute.
+
+    Plane k turns by the angle ∂H/∂I_k T + Σ_j c_j ∂H_j/∂I_k W_j(T).
+    """
     d, c = 2 * hamiltonian.dimension, noise or (1.0,) * len(others)
     posed = tuple(in_actions(H) for H in others)
     return PolynomialSystem(d, in_actions(hamiltonian), planes(d), c, noise_hamiltonians=posed)
@@ -73,7 +76,10 @@ def commuting_actions(
 def closed_form(
     hamiltonian: Polynomial, noise: Sequence[float], rates: Sequence[Sequence[Polynomial]]
 ) -> ClosedForm:
-    """Rotations of n planes by ∂H/∂I_k T + Σ_j c_j rate_jk W_j(T), with all rates taken at the actions of y0."""
+    """The exact solution as a function (y0, T, W): plane k turns by ∂H/∂I_k T + Σ_j c_j rate_jk W_j(T).
+
+    All rates are taken at the actions of y0, which are kept.
+    """
     n = hamiltonian.dimension
     drift = PolynomialMap((n,), poly.gradient(hamiltonian))
     turns = PolynomialMap((len(rates), n), tuple(p for row in rates for p in row)) if rates else None

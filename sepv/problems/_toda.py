@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sepv._arguments import is_number
-from sepv.errors import ProblemError
 from sepv.problem import Array, Problem, dot
-from sepv.problems._common import named, structure
+from sepv.problems._common import named, structure, whole_number
 
 # The largest number of particles: B and H″ are dense.
 MOST = 64
@@ -16,13 +14,7 @@ MOST = 64
 
 def toda(particles: float = 3, noise: ArrayLike = 1.0) -> Problem:
     """The open Toda chain, y = (p_1 … p_n, q_1 … q_n), from p = 0 and q = 0."""
-    if not is_number(particles) or particles != int(particles) or not 2 <= particles <= MOST:
-        raise ProblemError(
-            expected=f"an integer number of particles from 2 to {MOST}",
-            received=f"{particles!r:.80}",
-            remedy="give particles=3; larger systems have a sparse B: see sepv.large",
-        )
-    n = int(particles)
+    n = whole_number("particles", particles, 2, MOST)
 
     def hamiltonian(y: Array) -> Array:
         return 0.5 * dot(y[:n], y[:n]) + sum(np.exp(y[n:-1] - y[n + 1 :]))

@@ -1,7 +1,7 @@
-"""The view of a problem that a scheme gets: with its data, as functions, or as functions without any attributes.
+"""Views of problems for schemes: with their data, as functions, or as functions without derivatives.
 
 A scheme must not be able to tell the suite's problems from a user's. Laws keep the whole problem for their bounds and
-references; steps get `shown(problem)`.
+references. Steps get `shown(problem)`.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from weakref import WeakKeyDictionary
 from sepv import problems
 from sepv.problem import Description, Nambu, Problem
 
+# Kinds of views, with the words of reports for them.
 GIVEN = {
     "data": "all that is known of it",
     "functions": "Python functions, with derivatives and the degree of H",
@@ -38,7 +39,7 @@ def shown(problem: Problem) -> Problem:
 
 @lru_cache(maxsize=1024)
 def as_given(data: Description, given: str) -> Problem:
-    """Build the problem of a description, whose `shown` view is of the kind `given`."""
+    """The problem of a description, whose view for schemes is of the kind `given`, one of `GIVEN`."""
     whole = problems.build(data)
     if given == "data":
         return whole
@@ -49,7 +50,7 @@ def as_given(data: Description, given: str) -> Problem:
 
 
 def _view(problem: Problem, *, bare: bool) -> Problem:
-    """A problem with its functions wrapped and another name."""
+    """The view of a problem with its functions wrapped and the name "system"; `bare` leaves out what can be derived."""
     hidden = _NEVER | _DERIVED if bare else _NEVER
     names = [f.name for f in fields(problem) if f.init and f.name not in hidden]
     shown = {name: _plain(getattr(problem, name), bare) for name in names}
@@ -57,16 +58,16 @@ def _view(problem: Problem, *, bare: bool) -> Problem:
 
 
 def _plain(value: Any, bare: bool) -> Any:
-    """Wrap a function, or each function of a tuple or a record, in a plain one; anything else is returned unchanged."""
+    """Wrap a function, or each function of a tuple or a record, in one without attributes; others stay unchanged."""
     if isinstance(value, tuple):
         return tuple(_plain(v, bare) for v in value)
     if isinstance(value, Nambu):
         parts = {k: None if bare and k in _DERIVED_OF_CASIMIR else v for k, v in vars(value).items()}
         return replace(value, **{k: _plain(v, bare) for k, v in parts.items()})
-    return _behind(value) if callable(value) else value
+    return _without_attributes(value) if callable(value) else value
 
 
-def _behind(function: Callable[..., Any]) -> Callable[..., Any]:
+def _without_attributes(function: Callable[..., Any]) -> Callable[..., Any]:
     def plain(*states: Any) -> Any:
         return function(*states)
 

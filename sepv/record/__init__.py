@@ -22,7 +22,6 @@ from sepv.record._functions import FUNCTIONS
 from sepv.record._means import Mean, mean
 from sepv.record._means import NoClosedForm as NoClosedForm
 from sepv.record._means import degree as degree
-from sepv.record._means import mean_gradient as mean_gradient
 from sepv.record._numpy_protocol import CannotRecord as CannotRecord
 from sepv.record._numpy_protocol import select as select
 from sepv.record._polynomial import Exponents, majorant, squares

@@ -50,24 +50,28 @@ _NAMES: dict[str, Any] = {
 }
 
 
-# Constants written into the text. Others are parameters: functions that differ only in them share one text.
+# Constants that are written into the text of a function. Others are parameters, so that functions that differ only in
+# them share one text.
 _WRITTEN = {0.0, 0.5, 1.0, 2.0, 3.0, -0.5, -1.0, -2.0, -3.0, math.inf, -math.inf}
 
 
 class Source(NamedTuple):
-    """The text of a function, and the parameters that it takes last."""
+    """The text of a function of arrays in Python, and the parameters that it takes as its last argument."""
 
     text: str
     parameters: tuple[float, ...]
 
     @property
     def function(self) -> Callable[..., tuple[Any, ...]]:
-        """Compile the text to a function of a sequence for each vector of inputs and one of parameters."""
+        """The compiled function, which takes a sequence for each vector of inputs, and one of parameters."""
         return _compiled(self.text)
 
 
 def source(inputs: Sequence[Any], outputs: Any) -> Source:
-    """Write a function with an argument for each vector of inputs, which returns the outputs' components as a tuple."""
+    """Write the record of outputs as the text of a function with an argument for each vector of inputs.
+
+    It returns the components of the outputs as a tuple.
+    """
     tape = inputs[0][0].tape
     wanted = [tape.symbol(v) for v in np.asarray(outputs, dtype=object).ravel()]
     places = {x.index: f"x{n}[{i}]" for n, vector in enumerate(inputs) for i, x in enumerate(vector)}
@@ -109,9 +113,9 @@ def _compiled(text: str) -> Callable[..., tuple[Any, ...]]:
 
 @dataclass(frozen=True)
 class Evaluator:
-    """Outputs of a shape as a function of arrays (d, ...): their text, so that it travels to other processes.
+    """A recorded function of arrays (d, ...) with a result of a given shape; it has its text, and can be pickled.
 
-    `places` are the outputs that are not identically zero.
+    `places` are the components of the result that are not identically zero.
     """
 
     source: Source
@@ -119,7 +123,7 @@ class Evaluator:
     places: tuple[int, ...]
 
     def __call__(self, *arguments: Array) -> Array:
-        """The outputs, of shape (*shape, ...)."""
+        """The result, of shape (*shape, ...)."""
         given = [np.asarray(a) for a in arguments]
         try:
             values = self.source.function(*given, self.source.parameters)

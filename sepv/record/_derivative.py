@@ -32,7 +32,7 @@ def reachable(outputs: Iterable[Symbol], given: Container[int] = ()) -> list[Sym
 
 
 def _partials(symbol: Symbol) -> tuple[Any, ...]:
-    """The derivatives of a line by its arguments."""
+    """The derivatives of an operation by its arguments."""
     name, arguments = symbol.line.name, symbol.arguments
     if name in FUNCTIONS:
         slope = FUNCTIONS[name].slope
@@ -42,6 +42,7 @@ def _partials(symbol: Symbol) -> tuple[Any, ...]:
     return _RULES[name](symbol, *arguments)
 
 
+# The derivatives of each operation, as functions of its symbol and its arguments.
 _RULES: dict[str, Callable[..., tuple[Any, ...]]] = {
     "add": lambda *_: (1.0, 1.0),
     "subtract": lambda *_: (1.0, -1.0),
@@ -56,7 +57,7 @@ _RULES: dict[str, Callable[..., tuple[Any, ...]]] = {
 
 
 def jacobian(outputs: Any, inputs: Any) -> Any:
-    """∂outputs/∂inputs, (n, d), of arrays (n,) and (d,) of symbols: forward, all columns in one pass."""
+    """The derivatives ∂outputs/∂inputs, (n, d), of arrays of symbols (n,) and (d,), by forward differentiation."""
     outputs, inputs = np.asarray(outputs, dtype=object), np.asarray(inputs, dtype=object)
     tape = inputs[0].tape
     rows = [tape.symbol(v) for v in outputs]
@@ -78,6 +79,7 @@ def jacobian(outputs: Any, inputs: Any) -> Any:
 
 
 def _chain(partials: Iterable[tuple[int, Any]], slopes: dict[int, dict[int, Symbol]]) -> dict[int, Symbol]:
+    """The chain rule for one operation: its derivatives by the inputs, from those by its arguments and of these."""
     total: dict[int, Symbol] = {}
     for i, partial in partials:
         for k, slope in slopes.get(i, {}).items():
@@ -87,7 +89,7 @@ def _chain(partials: Iterable[tuple[int, Any]], slopes: dict[int, dict[int, Symb
 
 
 def gradient(output: Any, inputs: Any) -> Any:
-    """∇output, (d,), in reverse mode: it costs a few times the operations of the output for every d."""
+    """The gradient of an output by the inputs, (d,), in reverse mode: a few times the operations of the output."""
     inputs = np.asarray(inputs, dtype=object)
     tape = inputs[0].tape
     last = tape.symbol(output)
@@ -106,7 +108,7 @@ def gradient(output: Any, inputs: Any) -> Any:
 
 
 def hessian(slope: Any, inputs: Any) -> Any:
-    """The derivative (d, d) of a gradient; its entries (i, j) and (j, i) are the same line."""
+    """The second derivatives (d, d), from the gradient `slope`; the entries (i, j) and (j, i) are the same symbol."""
     second = jacobian(slope, inputs)
     d = len(second)
     return array((second[min(i, k), max(i, k)] for i in range(d) for k in range(d)), (d, d))

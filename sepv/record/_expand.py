@@ -12,11 +12,11 @@ Monomials = dict[tuple[int, ...], float]
 
 
 class NotMonomials(Exception):
-    """An operation that leads out of sums of monomials."""
+    """A record with an operation whose result is no sum of monomials."""
 
 
 class _Sum:
-    """Σ c_e y^e with whole exponents of either sign: a later factor may cancel a division by y_i."""
+    """A sum of monomials Σ c_e y^e, whose exponents may be negative: a later factor may cancel a division by y_i."""
 
     def __init__(self, terms: Monomials) -> None:
         self.terms = terms
@@ -55,7 +55,10 @@ def _refused(*_: Any) -> Any:
 
 
 def expand(outputs: Sequence[Symbol], inputs: Sequence[Symbol], most: int) -> list[Monomials] | None:
-    """The outputs as polynomials; None where one is none, or has more than `most` terms."""
+    """The outputs multiplied out into polynomials of the inputs.
+
+    None where one of them is no polynomial, or all together have more than `most` terms.
+    """
     d = len(inputs)
     start = {x.index: _Sum({tuple(int(i == k) for i in range(d)): 1.0}) for k, x in enumerate(inputs)}
     zero = (0,) * d

@@ -18,7 +18,7 @@ from sepv.record._symbols import array
 
 
 def flow(f: Any, y: Any, t: Any) -> Any:
-    """The state (d,) at the time t, a symbol, of y′ = f(y) from y, for symbols f (d,) of y (d,).
+    """The exact solution of y′ = f(y) at the time t from y, in symbols (d,), for a recorded field f (d,) of y (d,).
 
     Raises NoClosedForm where f has none of the forms above.
     """

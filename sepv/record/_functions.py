@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-# Below these arguments the quotients of the slopes cancel; their series converge fast there.
+# The arguments below which the quotients of derivatives cancel, and are replaced by series that converge fast there.
 _SINC, _LOG, _EXP = 0.5, 0.1, 0.5
 _TERMS = 18
 
@@ -27,32 +27,32 @@ def _ratio(function: Callable[[Any], Any], x: Any) -> Any:
 
 
 def sinc(x: Any) -> Any:
-    """sin(x)/x, 1 at 0."""
+    """The function sin(x)/x, 1 at 0."""
     return _ratio(np.sin, x)
 
 
 def sinc_slope(x: Any) -> Any:
-    """(cos x − sinc x)/x = Σ (−1)ⁿ 2n x²ⁿ⁻¹/(2n + 1)!."""
+    """The derivative of `sinc`, (cos x − sinc x)/x = Σ (−1)ⁿ 2n x²ⁿ⁻¹/(2n + 1)!."""
     return _slope(x, _SINC, _SINC_SERIES, lambda v: (np.cos(v) - sinc(v)) / v, lambda v: v * v, lambda v: v)
 
 
 def log1p_ratio(x: Any) -> Any:
-    """log1p(x)/x for x > −1, 1 at 0."""
+    """The function log(1 + x)/x for x > −1, 1 at 0."""
     return _ratio(np.log1p, x)
 
 
 def log1p_ratio_slope(x: Any) -> Any:
-    """(1/(1 + x) − log1p(x)/x)/x = Σ (−1)ⁿ n xⁿ⁻¹/(n + 1)."""
+    """The derivative of `log1p_ratio`, (1/(1 + x) − log1p(x)/x)/x = Σ (−1)ⁿ n xⁿ⁻¹/(n + 1)."""
     return _slope(x, _LOG, _LOG_SERIES, lambda v: (1 / (1 + v) - log1p_ratio(v)) / v)
 
 
 def expm1_ratio(x: Any) -> Any:
-    """expm1(x)/x, 1 at 0."""
+    """The function (eˣ − 1)/x, 1 at 0."""
     return _ratio(np.expm1, x)
 
 
 def expm1_ratio_slope(x: Any) -> Any:
-    """(eˣ − expm1(x)/x)/x = Σ xⁿ/(n! (n + 2))."""
+    """The derivative of `expm1_ratio`, (eˣ − expm1(x)/x)/x = Σ xⁿ/(n! (n + 2))."""
     return _slope(x, _EXP, _EXP_SERIES, lambda v: (np.exp(v) - expm1_ratio(v)) / v)
 
 
@@ -64,7 +64,10 @@ def _slope(
     variable: Callable[[Any], Any] = lambda v: v,
     factor: Callable[[Any], Any] = lambda _: 1.0,
 ) -> Any:
-    """factor(x) Σ c_n variable(x)ⁿ near 0, the quotient elsewhere."""
+    """A function that is factor(x) Σ c_n variable(x)ⁿ for |x| < small, and the quotient elsewhere.
+
+    The coefficients c_n come in the order of Horner's rule, the highest first.
+    """
 
     def series(v: Any) -> Any:
         at, total = variable(v), 0.0 * v

@@ -29,7 +29,7 @@ MOST_NODES = 16
 
 
 class NoClosedForm(Exception):
-    """A gradient has no exact mean; the message says why."""
+    """A gradient has no mean, or a field no flow, in closed form; the message says why."""
 
 
 def degrees(output: Symbol, inputs: Any) -> dict[int, int | None]:
@@ -43,43 +43,44 @@ def degrees(output: Symbol, inputs: Any) -> dict[int, int | None]:
 
 
 def _degree(name: str, below: list[int | None]) -> int | None:
-    known = [n for n in below if n is not None]
-    if len(known) < len(below):
+    """The degree of an operation from those of its arguments, `below`; None where it is not a polynomial."""
+    degrees = [n for n in below if n is not None]
+    if len(degrees) < len(below):
         return None
     if name in ("add", "subtract", "negative"):
-        return max(known)
+        return max(degrees)
     if name in ("multiply", "whole"):
-        return sum(known)
+        return sum(degrees)
     if name == "divide":
-        return known[0] if known[1] == 0 else None
-    return 0 if not any(known) else None
+        return degrees[0] if degrees[1] == 0 else None
+    return 0 if not any(degrees) else None
 
 
 def degree(output: Any, inputs: Any) -> int | None:
-    """The degree of a polynomial in the inputs; None where the output is not one."""
+    """The degree of an output as a polynomial in the inputs; None where it is not one."""
     symbol = inputs[0].tape.symbol(output)
     return degrees(symbol, inputs)[symbol.index]
 
 
 class Mean(NamedTuple):
-    """∫₀¹∇H(y + τz)dτ, (d,), and the number of nodes for its polynomial part."""
+    """The averaged gradient ∫₀¹∇H(y + τz)dτ in symbols, (d,), and the number of nodes for its polynomial part."""
 
     value: Any
     nodes: int
 
 
 def mean(output: Any, inputs: Any, z: Any) -> Mean:
-    """∫₀¹∇output(y + τz)dτ for the inputs y (d,) and symbols z (d,).
+    """The average of the gradient of an output, ∫₀¹∇output(y + τz)dτ, for inputs y (d,) and further symbols z (d,).
 
     Raises NoClosedForm where the output is not a sum of a polynomial and of the functions above of affine arguments.
     """
     tape = inputs[0].tape
     symbol = tape.symbol(output)
-    known = degrees(symbol, inputs)
+    degree_of = degrees(symbol, inputs)
     polynomial: Any = tape.constant(0.0)
     total = tape.symbols(np.zeros(len(inputs)))
     for factor, term in _terms(symbol, 1.0):
-        if known.get(term.index) is not None:
+        if degree_of.get(term.index) is not None:
             polynomial = polynomial + factor * term
             continue
         total = total + factor * _quotient(term, inputs, z)
@@ -99,13 +100,8 @@ def mean(output: Any, inputs: Any, z: Any) -> Mean:
     return Mean(total, nodes)
 
 
-def mean_gradient(output: Any, inputs: Any, z: Any) -> Any:
-    """The vector that `mean` finds, without its count of nodes."""
-    return mean(output, inputs, z).value
-
-
 def _terms(symbol: Symbol, factor: Any) -> list[tuple[Any, Symbol]]:
-    """The terms of a sum, each with its constant factor."""
+    """The terms of a sum, each as (constant factor, symbol); the whole sum has the factor given."""
     name, arguments = symbol.line.name, symbol.arguments
     if name in ("add", "subtract"):
         second = factor if name == "add" else -factor
@@ -120,7 +116,10 @@ def _terms(symbol: Symbol, factor: Any) -> list[tuple[Any, Symbol]]:
 
 
 def _quotient(term: Symbol, inputs: Any, z: Any) -> Any:
-    """∇ℓ (G(ℓ₁) − G(ℓ₀))/(ℓ₁ − ℓ₀) for the term G(ℓ)."""
+    """The averaged gradient of a term G(ℓ) with affine ℓ: ∇ℓ (G(ℓ₁) − G(ℓ₀))/(ℓ₁ − ℓ₀), (d,).
+
+    Raises NoClosedForm for other terms.
+    """
     name, arguments = term.line.name, term.arguments
     inner = arguments[-1]
     rule = _RULES.get(name)
@@ -149,6 +148,7 @@ def _exponential(x: Any, delta: Any) -> Any:
     return (x + select(up, delta, 0.0)).exp() * select(up, -delta, delta).expm1_ratio()
 
 
+# The quotient (G(ℓ₁) − G(ℓ₀))/(ℓ₁ − ℓ₀) for each G, from x = ℓ₀, delta = ℓ₁ − ℓ₀ and the term itself.
 _RULES: dict[str, Callable[[Any, Any, Symbol], Any]] = {
     "sin": lambda x, delta, _: (x + 0.5 * delta).cos() * (0.5 * delta).sinc(),
     "cos": lambda x, delta, _: -((x + 0.5 * delta).sin() * (0.5 * delta).sinc()),

@@ -18,15 +18,15 @@ from sepv.record._functions import FUNCTIONS
 class CannotRecord(TypeError):
     """A function cannot be recorded: it needs the value of a symbol, or calls an unknown function."""
 
-    def __init__(self, what: str) -> None:
+    def __init__(self, reason: str) -> None:
         super().__init__(
-            f"{what}. A function is recorded where it consists of arithmetic, indexing, NumPy's elementwise functions "
-            "and np.where; what branches on values or calls into other libraries runs on NumPy as it is"
+            f"{reason}. A function is recorded where it consists of arithmetic, indexing, NumPy's elementwise "
+            "functions and np.where; what branches on values or calls into other libraries runs on NumPy as it is"
         )
 
 
 class Element:
-    """The part of `Symbol` that the functions of this module use."""
+    """The part of `Symbol` that the functions of this module use; `Symbol` itself is defined later."""
 
     __slots__ = ()
     tape: Any
@@ -38,7 +38,7 @@ class Element:
 
 
 def select(condition: Any, a: Any, b: Any) -> Any:
-    """a where the condition holds, else b, both evaluated."""
+    """The value a where a recorded condition holds, else b; both are evaluated."""
     if not isinstance(condition, Element):
         return a if condition else b
     if condition.number is not None:
@@ -84,7 +84,7 @@ _UFUNCS: dict[Any, Callable[..., Any]] = {
         if isinstance(getattr(np, name, None), np.ufunc)
     },
 }
-# Products of matrices need no hook: they use the elements' own products and sums.
+# NumPy's functions that need no hook: they use the elements' own products and sums.
 _AS_THEY_ARE = {np.matmul}
 _REDUCTIONS: dict[Any, Any] = {
     np.all: np.logical_and, np.any: np.logical_or, np.max: np.maximum, np.min: np.minimum
@@ -92,7 +92,7 @@ _REDUCTIONS: dict[Any, Any] = {
 
 
 def _plain(value: Any) -> Any:
-    """Convert anything to an array of objects."""
+    """Convert a number, a list or an array to a plain array of objects."""
     if isinstance(value, SymbolArray):
         return value.view(np.ndarray)
     if isinstance(value, np.ndarray):

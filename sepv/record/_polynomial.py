@@ -89,24 +89,24 @@ def _canonical(dimension: int, merged: dict[Exponents, float]) -> Polynomial:
 
 
 def constant(dimension: int, value: float) -> Polynomial:
-    """The constant polynomial."""
+    """The polynomial with one constant value."""
     return polynomial(dimension, {(0,) * dimension: value})
 
 
 @lru_cache(maxsize=1024)
 def variable(dimension: int, index: int) -> Polynomial:
-    """The coordinate y_index."""
+    """The polynomial y_index, one of the coordinates."""
     return Polynomial(dimension, ((tuple(int(i == index) for i in range(dimension)), 1.0),))
 
 
 def linear(coefficients: Sequence[float]) -> Polynomial:
-    """Σ b_k y_k."""
+    """The linear polynomial Σ b_k y_k."""
     d = len(coefficients)
     return polynomial(d, [(variable(d, k).terms[0][0], b) for k, b in enumerate(coefficients)])
 
 
 def squares(weights: Sequence[float]) -> Polynomial:
-    """½ Σ w_k y_k²."""
+    """The polynomial ½ Σ w_k y_k² with weights w_k."""
     d = len(weights)
     return polynomial(d, [(tuple(2 * int(i == k) for i in range(d)), 0.5 * w) for k, w in enumerate(weights)])
 
@@ -137,7 +137,7 @@ def multiply(p: Polynomial, q: Polynomial) -> Polynomial:
 
 
 def scale(factor: float, p: Polynomial) -> Polynomial:
-    """factor · p."""
+    """The polynomial `factor` times p."""
     if factor == 0:
         return Polynomial(p.dimension, ())
     scaled = tuple((e, factor * c) for e, c in p.terms)
@@ -147,12 +147,12 @@ def scale(factor: float, p: Polynomial) -> Polynomial:
 
 
 def differentiate(p: Polynomial, index: int) -> Polynomial:
-    """∂p/∂y_index."""
+    """The partial derivative ∂p/∂y_index."""
     return gradient(p, index)[0]
 
 
 def gradient(p: Polynomial, first: int = 0) -> tuple[Polynomial, ...]:
-    """(∂p/∂y_first, …, ∂p/∂y_d)."""
+    """The partial derivatives (∂p/∂y_first, …, ∂p/∂y_d); by default all of them."""
     # Lowering one exponent in each term keeps the canonical order.
     partials: list[list[tuple[Exponents, float]]] = [[] for _ in range(first, p.dimension)]
     for e, c in p.terms:
@@ -202,7 +202,7 @@ class _Sums:
     rows: NDArray[np.intp] | None
 
     def __call__(self, y: NDArray[Any]) -> NDArray[Any]:
-        """(rows, M) for y of shape (d, M)."""
+        """The values of all rows at states y (d, M), of shape (rows, M)."""
         values = self._values(y)
         return values if self.rows is None else values[self.rows]
 
@@ -241,7 +241,7 @@ class _Sums:
 
     @cached_property
     def _layers(self) -> tuple[NDArray[np.intp], list[tuple[NDArray[np.intp], NDArray[np.float64]]]]:
-        """The sums in decreasing number of terms, and for each n the n-th terms of those that have one."""
+        """Tables for `_in_layers`: the sums in decreasing number of terms, and for each n their n-th terms."""
         one = self.factors.shape[1] - 1
         lengths = np.count_nonzero(self.places != one, axis=0)
         order = np.argsort(-lengths, kind="stable")
@@ -291,7 +291,7 @@ class PolynomialMap:
         return self._evaluate(np.asarray(y), self._sums)
 
     def majorant(self, y: ArrayLike) -> NDArray[Any]:
-        """Σ |c_t| Π |y_i|^e_i, the scale of the sum's rounding errors."""
+        """The scale of rounding errors of the values: Σ |c_t| Π |y_i|^e_i."""
         return self._evaluate(np.abs(np.asarray(y)), self._majorants)
 
     def _evaluate(self, y: NDArray[Any], sums: _Sums) -> NDArray[Any]:
@@ -299,13 +299,13 @@ class PolynomialMap:
 
 
 def majorant(function: Any, y: NDArray[Any]) -> NDArray[Any]:
-    """The scale of rounding errors of a function at y: its own `majorant`, else |value|."""
+    """The scale of rounding errors of a function at y: its attribute `majorant`, else |value|."""
     stated = getattr(function, "majorant", None)
     return np.asarray(np.abs(function(y)) if stated is None else stated(y))
 
 
 def to_json(p: Polynomial) -> list[list[Any]]:
-    """[[exponents, hex coefficient], …]; `from_json` gives back the same polynomial to the bit."""
+    """A polynomial as JSON data [[exponents, hex coefficient], …]; `from_json` makes the same one again to the bit."""
     return [[list(e), c.hex()] for e, c in p.terms]
 
 

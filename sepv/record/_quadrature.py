@@ -25,7 +25,7 @@ def gauss_legendre(nodes: int) -> tuple[Array, Array]:
 
 
 def _polished(nodes: int, guess: float) -> tuple[Decimal, Decimal]:
-    """A zero x of P_n near `guess`, as (1 + x)/2, and its weight 1/((1 − x²)P_n′(x)²)."""
+    """A node and its weight on [0, 1]: (1 + x)/2 for the zero x of P_n near `guess`, and 1/((1 − x²)P_n′(x)²)."""
     x = Decimal(guess)
     for _ in range(3):  # 16, 32 and 64 digits, and the derivative at the last
         p, previous = x, Decimal(1)
@@ -37,7 +37,7 @@ def _polished(nodes: int, guess: float) -> tuple[Decimal, Decimal]:
 
 
 def legendre_values(x: Array, degree: int) -> list[Array]:
-    """P_0(x), …, P_degree(x) by the three-term recurrence."""
+    """The values of Legendre's polynomials P_0(x), …, P_degree(x), by the three-term recurrence."""
     values = [np.ones_like(x), x]
     for k in range(1, degree):
         values.append(((2 * k + 1) * x * values[k] - k * values[k - 1]) / (k + 1))

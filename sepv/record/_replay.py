@@ -36,18 +36,18 @@ def replay(
     constant: Callable[[float], Any] = float,
     power: Callable[[Any, float], Any] = operator.pow,
 ) -> list[Any]:
-    """The outputs for these values of given lines; `function` takes a function's name and its argument.
+    """The values of outputs, for given values of some symbols by the numbers of their lines.
 
-    Raises KeyError where an input has no value.
+    `function` takes the name of an elementary function and its argument. Raises KeyError if an input has no value.
     """
     outputs = list(outputs)
-    values_by_row: dict[int, Any] = {}
+    computed: dict[int, Any] = {}
     for symbol in reachable(outputs, values):
         line = symbol.line
         if symbol.index in values:
-            values_by_row[symbol.index] = values[symbol.index]
+            computed[symbol.index] = values[symbol.index]
             continue
-        arguments = [values_by_row[i] for i in line.arguments]
+        arguments = [computed[i] for i in line.arguments]
         if line.name == "input":
             raise KeyError(symbol.index)
         if line.name == "constant":
@@ -58,8 +58,8 @@ def replay(
             value = ARITHMETIC[line.name](*arguments)
         else:
             value = function(line.name, arguments[0])
-        values_by_row[symbol.index] = value
-    return [values_by_row[s.index] for s in outputs]
+        computed[symbol.index] = value
+    return [computed[s.index] for s in outputs]
 
 
 def substitute(outputs: Any, inputs: Any, by: Any) -> Any:

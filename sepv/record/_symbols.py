@@ -33,7 +33,7 @@ LARGEST_POWER = 32
 
 
 class Operation(NamedTuple):
-    """A line of a tape: its name, the numbers of its arguments, and the value of a constant or the exponent."""
+    """A line of a tape: the operation's name, the lines of its arguments, and a constant's value or an exponent."""
 
     name: str
     arguments: tuple[int, ...]
@@ -41,7 +41,7 @@ class Operation(NamedTuple):
 
 
 class Tape:
-    """Lines of straight-line code: no operation stands twice, and arguments come before their use."""
+    """The operations that a function has done to symbols: each stands once, and after its arguments."""
 
     def __init__(self) -> None:
         self.lines: list[Operation] = []
@@ -59,13 +59,16 @@ class Tape:
         return symbol
 
     def constant(self, value: float) -> Symbol:
-        """Record a number. NaN is refused: it equals nothing, so each would be a new line."""
+        """The symbol of a number. NaN is refused: it equals nothing, so that each would be a new line."""
         if math.isnan(value):
             raise CannotRecord("a constant is NaN")
         return self.write("constant", value=float(value) + 0.0)
 
     def declare(self, value: Symbol, fixed: Iterable[Symbol], slopes: Mapping[Symbol, Symbol]) -> None:
-        """Declare the derivatives of a value by symbols, valid while the symbols in `fixed` do not depend on them."""
+        """Declare the derivatives of a value by symbols, for `jacobian` to use in place of the chain rule.
+
+        They are valid while the symbols in `fixed` do not depend on the symbols in `slopes`.
+        """
         if value.line.arguments:
             by = {x.index: slope for x, slope in slopes.items()}
             self.declared[value.index] = ({x.index for x in fixed}, by)
@@ -213,7 +216,7 @@ def _power(a: Symbol, b: Symbol) -> Symbol:
 
 
 def _whole_power(base: Symbol, n: int) -> Symbol:
-    """xⁿ by n − 1 products, whose lower powers the derivative shares."""
+    """The power xⁿ of a symbol by n − 1 products; its derivative uses the lower powers again."""
     power = base if n else base.tape.constant(1.0)
     for k in range(2, n + 1):
         power = base.tape.write("whole", power, base, value=float(k))
@@ -259,7 +262,7 @@ def _operator(rule: Callable[[Symbol, Symbol], Any], *, swapped: bool = False) -
 
 
 class Symbol(Element):
-    """A line of a tape, with the arithmetic of numbers."""
+    """A symbol: the result of one operation on a tape, with the arithmetic of numbers."""
 
     __slots__ = ("index", "tape")
 
@@ -274,7 +277,7 @@ class Symbol(Element):
 
     @property
     def line(self) -> Operation:
-        """Look up the operation on the tape."""
+        """The operation of the symbol on its tape."""
         return self.tape.lines[self.index]
 
     @property

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from sepv import problems
 from sepv.problem import field_jacobian
 from sepv.problem._fields import matvec
-from sepv.record import CannotRecord, NoClosedForm, Tape, degree, evaluator, gradient, jacobian, mean_gradient
+from sepv.record import CannotRecord, NoClosedForm, Tape, degree, evaluator, gradient, jacobian, mean
 from sepv.record._derivative import reachable
 from sepv.record._functions import FUNCTIONS
 from sepv.record._replay import replay
@@ -134,9 +134,9 @@ def test_means_of_affine_arguments_lose_nothing(name, size) -> None:
     tape = Tape()
     y, z = tape.vector(2), tape.vector(2)
     H = 0.5 * y[0] ** 2 + 3 * TERMS[name](0.5 * y[0] - 0.25 * y[1] + 2) - 2 * TERMS[name](y[1])
-    mean = mean_gradient(H, y, z)
+    average = mean(H, y, z).value
     start, move = [0.8, 1.3], [size, -0.3 * size]
-    got = evaluator([y, z], mean)(np.array(start)[:, None], np.array(move)[:, None])[:, 0]
+    got = evaluator([y, z], average)(np.array(start)[:, None], np.array(move)[:, None])[:, 0]
     slope = gradient(H, y)
     along = lambda tau: [a + tau * b for a, b in zip(start, move, strict=True)]  # noqa: E731
     for i in range(2):
@@ -152,7 +152,7 @@ def test_the_degree_of_a_polynomial_is_found_and_its_mean_exact() -> None:
     assert degree(H, y) == 5
     assert degree(np.sin(y[0]), y) is None
     assert degree(y[0] / (2 + np.cos(z[0])), y) == 1
-    got = evaluator([y, z], mean_gradient(H, y, z))(np.array([[0.3], [0.7]]), np.array([[0.5], [-0.2]]))[:, 0]
+    got = evaluator([y, z], mean(H, y, z).value)(np.array([[0.3], [0.7]]), np.array([[0.5], [-0.2]]))[:, 0]
     slope = lambda t, i: at([gradient(H, y)[i]], y, [0.3 + 0.5 * t, 0.7 - 0.2 * t])[0]  # noqa: E731
     exact = [float(MP.quad(lambda t, i=i: slope(t, i), [0, 1])) for i in range(2)]
     assert np.allclose(got, exact, rtol=1e-14)
@@ -164,7 +164,7 @@ def test_what_has_no_closed_mean_is_refused_and_says_why() -> None:
     none = (np.sin(y[0] * y[1]), "not affine"), (np.tanh(y[0]), "no rule"), (y[0] * np.exp(y[1]), "no rule")
     for H, why in none:
         with pytest.raises(NoClosedForm, match=why):
-            mean_gradient(H, y, z)
+            mean(H, y, z)
 
 
 @pytest.mark.parametrize("make", [problems.rigid_body, problems.pendulum, problems.lotka_volterra])
@@ -192,7 +192,7 @@ def test_a_record_of_the_scheme_is_as_short_as_by_hand() -> None:
     problem, tape = problems.rigid_body(), Tape()
     y, z, delta = tape.vector(3), tape.vector(3), tape.vector(1)
     B = tape.symbols(problem.structure(y + 0.5 * z))
-    R = delta[0] * matvec(B, mean_gradient(problem.hamiltonian(y), y, z))
+    R = delta[0] * matvec(B, mean(problem.hamiltonian(y), y, z).value)
     lines = reachable([*R, *jacobian(R, z).ravel()])
     assert sum(s.line.name not in ("input", "constant") for s in lines) <= 41
 

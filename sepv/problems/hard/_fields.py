@@ -39,6 +39,7 @@ def _resting(rng: np.random.Generator, lanes: int) -> Array:
 
 
 def _about_the_zero(rng: np.random.Generator, lanes: int) -> Array:
+    """States with |y| from 1e-200 to 1, a tenth of them exactly zero."""
     y = sizes(rng, 1e-200, 1.0, (1, lanes)) * rng.uniform(-1, 1, (3, lanes))
     y[:, rng.random(lanes) < 0.1] = 0.0
     return y

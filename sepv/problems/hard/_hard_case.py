@@ -11,13 +11,13 @@ import numpy as np
 
 from sepv.problem import Array, Description, Problem
 
-# Names of `sepv.solve.Status`: the possible refusals of a step without a solution. Which one it is depends on where the
+# The statuses of a step without a solution, by their names in `sepv.solve.Status`. Which one it is depends on where the
 # iteration gives up.
 REFUSALS = ("NO_CONVERGENCE", "LEFT_DOMAIN", "OVERFLOW", "SINGULAR")
 
 
 class Sample(NamedTuple):
-    """States y (d, M), one h for all of them, and increments dW (m, M)."""
+    """Random steps of a hard case: states y (d, M), one h for all of them, and increments dW (m, M)."""
 
     y: Array
     h: float
@@ -71,7 +71,7 @@ class HardCase:
 
 
 def sizes(rng: np.random.Generator, low: float, high: float, shape: int | tuple[int, ...]) -> Array:
-    """Numbers of either sign, their sizes spread evenly over the decades from `low` to `high`."""
+    """Random numbers of either sign, whose absolute values are spread evenly over the decades from `low` to `high`."""
     exponents = rng.uniform(np.log10(low), np.log10(high), shape)
     values: Array = rng.choice([-1.0, 1.0], shape) * 10.0**exponents
     return values
@@ -80,9 +80,9 @@ def sizes(rng: np.random.Generator, low: float, high: float, shape: int | tuple[
 def split(
     rng: np.random.Generator, low: float, high: float, lanes: int, c: float = 1.0
 ) -> tuple[float, Array]:
-    """h and dW (1, lanes) such that Δ = h + c dW has either sign and a size between `low` and `high`.
+    """A step size h and increments dW (1, lanes) for random steps Δ = h + c dW of given size.
 
-    h is `low`/2, because Δ is given: it is a step far out in the tail of the noise.
+    Δ has either sign and a size between `low` and `high`. h is `low`/2, so that dW is far out in the tail of the noise.
     """
     h = 0.5 * low
     return h, (sizes(rng, low, high, (1, lanes)) - h) / c
@@ -94,10 +94,10 @@ Sampler = Callable[[np.random.Generator, int], Sample]
 def steps(
     low: float, high: float, states: Callable[[np.random.Generator, int], Array], c: float = 1.0
 ) -> Sampler:
-    """Sampler of steps from random states (d, lanes), with Δ as in `split`."""
+    """The sampler of a hard case that takes random states (d, lanes), and random steps Δ as in `split`."""
     return lambda rng, lanes: Sample(states(rng, lanes), *split(rng, low, high, lanes, c))
 
 
 def box(d: int, low: float, high: float) -> Sampler:
-    """Sampler of steps from states in ±1.5, with Δ as in `split`."""
+    """The sampler of a hard case that takes states with components in ±1.5, and random steps Δ as in `split`."""
     return steps(low, high, lambda rng, lanes: rng.uniform(-1.5, 1.5, (d, lanes)))

@@ -27,6 +27,7 @@ def _rigid(inertia: tuple[float, float, float]) -> NamedProblem:
 
 
 def _middle_axis(rng: np.random.Generator, lanes: int) -> Array:
+    """States of the rigid body next to a rotation about its middle axis, at distances from 1e-16 to 0.1."""
     signs = [-1.0, 1.0]
     return np.stack([sizes(rng, 1e-16, 0.1, lanes), rng.choice(signs, lanes), sizes(rng, 1e-16, 0.1, lanes)])
 
