@@ -144,7 +144,7 @@ def narrow(y: Any) -> Any:
 
 def on_the_circle(problem: Any, y: Any, h: float, dW: Any) -> Any:
     if not np.all(narrow(y)):
-        raise ArithmeticError("no such state")
+        raise ValueError("no such state")
     delta = problem.random_step(h, dW)
     return y + delta * vector_field(problem, y + 0.5 * delta * vector_field(problem, y))
 

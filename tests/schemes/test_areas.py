@@ -11,7 +11,7 @@ from sepv.errors import UsageError
 from sepv.problem import Array, Problem, Systems
 from sepv.problem._fields import matvec
 from sepv.problem._hamiltonians import noise_field
-from sepv.schemes import Scheme, ask
+from sepv.schemes import Scheme
 from sepv.schemes._further_increments import as_matrix, as_rows, rows_of_any_path
 from sepv.schemes._order_claims import Orders
 from sepv.simulate import _areas as areas
@@ -163,17 +163,6 @@ def test_what_a_step_asks_for_reverses_with_the_path_and_moves_with_the_noises()
     H = rows_of_any_path("space-time", 0.25, dW)
     assert np.allclose(rows_of_any_path("space-time", -0.25, -dW), H)
     assert np.allclose(rows_of_any_path("space-time", 0.25, dW[order]), H[order])
-
-
-def test_the_contract_holds_with_and_without_areas() -> None:
-    problem = problems.random_inertia()
-    y, dW = np.asarray(problem.initial), np.array([0.1, -0.2])
-    scheme = schemes.area_midpoint
-    without, with_rows = ask(scheme, problem, y, 0.1, dW), ask(scheme, problem, y, 0.1, np.append(dW, 0.0))
-    assert without.shape == with_rows.shape == (3,)
-    # No area is the midpoint rule; some is not.
-    assert np.allclose(with_rows, schemes.stochastic_midpoint.step(problem, y, 0.1, dW), atol=1e-15)
-    assert np.max(np.abs(without - with_rows)) > 1e-5
 
 
 def test_areas_are_drawn_with_their_law_or_not_at_all() -> None:

@@ -26,11 +26,6 @@ def test_the_same_path_comes_out_for_any_batch_size() -> None:
         assert np.array_equal(part, whole[:, :, paths.start : paths.stop])
 
 
-def test_other_seeds_and_paths_are_other_numbers() -> None:
-    a, b = (wiener.increments(seed, T=1.0, steps=4, noises=1, paths=128) for seed in (0, 1))
-    assert np.unique(np.concatenate([a, b])).size == a.size + b.size
-
-
 def test_increments_are_independent_normals_of_variance_h() -> None:
     steps, paths, h = 16, 20_000, 1 / 16
     z = wiener.increments(11, T=1.0, steps=steps, noises=2, paths=paths) / math.sqrt(h)
@@ -96,19 +91,6 @@ def test_a_path_drawn_piece_by_piece_is_the_path(steps: int, refine: int | None)
         pieces = list(wiener.walk(2, T=2.0, steps=steps, noises=2, paths=range(3), refine=refine, size=size))
         assert np.array_equal(np.concatenate(pieces), whole)
         assert max(map(len, pieces)) <= max(size, 64)  # what is held at once
-
-
-@pytest.mark.parametrize(("steps", "refine"), [(768, None), (300, 0), (130, None)])
-def test_long_paths_are_independent_normals_of_variance_h(steps: int, refine: int | None) -> None:
-    T, paths = 3.0, 400
-    z = wiener.increments(4, T=T, steps=steps, noises=1, paths=paths, refine=refine)[:, 0] / math.sqrt(
-        T / steps
-    )
-    # Means of steps·paths squares and of products of neighbours: six standard errors, false alarms below 1e-8.
-    assert abs(np.mean(z**2) - 1) < 6 * math.sqrt(2 / z.size)
-    for lag in (1, 2, 4, 64):
-        assert abs(np.mean(z[lag:] * z[:-lag])) < 6 / math.sqrt(z[lag:].size)
-    assert abs(np.mean(z.sum(axis=0) ** 2) / steps - 1) < 6 * math.sqrt(2 / paths)
 
 
 def test_a_bridge_halves_with_the_deviation_at_its_first_half() -> None:

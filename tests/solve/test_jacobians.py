@@ -147,43 +147,6 @@ def test_differences_stay_inside_the_domain(side: int) -> None:
     assert np.max(np.abs(found - exact)) <= 1e-6 * np.abs(exact).max()
 
 
-# One lane of each size; the largest component is negative, the others are small and zero.
-SIZES = np.array([1e-5, 1.0, 1e5])
-SPREAD = np.array([[-1.0], [1e-3], [0.0]]) * SIZES
-
-
-def homogeneous() -> Problem:
-    """H of degree four and B of degree one: everything scales with y, and so does what differences leave."""
-    H = poly.polynomial(3, {(4, 0, 0): 1.0, (1, 2, 1): 0.5, (0, 3, 1): -2.0, (0, 0, 4): 1.0, (2, 1, 1): 1.5})
-    entries = ((0, 1, poly.variable(3, 2)), (0, 2, poly.variable(3, 0)), (1, 2, poly.variable(3, 1)))
-    return problems.polynomial_problem(PolynomialSystem(3, H, entries))
-
-
-def test_differences_are_as_good_for_states_of_any_size() -> None:
-    problem = homogeneous()
-    plain = replace(problem, hessian=None, structure_derivative=None, check=False)
-    exact = problem.hessian(SPREAD)
-    assert np.all(np.abs(hessian(plain, SPREAD) - exact) <= 1e-6 * np.abs(exact).max(axis=(0, 1)))
-    scheme, step = module_of("midpoint"), np.array([0.1 / SIZES**3])
-    exact = scheme.jacobian(problem, SPREAD, 1.5 * SPREAD, step)
-    found = difference_jacobian(
-        plain,
-        SPREAD,
-        1.5 * SPREAD,
-        step,
-        scheme.increment,
-        scheme.increment(plain, SPREAD, 1.5 * SPREAD, step).value,
-    )
-    assert np.all(np.abs(found - exact) <= 1e-6 * np.abs(exact).max(axis=(0, 1)))
-    # Of the size of |y|, where y1 is small and where y0 is.
-    for y0, y1 in ((SPREAD, 1e-9 * SPREAD), (1e-9 * SPREAD, SPREAD)):
-        exact = scheme.jacobian(problem, y0, y1, step)
-        found = difference_jacobian(
-            plain, y0, y1, step, scheme.increment, scheme.increment(plain, y0, y1, step).value
-        )
-        assert np.all(np.abs(found - exact) <= 1e-6 * np.abs(exact).max(axis=(0, 1)))
-
-
 @pytest.mark.parametrize("size", [1e-6, 1e-3, 1.0, 1e3])
 @pytest.mark.parametrize("name", ["lotka-volterra", "pendulum", "rigid-body"])
 def test_differences_along_a_vector_find_the_scale_of_the_field(name: str, size: float) -> None:
@@ -211,15 +174,3 @@ def test_differences_along_a_vector_find_the_scale_of_the_field(name: str, size:
     if np.finfo(np.longdouble).nmant >= 63:
         wide = 16 * EPS + rounded * 2.0**-7
         assert np.all(np.abs(derivative_along(plain, y, v) - exact) <= wide * unit)
-
-
-@pytest.mark.parametrize("name", ["lotka-volterra", "pendulum"])
-def test_differences_along_a_vector_are_those_of_each_state_by_itself(name: str) -> None:
-    """States of very different sizes side by side: each takes its own width, to the bit."""
-    problem = replace(problems.by_name(name), hessian=None, structure_derivative=None, check=False)
-    y = np.outer(np.asarray(problem.initial), [1e-6, 1.0, 1e3, 1e-3])
-    v = np.outer(np.arange(1.0, problem.dimension + 1), [1e3, -1e-3, 1.0, 0.5])
-    together = derivative_along(problem, y, v)
-    assert together.dtype == np.float64
-    for k in range(4):
-        assert np.array_equal(together[:, k], derivative_along(problem, y[:, k], v[:, k]))

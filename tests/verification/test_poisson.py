@@ -81,17 +81,6 @@ def test_structure_and_energy_are_different_laws() -> None:
     assert asked == {"energy": "holds", "poisson-map": "violated", "symplecticity": "violated"}
 
 
-@pytest.mark.parametrize(
-    ("name", "laws"),
-    [
-        ("midpoint", "symplecticity"), ("gauss-2", "symplecticity"), ("gauss-3", "symplecticity"),
-        ("splitting", "poisson-map,positivity"),
-    ],
-)  # fmt: skip
-def test_methods_that_keep_quadratic_invariants_are_symplectic_and_a_splitting_is_poisson(name, laws):
-    assert set(verdicts(name, laws, **QUICK).values()) == {"holds"}
-
-
 def test_a_solver_of_few_digits_is_not_accused_for_it() -> None:
     # Fixed-point iteration that stops at 1e-9, and says so.
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:

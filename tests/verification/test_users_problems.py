@@ -242,18 +242,3 @@ def test_laws_stay_where_a_narrow_scheme_lives() -> None:
         found = doors.verdicts(scheme, "contract,reproducibility", examples=5)
         assert found == {"contract": "holds", "reproducibility": "holds" if batched else "not applicable"}
     assert max(seen) < 1e-9
-
-
-def test_a_stated_domain_is_not_left() -> None:
-    """Where |y| > 0.9 is the domain, ¾ of a state on the circle is outside."""
-
-    def step(problem: sepv.Problem, y: np.ndarray, h: float, dW: np.ndarray) -> np.ndarray:
-        if not np.all(problem.domain(y)):
-            raise ValueError("outside")
-        return y.copy()
-
-    ring = dataclasses.replace(
-        problems.harmonic_oscillator(), domain=lambda y: np.hypot(y[0], y[1]) > 0.9, initial=(1.0, 0.0),
-        data=None, name="ring", check=False,
-    )  # fmt: skip
-    assert doors.verdicts(sepv.Scheme("rest", step), "contract", ring, examples=5) == {"contract": "holds"}
