@@ -1,8 +1,9 @@
 """The laws, one theorem a file: each file has a `law`, and a test that any runner can call with a scheme.
 
 What laws measure with stands beside them. `_orders` has orders, of single steps by quadrature and of paths;
-`_sequential` draws paths while a verdict is open. `_growth`, `_decay`, `_trace_formula`, `_poisson_map`, `_way_back`
-and `_states_of_a_path` have one theorem each, for the two or three laws that share it.
+`_sequential` draws paths while a verdict is open. `_without_solution` proves that a step has no solution. `_growth`,
+`_decay`, `_trace_formula`, `_poisson_map`, `_way_back` and `_states_of_a_path` have one theorem each, for the two or
+three laws that share it.
 """
 
 from __future__ import annotations

@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 from sepv.properties._states_of_a_path import keeps_states
+from sepv.properties._without_solution import MADE, made, proof
 
 from sepv.errors import SchemeFault, SepvError, StepFailure
 from sepv.problem import Array, PolynomialSystem, Problem
@@ -28,7 +29,6 @@ from sepv.schemes import Scheme, SchemeCrash, ask, check_answer, raw_answer, req
 from sepv.verification import Case, Effort, Finding, Law, Measurement, Run, Verdict, require, searched
 from sepv.verification._cases.case import taken_by, to_json, to_token
 from sepv.verification._cases.users_problems import may_ask
-from sepv.verification._cases.without_solution import MADE, made, proof
 from sepv.verification._search import Check
 
 # States in a batch: more than one, and few, because the law "reproducibility" has larger batches.

@@ -1,7 +1,7 @@
 """A step of (2.1) that is proved to have no solution is refused: by an ArithmeticError, or by the status of its lane.
 
 Any state that is returned is wrong, y0 and the explicit step among them. The proof is in
-`sepv.verification._cases.without_solution`: one component of (2.1) is a quadratic equation without real root, in exact
+`sepv.properties._without_solution`: one component of (2.1) is a quadratic equation without real root, in exact
 numbers. The residual that a returned state leaves in that component is compared with what a solved step may leave.
 Whoever does not claim *reference* solves another equation: the report says what the scheme returns, and judges nothing.
 """
@@ -17,6 +17,7 @@ from random import Random
 from typing import Any
 
 import numpy as np
+from sepv.properties._without_solution import MADE, NoSolution, made, proof
 
 from sepv.errors import SepvError, Skipped, StepFailure
 from sepv.problem import Array, Problem, Systems, vector_field
@@ -37,7 +38,6 @@ from sepv.verification import (
     step_residual,
 )
 from sepv.verification._cases.case import taken_by
-from sepv.verification._cases.without_solution import MADE, NoSolution, made, proof
 
 # Steps of a run before its random search, and those that a scheme is asked about which claims another equation. Few: an
 # iteration that finds nothing takes fifty times as long as one that converges.

@@ -5,6 +5,7 @@ from random import Random
 
 import numpy as np
 import pytest
+from sepv.properties._without_solution import legendre_sum, made, proof
 from sepv.reference.faults.saboteurs import SABOTEURS
 
 import sepv
@@ -12,7 +13,6 @@ from sepv.errors import StepFailure
 from sepv.problem import Array, Problem, Systems
 from sepv.schemes import Scheme, collocation, energy_preserving
 from sepv.verification import Case, Effort, Verdict, verify
-from sepv.verification._cases.without_solution import legendre_sum, made, proof
 
 FEW = Effort(examples=2, seed=5)
 
