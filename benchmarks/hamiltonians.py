@@ -1,7 +1,7 @@
 """Schemes for several Hamiltonians and their papers: ``python -m benchmarks.hamiltonians > docs/class.md``.
 
-Its tables: what each scheme claims; the laws that hold without a claim, and those that do not; slopes of one step by
-quadrature; and the saboteurs of the class, by the law that states their fault, with ten seeds. Some six minutes of one
+It says what each scheme claims, which laws hold without a claim and which do not, the slopes of one step by quadrature,
+and how often the saboteurs of the class are found with ten seeds. Some six minutes of one
 core.
 """
 
@@ -76,26 +76,37 @@ CLAIMS = (
 TITLE = """# Several Hamiltonians: what schemes claim, and what was found
 
 This page lets you choose a scheme for dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j) with {H_0, H_j} ≠ 0
-(`sepv.problem.HamiltoniansProblem`). It is what `python -m benchmarks.hamiltonians` prints.
+(`sepv.problem.HamiltoniansProblem`). For mean-square order 1 with any noises take *area-midpoint*, for a Poisson map
+*stochastic-splitting* or *isospectral-midpoint*, for positive species *darboux-lie*, for additive noise
+*drift-preserving*. `python -m benchmarks.hamiltonians` prints this page.
 """
 DIFFERENCES = """## How the verdicts stand to the papers
 
 *darboux-lie* is the midpoint rule in logarithms. It has mean-square order 1 for one noise (`lotka-volterra`), and order
-½ for three independent noises whose fields do not commute (`random-lotka-volterra`). No scheme that sees increments
-alone can do better (J. Clark and R. Cameron 1980). Liu and Wang prove order 1 of an integrator of their own. Of their
-paper only the abstract and the introduction were read: nothing here is a verdict about it.
+½ for three noises whose fields do not commute (`random-lotka-volterra`). No scheme that sees only increments can do
+better (J. Clark and R. Cameron 1980). Liu and Wang prove order 1 of an integrator of their own. Of their paper only the
+abstract and the introduction were read: nothing here is a verdict about it.
 
 The statements of the other papers hold where they were measured. Both midpoint rules violate *poisson-map* and
-*energy-drift*; neither claims these. E[H] is right up to h³ a step for the midpoint rules, and up to h² for
-*isospectral-midpoint*. Laws about H speak of *darboux-lie* on `lotka-volterra`, which is (1.1).
+*energy-drift*, which neither claims. E[H] is right up to h³ a step for the midpoint rules, and up to h² for
+*isospectral-midpoint*.
 """
 ADDITIVE = """## Additive noise
 
-*drift-preserving* is judged on dy = B(y)∇H dt + Σ c_j g_j dW_j with any constant vectors g_j. The abstract of its paper
-states the exact drift of the energy and of quadratic Casimirs. Abstract and introduction were read, not the
-experiments: `pushed-rigid-body` is a problem of our own. Growth of its means per unit of time, to T = 1, by 10,000
+*drift-preserving* is for dy = B(y)∇H dt + Σ c_j g_j dW_j with constant vectors g_j. By the abstract of its paper it
+keeps the exact drift of the energy and of quadratic Casimirs. Abstract and introduction were read, not the experiments:
+`pushed-rigid-body` is a problem of our own. The table has the growth of its means per unit of time, to T = 1, by 10,000
 pairs of paths, with standard errors (`python -m benchmarks.additive_noise`):
 
+"""
+VERDICTS = """## Verdicts
+
+Every claimed law holds unless its line says “red or open”. The lists have the laws that hold or fail unclaimed.
+"""
+SLOPES_TEXT = """## Slopes
+
+Each cell has the slopes of *local-mean-square* and of *local-weak* for one kind of noise. An order p needs p + ½ and
+p + 1. Where noises do not commute, the first reference is the log-ODE of step two, which shows no more than order 1.
 """
 
 
@@ -105,24 +116,21 @@ def table(heading: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def verdicts(reports: dict[str, Report]) -> str:
-    """Scheme by scheme: the laws that hold without a claim, and those that do not hold."""
-
-    def listed(report: Report, verdict: Verdict) -> str:
-        return ", ".join(f.law for f in report.findings if f.verdict is verdict and not f.claimed)
-
+    """List scheme by scheme the laws that hold without a claim, and those that do not hold."""
     decided = (Verdict.HOLDS, Verdict.VIOLATED, Verdict.NOT_APPLICABLE)
-    rows = [
-        [
-            name,
-            listed(report, Verdict.HOLDS),
-            listed(report, Verdict.VIOLATED),
-            ", ".join(
-                f"{f.law} {f.verdict.text}" for f in report.findings if is_red(f) or f.verdict not in decided
-            ),
-        ]
-        for name, report in reports.items()
-    ]
-    return table(["scheme", "holds besides", "violated, not claimed", "red or open"], rows)
+    lines = []
+    for name, report in reports.items():
+        unclaimed = [f for f in report.findings if not f.claimed]
+        held = ", ".join(f.law for f in unclaimed if f.verdict is Verdict.HOLDS)
+        violated = ", ".join(f.law for f in unclaimed if f.verdict is Verdict.VIOLATED)
+        red = ", ".join(
+            f"{f.law} {f.verdict.text}" for f in report.findings if is_red(f) or f.verdict not in decided
+        )
+        parts = [("obeys ", held), ("violates ", violated), ("red or open: ", red)]
+        lines.append(
+            f"- *{name}*: " + ("; ".join(f"{word}{laws}" for word, laws in parts if laws) or "nothing else")
+        )
+    return "\n".join(lines) + "\n"
 
 
 def is_red(finding: Finding) -> bool:
@@ -150,17 +158,16 @@ def slopes(reports: dict[str, Report]) -> str:
 
 
 def detections(names: Sequence[str], seeds: Sequence[int]) -> str:
-    """The saboteurs with the law that states their fault, under how often that law kills them."""
-    rows, killed = [], []
+    """Say how often the law that states the fault of a saboteur kills it."""
+    killed = []
     for name in names:
-        saboteur = SABOTEURS[name]
-        law = saboteur.caught_by[0]
-        rows.append([name, saboteur.broken, law])
+        law = SABOTEURS[name].caught_by[0]
         found = [fault_detection.detect(name, seed, [law], EXAMPLES) for seed in seeds]
         killed.append(sum(b.kills for each in found for b in each))
-    heading = "Each imitates a scheme and claims what that claims. "
-    heading += f"The law kills it with {min(killed)} of {len(seeds)} seeds:\n\n"
-    return heading + table(["saboteur", "broken", "law"], rows).rstrip("\n")
+    listed = ", ".join(f"`{name}`" for name in names)
+    return f"""The suite has schemes of this class that are broken on purpose ([saboteurs](teeth.md)): {listed}.
+Each claims what the scheme that it imitates claims. The law that states its fault
+kills it with {min(killed)} of {len(seeds)} seeds."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -178,15 +185,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     print(table(["scheme", "source", "claimed there", "claimed here besides"], CLAIMS))
     print(DIFFERENCES)
     print(ADDITIVE + additive_noise.table() + "\n")
-    print("## Verdicts\n\nEvery claimed law holds but for those in the last column.\n")
+    print(VERDICTS)
     print(verdicts(reports))
     if set(SLOPES) <= set(chosen.laws):
-        print("## Slopes\n")
-        print(
-            "Of *local-mean-square*; *local-weak*, by quadrature, for each kind of noise: an order p needs p + ½ and\n"
-            "p + 1. Where noises do not commute, the first is the distance from the log-ODE of step two, which shows\n"
-            "no more than order 1.\n"
-        )
+        print(SLOPES_TEXT)
         print(slopes(reports))
     print("## Saboteurs\n")
     print(detections([n for n, s in SABOTEURS.items() if s.family == "hamiltonians"], range(chosen.seeds)))

@@ -183,7 +183,7 @@ def test_the_blocks_of_the_page_about_ci_and_the_steps_of_its_workflows_run(read
     monkeypatch.setenv("SEPV", str(ROOT))
     assert run_blocks("ci", reader) > 0
     jobs = [steps_of(body) for _, body in blocks("ci", "yaml")]
-    assert [len(steps) for steps in jobs] == [7, 1, 0, 4]
+    assert [len(steps) for steps in jobs] == [5, 1, 0, 4]
     # Each once; what another does with more options is not done twice.
     commands = list(dict.fromkeys(command for steps in jobs for _, command in steps))
     for command in commands:

@@ -13,7 +13,17 @@ from sepv.reference.faults.saboteurs import SABOTEURS
 from sepv.reference.paper.remarks import _solvable
 
 import sepv
-from benchmarks.hamiltonians import CLAIMS, DIFFERENCES, SCHEMES, TITLE, slopes, table, verdicts
+from benchmarks.hamiltonians import (
+    CLAIMS,
+    DIFFERENCES,
+    SCHEMES,
+    SLOPES_TEXT,
+    TITLE,
+    VERDICTS,
+    slopes,
+    table,
+    verdicts,
+)
 from sepv import exact_flow, integrate, problems, schemes
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.problems._common import hat
@@ -141,7 +151,9 @@ def test_the_page_has_the_text_of_the_command_and_all_names() -> None:
     assert set(SCHEMES) == set(schemes.HAMILTONIANS) == {row[0] for row in CLAIMS}
     for saboteur in SABOTEURS.values():
         if saboteur.family == "hamiltonians":
-            assert f"| {saboteur.name} | {saboteur.broken} | {saboteur.caught_by[0]} |" in PAGE
+            assert f"`{saboteur.name}`" in PAGE
+    assert VERDICTS in PAGE
+    assert SLOPES_TEXT in PAGE
     assert "kills it with 10 of 10 seeds" in PAGE
 
 
