@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from doors import ROOT
 
 from sepv.schemes import midpoint
 from sepv.verification import LAWS, Effort, load_laws, verify
@@ -16,7 +17,6 @@ pytest_plugins = ["pytester"]
 # Runs in this process forget what they imported, and NumPy's extensions load once in a process.
 load_laws()
 
-ROOT = Path(__file__).resolve().parents[1]
 DOOR = ("-p", "sepv.pytest_plugin", "-p", "no:cacheprovider", "--sepv-examples", "8", "--sepv-paths", "256")
 STEPS = "(test_energy or test_casimir or identity) and not casimir_drift"
 OTHERS = len(LAWS) - 4

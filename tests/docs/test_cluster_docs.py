@@ -35,19 +35,15 @@ def test_every_engine_of_the_page_has_a_block() -> None:
     assert NEEDS == ["distributed", "joblib", "ray", "zarr"]
 
 
-# Dask itself is asked in test_clusters.py; its block starts a cluster of processes, which takes a quarter of a minute.
-@pytest.mark.parametrize("number", [pytest.param(0, marks=pytest.mark.deep), 1])
+# Dask itself is asked in test_clusters.py. Its block and that of ray start clusters of processes, which take long.
+@pytest.mark.parametrize(
+    "number", [pytest.param(0, marks=pytest.mark.deep), 1, pytest.param(2, marks=pytest.mark.deep)]
+)
 def test_a_block_runs(number: int, tmp_path: Path) -> None:
-    assert "(2, 20000)" in ran(number, tmp_path)
+    assert ("(2, 20000) 0" if NEEDS[number] == "ray" else "(2, 20000)") in ran(number, tmp_path)
 
 
 def test_the_block_that_keeps_paths_on_disk_runs(reader: Reader) -> None:
     pytest.importorskip("zarr", reason="zarr is not installed")
     reader.python(BLOCKS[NEEDS.index("zarr")])
     assert (reader.folder / "paths.zarr").is_dir()
-
-
-@pytest.mark.deep
-def test_the_block_of_ray_runs(tmp_path: Path) -> None:
-    """It starts a cluster of half a dozen processes, which takes a minute."""
-    assert "(2, 20000) 0" in ran(2, tmp_path)

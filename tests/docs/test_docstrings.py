@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from doors import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = ("properties", "reference", "sepv")
 ROOMS = sorted({p.parent for folder in FOLDERS for p in (ROOT / folder).rglob("*.py")})
 # A first line that begins so is a part of a sentence whose rest the reader has to guess.

@@ -8,8 +8,8 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
+from doors import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 # The changelog speaks of names that are gone.
 PAGES = [
     *sorted((ROOT / "docs").glob("*.md")),

@@ -1,12 +1,12 @@
 """Numbers that stand in the prose of docs/, computed again; and docs/class.md, which benchmarks.hamiltonians prints."""
 
 import re
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from doors import doc
 from sepv.properties._trace_formula import mean_after
 from sepv.properties.test_energy_drift import quantity
 from sepv.reference.faults.saboteurs import SABOTEURS
@@ -32,12 +32,10 @@ from sepv.record import _polynomial as poly
 from sepv.schemes import Scheme
 from sepv.studies._solvability.map import solvability_map
 
-DOCS = Path(__file__).resolve().parents[2] / "docs"
-
 
 def printed(page: str, *sentences: str) -> None:
     """Each sentence stands on the page, whatever its line breaks."""
-    text = " ".join((DOCS / page).read_text("utf-8").split())
+    text = " ".join(doc(page).split())
     for sentence in sentences:
         assert sentence in text, sentence
 
@@ -128,9 +126,7 @@ def test_the_midpoint_rule_keeps_the_impulse_of_vortices_and_two_one_their_energ
         "The midpoint rule keeps the quadratic impulse and moves H by 2e-06.",
         "The scheme (2.1) keeps H and moves the impulse by 8e-06. Both keep the linear impulse.",
     )
-    block = (
-        (DOCS / "vortices.md").read_text("utf-8").partition("```python\n")[2].partition("\nif __name__")[0]
-    )
+    block = doc("vortices.md").partition("```python\n")[2].partition("\nif __name__")[0]
     vortices: dict[str, Any] = {}
     exec(block, vortices)
     problem, strength = vortices["problem"], vortices["STRENGTH"]
@@ -141,7 +137,7 @@ def test_the_midpoint_rule_keeps_the_impulse_of_vortices_and_two_one_their_energ
         assert np.ptp(strength @ y[::2]) < 1e-12
 
 
-PAGE = (Path(__file__).resolve().parents[2] / "docs" / "class.md").read_text(encoding="utf-8")
+PAGE = doc("class.md")
 
 
 def test_the_page_has_the_text_of_the_command_and_all_names() -> None:

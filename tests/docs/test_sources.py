@@ -4,8 +4,8 @@ import re
 from pathlib import Path
 
 import pytest
+from doors import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 PAGES = [
     ROOT / "README.md",
     *sorted((ROOT / "docs").glob("*.md")),

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 from click.testing import CliRunner
+from doors import ROOT
 from sepv.reference.peers.peer import load
 
 from benchmarks.peers import changes as trend
@@ -22,7 +23,6 @@ from sepv.console import Shown
 from sepv.errors import UsageError
 from sepv.verification import Effort
 
-ROOT = Path(__file__).resolve().parents[2]
 RESULTS = ROOT / "results"
 
 

@@ -3,15 +3,13 @@
 import html
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
+from doors import command, doc
 from sepv.reference.paper import errata
 from sepv.reference.paper.errata import ENTRIES, Erratum, Evidence
 
 from benchmarks.errata import missing, to_markdown
-from sepv.commands._cli import main
 
 
 def test_every_entry_is_refuted_by_its_evidence() -> None:
@@ -44,21 +42,18 @@ def test_quotations_are_compared_with_a_text_word_by_word() -> None:
 
 
 def test_the_page_shows_what_is_computed() -> None:
-    page = Path(__file__).parents[2] / "docs" / "errata.md"
-    assert page.read_text(encoding="utf-8") == to_markdown(), "python -m benchmarks.errata > docs/errata.md"
+    assert doc("errata.md") == to_markdown(), "python -m benchmarks.errata > docs/errata.md"
 
 
 def test_the_committed_report_refutes_nothing_of_the_paper_but_the_errata() -> None:
     """What is not the paper's says "(ours)". Where it fails: python -m benchmarks.page"""
-    report = (Path(__file__).parents[2] / "docs" / "report.html").read_text(encoding="utf-8")
-    refuted = [html.unescape(text) for text in re.findall(r"does not hold</span> (.*?) <span", report)]
+    refuted = [html.unescape(t) for t in re.findall(r"does not hold</span> (.*?) <span", doc("report.html"))]
     assert refuted
     assert {text for text in refuted if not text.startswith("(ours)")} <= {e.printed for e in ENTRIES}
 
 
 def test_the_command_prints_place_correction_evidence_and_command() -> None:
-    result = CliRunner().invoke(main, ["reproduce", "--errata"])
-    assert result.exit_code == 0
+    result = command("reproduce --errata")
     for entry in ENTRIES:
         assert entry.place in result.output
         assert entry.command in result.output

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from drawn import J
 from hypothesis import given
 
 import sepv
@@ -127,13 +128,8 @@ def test_a_state_at_rest_stays_where_the_jacobian_is_singular() -> None:
 @pytest.mark.parametrize("name", ["midpoint", "energy-preserving", "discrete-gradient"])
 def test_a_domain_in_which_h_goes_on_beyond_is_left_by_name(name: str) -> None:
     """A rotation by Δ ≈ ½ from (1, 1) takes q to 1.36, where H is defined too: `domain` alone ends it at 1.2."""
-    problem = Problem(
-        dimension=2,
-        structure=lambda y: np.array([[0 * y[0], -1 + 0 * y[0]], [1 + 0 * y[0], 0 * y[0]]]),
-        hamiltonian=lambda y: 0.5 * (y[0] ** 2 + y[1] ** 2),
-        domain=lambda y: y[1] < 1.2,
-        initial=(1.0, 1.0),
-    )
+    H = lambda y: 0.5 * (y[0] ** 2 + y[1] ** 2)  # noqa: E731
+    problem = Problem(2, J, H, domain=lambda y: y[1] < 1.2, initial=(1.0, 1.0))
     y, dW = np.array([[1.0, 1.0, 0.1], [1.0, 1.0, -0.5]]), np.array([[0.4, 0.0, 0.4]])
     solve = schemes.by_name(name).solve
     assert solve is not None

@@ -1,6 +1,7 @@
 """Cases that no seed may miss, and axes with open ends: sizes far beyond the usual ones, steps where little moves."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -9,9 +10,9 @@ from sepv.properties import test_energy as energy
 from sepv.reference.faults.saboteurs import SABOTEURS
 
 from sepv import Scheme, problems, schemes
-from sepv.problem import Array, PolynomialSystem, Problem, Systems
+from sepv.problem import Array, PolynomialSystem, Problem, Systems, mechanics
 from sepv.schemes import ask, energy_preserving, milstein
-from sepv.verification import Case, Cases, Verdict
+from sepv.verification import Case, Cases, Verdict, verify
 from sepv.verification._cases.case import to_json
 from sepv.verification._cases.classes import CLASSES
 from sepv.verification._cases.ends import beyond, in_other_units
@@ -145,3 +146,26 @@ def test_polynomial_corners_lie_inside_the_contraction_radius() -> None:
     for case in inside:
         problem, y, h, dW = case.build()
         assert h + float(np.sum(np.abs(problem.c * dW))) <= contraction_radius(problem, y)
+
+
+# A threshold with a unit, as libraries of particles have, is no fault of an integrator without noise.
+
+
+def verlet(problem, y, h, dW, *, threshold):
+    """Velocity Verlet that keeps the force where positions move by less than a threshold, as ASE's calculators do."""
+    system = mechanics(problem)
+    q, p = system.split(y)
+    force = system.force(q)
+    p = p + h / 2 * force
+    moved = q + h * system.velocity(p)
+    if not np.allclose(moved, q, rtol=1e-15, atol=threshold):
+        force = system.force(moved)
+    return system.join(moved, p + h / 2 * force)
+
+
+@pytest.mark.parametrize(("threshold", "verdict"), [(1e-15, "holds"), (1e-6, "violated")])
+def test_a_threshold_is_found_where_usual_states_meet_it_alone(threshold, verdict):
+    step = partial(verlet, threshold=threshold)
+    scheme = Scheme("verlet", step, claims=["symmetry"], order=2, systems="mechanical")
+    report = verify(scheme, laws="symmetry,reversibility")
+    assert {finding.verdict.text for finding in report.findings} == {verdict}
