@@ -89,7 +89,7 @@ abstract and the introduction were read: nothing here is a verdict about it.
 
 The statements of the other papers hold where they were measured. Both midpoint rules violate *poisson-map* and
 *energy-drift*, which neither claims. E[H] is right up to h³ a step for the midpoint rules, and up to h² for
-*isospectral-midpoint*.
+*isospectral-midpoint*. Laws about H judge *darboux-lie* on `lotka-volterra`, where all noises share one field.
 """
 ADDITIVE = """## Additive noise
 
