@@ -64,7 +64,7 @@ def check_protocol(
 
 
 def describe(checks: Iterable[Check]) -> str:
-    """Describe the checks for a reader, in order."""
+    """The checks as text, in order: for each "ok" or "FAIL", the line sent, and the answer or its defect."""
     lines = []
     for n, check in enumerate(checks, 1):
         shown = check.line if len(check.line) <= 160 else f"{check.line[:160]}… ({len(check.line)} bytes)"

@@ -163,7 +163,7 @@ class Child:
     def fault(
         self, kind: type[errors.ProgramError], expected: str, received: str, remedy: str
     ) -> errors.ProgramError:
-        """An error that carries the end of the program's stderr."""
+        """The error `kind` with these words and the end of the program's stderr."""
         if self.stderr in self.selector.get_map():
             self._drain()
         log = "\n".join(shown(line) for line in bytes(self.log).splitlines())

@@ -76,6 +76,7 @@ class StepRefused(StepFailure):
 
 
 def shown(line: bytes, most: int = 200) -> str:
+    """A program's line as text for a message, by `clean`; bytes that are not UTF-8 are escaped."""
     return clean(line.decode(errors="backslashreplace"), most)
 
 

@@ -1,4 +1,4 @@
-"""The lines of the protocol (docs/protocol.md): strict readers and exact writers."""
+"""The JSON lines of the protocol (docs/protocol.md), read strictly and written without loss of bits."""
 
 from __future__ import annotations
 
@@ -104,6 +104,7 @@ def read_hello(answer: dict[str, Any]) -> Hello:
 
 
 def decode(child: Child, line: bytes, number: int) -> dict[str, Any]:
+    """The JSON object that a program answered to message `number`. Raises NotJson, BadAnswer or WrongId otherwise."""
     try:
         answer = parse_json(line)
     except ValueError as error:
@@ -126,7 +127,7 @@ def decode(child: Child, line: bytes, number: int) -> dict[str, Any]:
 
 
 def states(answer: Any, count: int, d: int) -> list[list[float]]:
-    """The states of an answer to `count` steps in d dimensions."""
+    """The member y_next of an answer to `count` steps in d dimensions, as numbers. Raises WrongShape or BadAnswer."""
     rows = answer if isinstance(answer, list) else []
     if len(rows) != count or any(not isinstance(row, list) or len(row) != d for row in rows):
         shape = [len(row) if isinstance(row, list) else type(row).__name__ for row in rows]
@@ -157,7 +158,7 @@ def _double(text: Any) -> float:
 
 
 def travelling(problem: Problem, greeting: Hello) -> str:
-    """The problem as JSON; raises Skipped if the program does not take it."""
+    """The problem as JSON text. Raises Skipped if it cannot be written as data, or the program does not take it."""
     data = problem.data
     if data is None:
         raise Skipped(f"the problem {problem.name} is made of Python functions, which cannot travel")
@@ -174,4 +175,5 @@ def _problem_text(data: PolynomialSystem | NamedProblem) -> str:
 
 
 def row(values: Iterable[float]) -> str:
+    """The numbers as a JSON list of hex floats."""
     return "[" + ",".join(f'"{v.hex()}"' for v in values) + "]"

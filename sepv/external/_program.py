@@ -1,4 +1,4 @@
-"""A program as a scheme: it starts at its first call, restarts after a fault, and is always ended."""
+"""A program in any language as a scheme: it starts at the first call, restarts after a fault, and is always ended."""
 
 from __future__ import annotations
 

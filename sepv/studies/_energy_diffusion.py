@@ -43,7 +43,10 @@ APART = 1e-3
 
 @dataclass(frozen=True)
 class EnergyDiffusion:
-    """E[H] − H(y0) = offset + drift t and Var H = 2 diffusion t, while the walk stays near the orbit through y0."""
+    """The theory of the energy's walk: E[H] − H(y0) = offset + drift t and Var H = 2 diffusion t.
+
+    Both hold while the walk stays near the orbit through y0, whose period is `period`.
+    """
 
     offset: float
     drift: float
@@ -55,15 +58,15 @@ class EnergyDiffusion:
         return 2 * t * self.drift**2 <= self.diffusion
 
     def at(self, t: Array) -> tuple[Array, Array]:
-        """E[H] − H(y0) and the rms of H − E[H] at times that have forgotten the phase."""
+        """E[H] − H(y0) and the rms of H − E[H] at times t that are long enough to forget the phase on the orbit."""
         return self.offset + self.drift * t, np.sqrt(np.maximum(2 * self.diffusion, 0) * t)
 
 
 def energy_diffusion(scheme: Scheme, problem: Problem, h: float) -> EnergyDiffusion | None:
     """Offset, drift and diffusion of the energy from the problem's initial state.
 
-    None where the theory above does not speak: the scheme is not said to be symplectic or takes one state at a time, B
-    is not a constant (2, 2), there is no noise, or no closed orbit through y0.
+    None where the theory does not apply: the scheme does not claim symplecticity or takes one state at a time, B is
+    not a constant (2, 2), there is no noise, or the orbit through y0 is not closed.
     """
     if not (
         "symplecticity" in scheme.claims and scheme.batched and problem.dimension == 2 and np.any(problem.c)
@@ -87,7 +90,10 @@ def energy_diffusion(scheme: Scheme, problem: Problem, h: float) -> EnergyDiffus
 
 
 def _walk(scheme: Scheme, problem: Problem, h: float, orbit: Orbit) -> tuple[float, float]:
-    """D by the sum over correlations, and Σ_n E[u_n] from the orbit's first state."""
+    """The diffusion D of the energy near an orbit, and the sum Σ_n E[u_n] of its increments from the first state.
+
+    D is computed from the correlations of the increments u of the energy in one step.
+    """
     nodes = rule_for(scheme, problem, h, 12)
     noise, weights = np.sqrt(h) * nodes.zeta[:, nodes.index], nodes.weights
     y = np.repeat(orbit.states, weights.size, axis=1)

@@ -67,14 +67,17 @@ class Growth:
 
     @property
     def kind(self) -> str:
-        """The growth of the rms: rounding, one of `KINDS`, or open if the interval does not decide or paths failed."""
+        """The kind of growth of the rms: "rounding", one of the kinds of the law *rounding*, or "open".
+
+        It is open if the interval of the exponent does not decide, or paths failed.
+        """
         if self.failed:
             return "open"
         return "rounding" if self.rms[-1] <= self.rounding else kind_of(*self.exponent)
 
     @property
     def drifts(self) -> bool:
-        """True if the interval of the mean's drift excludes 0, and the error is not rounding."""
+        """True if the mean energy drifts: the interval of the drift excludes 0, and the error is not rounding."""
         return self.kind != "rounding" and not self.failed and abs(self.drift[0]) > self.drift[1]
 
     def to_json(self) -> dict[str, Any]:
@@ -83,7 +86,7 @@ class Growth:
         return {k: finite(v) for k, v in fields.items()} | {"kind": self.kind, "drifts": self.drifts}
 
     def sentence(self) -> str:
-        """One line in words."""
+        """The verdict on one line, for the terminal."""
         if self.failed:
             return f"{self.failed} of {self.paths} paths failed: nothing is judged"
         if self.kind == "rounding":
@@ -98,9 +101,9 @@ class Growth:
 def growth(
     scheme: Scheme, problem: Problem, *, h: float, T: float, paths: int, seed: int = 0, engine: str = "auto"
 ) -> Growth:  # fmt: skip
-    """The energy's error of `paths` paths from the problem's initial state up to T, a multiple of h.
+    """The growth of the energy's error over `paths` paths from the problem's initial state up to T.
 
-    T/h has to be a multiple of 2^DOUBLINGS, so that the times T/2^k are steps.
+    Raises UsageError unless T/h is a multiple of 2^DOUBLINGS: the times T/2^k must be steps.
     """
     steps = round(T / h)
     if steps < 2**DOUBLINGS or steps % 2**DOUBLINGS or not np.isclose(steps * h, T, rtol=1e-12):
@@ -113,12 +116,12 @@ def growth(
     while counts[-1] % 2 == 0:
         counts.append(counts[-1] // 2)
     times = np.array(counts[::-1]) * h
-    found = ensemble(scheme, problem, h=h, steps=steps, paths=paths, seed=seed, times=times, engine=engine)
+    runs = ensemble(scheme, problem, h=h, steps=steps, paths=paths, seed=seed, times=times, engine=engine)
     y0 = np.array(problem.initial, dtype=np.float64)
     derived = energy_diffusion(scheme, problem, h)
     with np.errstate(over="ignore", invalid="ignore"):
-        energies = np.stack([problem.hamiltonian(y) for y in found.states]) - float(problem.hamiltonian(y0))
-        failed = int(np.count_nonzero((found.status != 0) | ~np.isfinite(energies).all(axis=0)))
+        energies = np.stack([problem.hamiltonian(y) for y in runs.states]) - float(problem.hamiltonian(y0))
+        failed = int(np.count_nonzero((runs.status != 0) | ~np.isfinite(energies).all(axis=0)))
         return judged(
             scheme.name, times, energies, rounding=rounding_walk(problem, y0[:, None], steps), failed=failed,
             derived=derived if derived and derived.reaches(T) else None,
@@ -129,7 +132,7 @@ def judged(
     scheme: str, times: Array, errors: Array, *, rounding: float, failed: int = 0,
     derived: EnergyDiffusion | None = None,
 ) -> Growth:  # fmt: skip
-    """The growth of errors of H (L, M) of M paths at times (L,), of which the last three are T/4, T/2 and T."""
+    """The `Growth` of the errors of H, (L, M), of M paths at times (L,). The last three times are T/4, T/2 and T."""
     paths = errors.shape[1]
     rates = (errors[-1] - errors[-3]) / (times[-1] - times[-3])
     half = float(students_t(LEVEL / 2, paths - 1) * np.std(rates, ddof=1) / np.sqrt(paths))
@@ -142,7 +145,10 @@ def judged(
 
 
 def draw(rows: Sequence[Growth], title: str, suffix: str, own: dict[str, Look] | None = None) -> bytes:
-    """|E[H] − H(y0)| on the left and the rms on the right, both against time, with theory beside; needs `plots`."""
+    """The picture of some `Growth` as the content of a file; needs the extra `plots`.
+
+    |E[H] − H(y0)| is on the left and the rms of H − H(y0) on the right, against time, with theory where there is one.
+    """
     look_of = looks((row.scheme for row in rows), own)
     with figure(9.5, 4.4, layout="constrained") as drawn:
         for side, (axes, label) in enumerate(

@@ -43,14 +43,14 @@ class QuietGrowth:
     failed: str = ""
 
     def to_json(self) -> dict[str, Any]:
-        """The record; numbers that are not finite are null."""
+        """The fields for a JSON file; numbers that are not finite are null."""
         return {
             "scheme": self.scheme, "h": self.h, "times": self.times.tolist(), "largest": finite(self.largest.tolist()),
             "rounding": self.rounding, "trend": self.trend[0], "reason": self.trend[1], "failed": self.failed,
         }  # fmt: skip
 
     def sentence(self) -> str:
-        """One line in words."""
+        """The result on one line, for the terminal."""
         if self.failed:
             return f"failed in {self.failed.partition(chr(10))[0]}"
         coarse, fine = self.largest[:, -1]
@@ -61,7 +61,7 @@ class QuietGrowth:
 
 
 def quiet_growth(scheme: Scheme, problem: Problem, *, h: float, T: float) -> QuietGrowth:
-    """The energy's error from the problem's initial state up to T, with c = ().
+    """The growth of the energy's error without noise, c = (), from the problem's initial state up to T.
 
     Raises UsageError for a problem with a field for each noise, or without an initial state.
     """
@@ -87,7 +87,10 @@ def quiet_growth(scheme: Scheme, problem: Problem, *, h: float, T: float) -> Qui
 
 
 def _trend(scheme: Scheme, problem: Problem, h: float, T: float) -> tuple[str, str]:
-    """The verdict of the law's method with steps near h over about T, in words, and its reason."""
+    """The verdict of the law *long-time-energy* on a trend of the mean energy, in words, and its reason.
+
+    Steps are about h long and reach about T: both are fitted to the period of the orbit.
+    """
     try:
         orbits = users_orbits(problem)
     except Skipped as reason:
@@ -100,7 +103,10 @@ def _trend(scheme: Scheme, problem: Problem, h: float, T: float) -> tuple[str, s
 
 
 def draw(rows: Sequence[QuietGrowth], title: str, suffix: str, own: dict[str, Look] | None = None) -> bytes:
-    """The largest error so far against time, a scheme's with h and with h/2; needs `plots`."""
+    """The picture of some `QuietGrowth` as the content of a file; needs the extra `plots`.
+
+    It shows the largest error so far against time, for each scheme with h and with h/2.
+    """
     look_of = looks((row.scheme for row in rows), own)
     shown = [
         Series(f"{row.scheme}, {name}", row.times.tolist(), curve.tolist(), row.scheme)

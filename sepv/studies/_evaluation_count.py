@@ -1,7 +1,7 @@
-"""Counted work: the problem's own functions count their evaluations, for any scheme.
+"""Counts of evaluations for any scheme: the functions of the problem that it is given count their calls.
 
-A scheme says what it likes about its own evaluations; the functions it is handed know. Every number is an exact
-integer, one for each state that a function was evaluated at, so that one evaluation more is seen.
+No count depends on what a scheme reports. Every count is an exact integer, one for each state at which a function was
+evaluated, so that one evaluation more is seen.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Work:
 
 
 def counted(problem: Problem, work: Work) -> Problem:
-    """A problem whose functions add the number of their states to `work`."""
+    """A copy of the problem whose functions add the number of states of each call to `work`."""
 
     def counting(kind: str, function: Callable[..., Any]) -> Callable[..., Any]:
         def wrapper(y: Any, *more: Any) -> Any:

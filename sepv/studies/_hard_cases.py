@@ -32,7 +32,7 @@ UNMARKED = ("not finite", "outside the domain", "beyond the bound", "residual be
 
 @dataclass
 class Seen:
-    """The results on one case.
+    """The results of one scheme on one hard case, collected over batches of steps.
 
     statuses : how the steps ended, by name of `Status`; CRASH where the scheme raised anything but StepFailure
     wrong : values returned as solutions that are none, by what of UNMARKED they are
@@ -57,22 +57,25 @@ class Seen:
 
     @property
     def solved(self) -> int:
-        """Steps with a solution."""
+        """The number of steps that ended with a solution."""
         return self.statuses.get("CONVERGED", 0)
 
     @property
     def strays(self) -> set[str]:
-        """Endings that the case does not allow. A refusal by an exception has no status: every refusal is accepted."""
+        """The endings that occurred and that the case does not allow.
+
+        Where it allows some refusal, it allows StepFailure too: an exception does not say which status it stands for.
+        """
         refusals = {*self.case.refusals, "REFUSED"} if self.case.refusals else set()
         return set(self.statuses) - {"CONVERGED"} - refusals
 
     @property
     def as_expected(self) -> bool:
-        """Only endings that the case allows, no wrong value, every law held."""
+        """True if all endings are allowed, no value is wrong, and every law held."""
         return not self.wrong and not self.strays and all(a == b for a, b in self.laws.values())
 
     def to_json(self) -> dict[str, Any]:
-        """The row of the table, every number of it."""
+        """All numbers of the case as an object for the file of `sepv hard --json`."""
         from sepv.verification import cases
 
         return {
@@ -101,7 +104,7 @@ def run(
     seed: int = 0,
     progress: Callable[[str, float], None] = lambda *_: None,
 ) -> list[Seen]:
-    """Random steps of each case, and each law of a case on `laws` steps of it.
+    """The results of a scheme on random steps of each case, and of each law of a case on `laws` steps of it.
 
     Parameters
     ----------
@@ -124,7 +127,7 @@ def run(
 
 
 def _measure(seen: Seen, scheme: Scheme, sample: Sample) -> None:
-    """Add one batch to what was seen."""
+    """Solve the steps of one sample and add their endings, defects and wrong values to `seen`."""
     problem, (y, h, dW) = seen.case.problem, sample
     value, names, residual, iterations = ask_each(scheme, problem, sample)
     seen.steps += y.shape[1]
@@ -143,10 +146,10 @@ def _measure(seen: Seen, scheme: Scheme, sample: Sample) -> None:
         good = good[inside]
     if not good.size:
         return
-    y0, y1, used = y[:, good], value[:, good], dW[:, good]
+    y0, y1, increments = y[:, good], value[:, good], dW[:, good]
     with np.errstate(over="ignore", under="ignore", invalid="ignore"):
-        allowed = step_residual(problem, y0, y1, h, used, scheme)
-        bound = energy_bound(problem, y0, y1, allowed) + _tilt(seen.case, scheme, y0, y1, h, used)
+        allowed = step_residual(problem, y0, y1, h, increments, scheme)
+        bound = energy_bound(problem, y0, y1, allowed) + _tilt(seen.case, scheme, y0, y1, h, increments)
         if isinstance(seen.case.data, GivenProblem):
             bound = bound + exact_problem(seen.case.data).uncertainty(y0, y1)
         unit = energy_ulp(problem, y0, y1)
@@ -168,9 +171,9 @@ def _measure(seen: Seen, scheme: Scheme, sample: Sample) -> None:
 
 
 def long_steps(problem: Problem, text: str = "") -> HardCase:
-    """Steps of a user's problem from states about its initial one, some far longer than its slopes allow.
+    """A hard case of a user's problem: steps from states near its initial one, some far too long for its slopes.
 
-    Whatever is solved must be right; what is not may be refused.
+    Every value that is returned must be right. Any step may be refused.
     """
     from sepv.verification import describe, units_of
 
@@ -202,7 +205,11 @@ def energy_defects(data: Description, y0: Array, y1: Array) -> Array:
 
 
 def ask_each(scheme: Scheme, problem: Problem, sample: Sample) -> tuple[Array, np.ndarray, Array, np.ndarray]:
-    """Value (d, M), name of the status, residual and iterations (M,): by `solve`, else one step at a time."""
+    """The values (d, M), names of the statuses, residuals and iterations (M,) of a scheme on the steps of a sample.
+
+    The scheme's `solve` takes all of them at once. Without it the steps are taken one at a time, and residuals and
+    iterations are 0.
+    """
     y, h, dW = sample
     if scheme.solve is not None:
         solution = scheme.solve(problem, y, h, dW)
@@ -232,9 +239,9 @@ def _count(seen: Seen, sample: Sample, lanes: Array, what: str) -> None:
 
 
 def _tilt(case: HardCase, scheme: Scheme, y0: Array, y1: Array, h: float, dW: Array) -> Array | float:
-    """The effect |Δ| gᵀ|S|g of the symmetric part S of a nearly skew B on H, with g bounded along the step.
+    """A bound of the change |Δ| gᵀ|S|g of H that the symmetric part S of a nearly skew B causes in a step, (M,).
 
-    The averages of a scheme with several stages exceed ∇H by up to `amplification`.
+    g bounds |∇H| along the step. The averages of a scheme with several stages exceed ∇H by up to `amplification`.
     """
     if not case.skewness:
         return 0.0
@@ -255,17 +262,17 @@ def _as_case(case: HardCase, sample: Sample, lane: int) -> Case | None:
 
 
 def _laws(scheme: Scheme, case: HardCase, sample: Sample, count: int) -> dict[str, tuple[int, int]]:
-    """Each law of the case that the scheme claims, measured on the steps of the sample.
+    """Law -> (held, measured): the laws of the case that the scheme claims, on the first `count` steps of the sample.
 
-    Where the case allows refusals, a law says something of the steps that were solved only.
+    Where the case allows refusals, a refused step is not counted as measured.
     """
     from sepv.verification import Verdict, cases, load_laws
 
-    wanted = [law for law in load_laws(case.laws) if law.claimed_by(scheme)] if case.laws else []
+    claimed = [law for law in load_laws(case.laws) if law.claimed_by(scheme)] if case.laws else []
     witnesses = [w for lane in range(count) if (w := _as_case(case, sample, lane)) is not None]
     silent = (Verdict.ERROR, Verdict.NOT_APPLICABLE) if case.refusals else ()
     by_law = {}
-    for law in wanted:
+    for law in claimed:
         verdicts = [law.replay(law, scheme, cases.to_json(w)).verdict for w in witnesses]
         measured = [v for v in verdicts if v not in silent]
         by_law[law.name] = (sum(v is Verdict.HOLDS for v in measured), len(measured))

@@ -60,7 +60,7 @@ STYLE = {
 
 @dataclass(frozen=True)
 class Series:
-    """One curve: y against x, with the scheme that made it ("" for a reference). None is drawn as nothing."""
+    """One curve: y against x, with the scheme that made it ("" for a reference). None leaves a gap."""
 
     name: str
     x: Sequence[float | None]
@@ -71,16 +71,17 @@ class Series:
 
 @dataclass(frozen=True)
 class Axis:
-    """A label with its unit, and the scale."""
+    """An axis of a picture: its label with the unit, and True if its scale is logarithmic."""
 
     label: str
     log: bool = False
 
 
 def looks(names: Iterable[str], own_looks: Mapping[str, Look] | None = None) -> dict[str, Look]:
-    """A look for each name: its own, the one on the record of the scheme of that name, or a free one.
+    """The look of each scheme in a picture: from `own_looks`, else from the scheme's record, else a free one.
 
-    Free ones go in the order of the names, so that the same names always look the same, and have no marker of others.
+    Free looks are taken in the order of the names, so that the same names always look the same. Their markers differ
+    from those of the other schemes.
     """
     given = dict(own_looks or {})
     stated = {n: given.get(n) or _of_record(n) if n else REFERENCE for n in dict.fromkeys(names)}
@@ -91,9 +92,9 @@ def looks(names: Iterable[str], own_looks: Mapping[str, Look] | None = None) -> 
 
 
 def looks_of(series: Sequence[Series], look_of: Mapping[str, Look]) -> list[Look]:
-    """A look for each curve: its scheme's, with other dashes where the scheme has a curve already.
+    """The look of each curve: that of its scheme, with other dashes if the scheme has a curve already.
 
-    Curves without a scheme look alike beside those of schemes; among themselves each has a look of its own.
+    Curves without a scheme all look alike beside curves of schemes. In a picture without schemes each has its own look.
     """
     if not any(s.scheme for s in series):
         return [_free(n) for n in range(len(series))] if len(series) > 1 else [REFERENCE] * len(series)
@@ -121,7 +122,7 @@ def _free(number: int) -> Look:
 
 
 def require_picture(path: str | None) -> None:
-    """Raise UsageError for a wrong suffix or a missing library, before the work."""
+    """Raise UsageError for a picture's file whose suffix is wrong, or if matplotlib is missing: before any work."""
     if path is None:
         return
     if Path(path).suffix.lower() not in SUFFIXES:
@@ -219,7 +220,7 @@ def draw_curves(
 
 
 def frame(axes: Any, x: Axis, y: Axis, *, x_base: int = 10) -> None:
-    """Labels, scales, ticks and the grid, after the curves are drawn."""
+    """Draw labels, scales, ticks and the grid of both axes, after the curves."""
     _scale(axes, axes.xaxis, x, x_base)
     _scale(axes, axes.yaxis, y, 10)
     axes.grid(visible=True, which="major", clip_on=False)
@@ -227,14 +228,18 @@ def frame(axes: Any, x: Axis, y: Axis, *, x_base: int = 10) -> None:
 
 
 def _finite(s: Series, x_log: bool, y_log: bool) -> tuple[np.ndarray, np.ndarray]:
-    """The points that can be drawn. Beyond 1e300 a frame around them would overflow."""
+    """The points (x, y) of a curve that can be drawn. Beyond 1e300 the frame around them would overflow."""
     x, y = np.array(s.x, dtype=float), np.array(s.y, dtype=float)
     finite = (np.abs(x) < 1e300) & (np.abs(y) < 1e300) & ((x > 0) | (not x_log)) & ((y > 0) | (not y_log))
     return x[finite], y[finite]
 
 
 def _marked(style: str, count: int, number: int, most: int | None) -> Any:
-    """A few markers on a line, staggered so that curves on top of each other stay visible; all of other points."""
+    """The `markevery` of matplotlib for the curve of this number with `count` points.
+
+    A line has a few markers, staggered so that curves on top of each other stay visible. At most `most` points of a
+    cloud are drawn.
+    """
     if style == "line":
         spacing = max(1, count // 8)
         return (number * spacing // 6, spacing)
@@ -242,7 +247,10 @@ def _marked(style: str, count: int, number: int, most: int | None) -> Any:
 
 
 def _spikes(y: np.ndarray, strips: int) -> np.ndarray:
-    """The ends of a long line, and the least and the largest value of each strip: spikes stay."""
+    """The indices of a long line that are drawn: its ends, and the least and the largest y of each strip.
+
+    Spikes stay visible so.
+    """
     every = np.arange(len(y))
     if len(y) <= 2 * strips:
         return every
@@ -253,7 +261,7 @@ def _spikes(y: np.ndarray, strips: int) -> np.ndarray:
 
 
 def _slopes(axes: Any, points: list[tuple[np.ndarray, np.ndarray]], slopes: Sequence[float]) -> None:
-    """Lines through one point below the lowest curve at the finest step, named at the right of the frame."""
+    """Draw a line of each slope, below the lowest curve at the finest step, with its name at the right."""
     x, y = (np.concatenate([p[k] for p in points]) if points else np.empty(0) for k in (0, 1))
     if not len(x):
         return
@@ -268,7 +276,7 @@ def _slopes(axes: Any, points: list[tuple[np.ndarray, np.ndarray]], slopes: Sequ
 
 
 def _scale(axes: Any, direction: Any, axis: Axis, base: int) -> None:
-    """Label, scale and ticks; powers in plain text, which every reader can copy."""
+    """Set label, scale and ticks of one axis. Powers are plain text, which every reader can copy."""
     from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
     direction.set_label_text(axis.label)
@@ -286,6 +294,6 @@ def _scale(axes: Any, direction: Any, axis: Axis, base: int) -> None:
 
 
 def power(value: float, base: int) -> str:
-    """A power of the base with superscript digits."""
+    """The power of the base that is nearest to the value, with superscript digits, such as 2⁻³."""
     exponent = round(math.log(value, base))
     return f"{base}" + str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))

@@ -28,10 +28,10 @@ ORBIT = 10.0
 
 @dataclass(frozen=True)
 class Ulps:
-    """One scheme on one problem: median and largest defects, None where nothing was measured.
+    """The defects of one scheme on one problem, in energy ulps and Casimir ulps: None where nothing was measured.
 
-    The Casimirs are the quadratic and linear ones that the problem names. Steps that `failed` were refused, crashed or
-    ended in a value that is not finite; they are not in the others.
+    The Casimirs are the quadratic and linear ones of the problem. The `failed` steps were refused, crashed or ended in
+    a value that is not finite. They have no defects.
     """
 
     scheme: str
@@ -48,7 +48,7 @@ class Ulps:
 def one_step(
     scheme: Scheme, problem: Problem, *, h: float | None = None, steps: int = 400, seed: int = 0
 ) -> Ulps:
-    """The distribution over `steps` independent steps, the same ones for every scheme.
+    """The one-step defects of a scheme over `steps` independent random steps, the same ones for every scheme.
 
     The H of a problem made of functions is evaluated by its own code, in the longest float that passes through it.
     """

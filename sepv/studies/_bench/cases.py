@@ -55,7 +55,10 @@ CASES: tuple[Case, ...] = (
 
 
 def own_case(target: str) -> Case:
-    """A user's problem, by name, file or module:attribute, from its own initial state with 16 steps of 2⁻⁵."""
+    """The case of a user's problem: 16 steps of 2⁻⁵ from its own initial state.
+
+    The target is a name, a file or module:attribute. Raises UsageError for a problem without an initial state.
+    """
     from sepv.schemes import load_problem
 
     problem = load_problem(target)
@@ -74,7 +77,10 @@ def own_case(target: str) -> Case:
 
 
 def choose(names: tuple[str, ...], portable: bool) -> list[Case]:
-    """The cases of these names (all without any), or those that are portable; a UsageError for unknown names."""
+    """The cases with one of these names, all if there are none; with `portable`, the portable ones of them.
+
+    Raises UsageError for an unknown name.
+    """
     known = {case["name"]: case for case in CASES}
     for name in names:
         require_one_of("a case", name, known)

@@ -27,7 +27,12 @@ KINDS = {"error": ERROR_TOLERANCE, "energy": DEFECT_TOLERANCE, "casimir": DEFECT
 
 @dataclass(frozen=True)
 class Change:
-    """One comparison: `verdict` is "same", "better", "worse" or, for time alone, "not settled"."""
+    """The change of one figure of a case between two records.
+
+    what : the counter, the error or defect, or the time that is compared
+    verdict : "same", "better", "worse" or, for time alone, "not settled"
+    text : both values, or their ratio with its interval
+    """
 
     target: str
     case: str
@@ -37,7 +42,10 @@ class Change:
 
 
 def check(head: dict[str, Any], base: dict[str, Any]) -> list[Change]:
-    """The records of one target, case by case; a UsageError for a case that the head's record has not."""
+    """The changes of one target from the record `base` to the record `head`, in each case of `base`.
+
+    Raises UsageError for a case that `head` lacks or has with other settings.
+    """
     ours = {c["case"]["name"]: c for c in head["cases"]}
     checks = []
     for theirs in base["cases"]:
@@ -83,9 +91,9 @@ def _ratio(target: str, case: str, kind: str, ours: list[str], theirs: list[str]
 
 
 def ratio(head: Array, base: Array) -> tuple[float, float, float]:
-    """√(mean head / mean base) from mean squares over the same groups of paths, and its lower and upper end.
+    """The ratio √(mean head / mean base) of two rms values, and the lower and upper end of its interval.
 
-    Each end misses with probability ALPHA.
+    `head` and `base` are mean squares over the same groups of paths. Each end misses with probability ALPHA.
     """
     with np.errstate(all="ignore"):
         whole = 0.5 * np.log(np.mean(head) / np.mean(base))
@@ -95,5 +103,5 @@ def ratio(head: Array, base: Array) -> tuple[float, float, float]:
 
 
 def rms(groups: list[str]) -> float:
-    """The rms of all paths, from mean squares over groups of them in hex."""
+    """The rms over all paths, from the mean squares over groups of paths, which records hold as hex floats."""
     return float(np.sqrt(np.mean([hex_float(v) for v in groups])))

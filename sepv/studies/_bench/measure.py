@@ -51,7 +51,7 @@ def measure(scheme: Scheme, case: dict[str, Any]) -> dict[str, Any]:
 
 
 def build(case: dict[str, Any]) -> Problem:
-    """The problem of a case."""
+    """The problem that a case names or holds as data, from the initial state of the case."""
     given = case["problem"]
     if isinstance(given, str) and ":" in given:  # a user's problem, which only newer releases support
         from sepv.schemes import load_problem
@@ -81,9 +81,9 @@ def increments(scheme: Scheme, problem: Problem, case: dict[str, Any]) -> np.nda
 def run(
     scheme: Scheme, problem: Problem, case: dict[str, Any], dW: np.ndarray, *, watch: bool = False
 ) -> tuple[tuple[np.ndarray, np.ndarray], dict[str, int]]:
-    """Run all paths through all steps: ((y (d, M), largest defects (2, M)), solves).
+    """Run all paths through all steps: ((y (d, M), largest defects (2, M)), Newton iterations and failed solves).
 
-    A path whose step fails ends there, is counted, and stays where it was.
+    A path whose step fails ends there, is counted, and keeps its last state. Defects are measured with `watch` only.
     """
     y = np.repeat(np.asarray(problem.initial, dtype=np.float64)[:, None], dW.shape[2], axis=1)
     first = _invariants(problem, y) if watch else None
@@ -108,7 +108,7 @@ def run(
 def _advance(
     scheme: Scheme, problem: Problem, y: np.ndarray, h: float, dW: np.ndarray, carried: Carried
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    """One step: values, flags of failed lanes, Newton iterations."""
+    """One step of all paths: values (d, M), flags of the paths that failed (M,), and Newton iterations in all."""
     if scheme.solve is not None:
         solution = scheme.solve(problem, y, h, dW)
         return solution.value, np.asarray(solution.status) != 0, int(np.sum(solution.iterations))
@@ -119,8 +119,8 @@ def _advance(
 def seconds(scheme: Scheme, case: dict[str, Any], loops: int, call: str = "step") -> tuple[float, float]:
     """(processor, clock) seconds of `loops` runs of a case.
 
-    call : "step", the scheme's own with increments given; or "ensemble", `sepv.ensemble` as users have it, its engine,
-    random numbers and watched invariants included.
+    call : "step" times the scheme's steps alone, with given increments. "ensemble" times `sepv.ensemble` as users call
+        it, with its engine, random numbers and watched invariants
     """
     problem = build(case)
     h, N = case["h"], case["steps"]
@@ -146,7 +146,7 @@ def _invariants(problem: Problem, y: np.ndarray) -> np.ndarray:
 
 
 def _scales(problem: Problem, y: np.ndarray) -> np.ndarray:
-    """Typical sizes of H and of the Casimirs, for the rounding of their evaluation: (2,)."""
+    """The typical sizes of the terms of H and of the Casimirs, (2,): eps times them is a rounding of evaluation."""
     energy = float(np.mean(np.sum(np.abs(problem.gradient(y) * y), axis=0)))
     casimirs = [np.sum(np.abs(y) * (np.abs(A) @ np.abs(y)), axis=0) for A in problem.casimirs]
     casimirs += [np.sum(np.abs(b[:, None] * y), axis=0) for b in problem.linear_casimirs]

@@ -109,7 +109,7 @@ class Side:
 
 @contextmanager
 def both(target: str, head: Path, base: Path) -> Iterator[tuple[Side, Side]]:
-    """Start a process for each of two checkouts."""
+    """Start one process for each of two checkouts; both end with the block."""
     with closing(Side(target, head, "head's")) as first, closing(Side(target, base, "other")) as second:
         yield first, second
 
@@ -121,25 +121,29 @@ def head_of(target: str) -> Path:
 
 @dataclass
 class Times:
-    """Log ratios head/base of one case, of its steps or of `sepv.ensemble`: one list a batch, for both clocks."""
+    """The paired times of one case.
+
+    call : "step" or "ensemble", see `sepv.studies._bench.measure.seconds`
+    batches : for each batch the log ratios head/base of its pairs, by processor time and by the clock
+    """
 
     case: dict[str, Any]
     call: str
     batches: list[list[tuple[float, float]]] = field(default_factory=list)
 
     def bounds(self, clock: int) -> tuple[float, float, float]:
-        """(ratio, lower, upper), each bound missing with probability ALPHA."""
+        """The ratio head/base by one of the two CLOCKS and its bounds, each of which misses with probability ALPHA."""
         logs = [np.array(batch)[:, clock] for batch in self.batches]
         value, low, high = bootstrap(logs)
         return float(np.exp(value)), float(np.exp(low)), float(np.exp(high))
 
 
 def bootstrap(batches: Sequence[Array]) -> tuple[float, float, float]:
-    """The median over all pairs and its bounds: batches are drawn again, then pairs within them.
+    """The median of all pairs and its bounds by a bootstrap, which draws batches again and pairs within them.
 
-    One median of all pairs and not one of each batch: with a few pairs, those in which something else ran on the
-    machine reach the median of a batch too often. The spread is widened by √(B/(B − 1)), which a bootstrap of B
-    batches lacks.
+    There is one median of all pairs and not one of each batch. In a batch of few pairs, those that were disturbed by
+    another program reach the median too often. The spread is widened by √(B/(B − 1)), which a bootstrap of B batches
+    lacks.
     """
     rng = np.random.default_rng(0)
     pairs = np.stack(batches)
@@ -162,9 +166,10 @@ def time_pairs(
     batches: int = 12,
     progress: Callable[[str, float], None] = lambda _text, _share: None,
 ) -> list[Change]:
-    """Run batches until every case is settled or `batches` are used up; one check for each case and clock.
+    """The changes of time between two checkouts: one for each case and clock.
 
-    A built-in target is timed under `sepv.ensemble` as well, whose engines belong to the same checkout.
+    Batches are run until every case is settled or `batches` are used up. A built-in target is timed in `sepv.ensemble`
+    as well, because the engines belong to the same checkout.
     """
     calls = ("step",) if ":" in target else ("step", "ensemble")
     timed = [Times(case, call) for case in cases for call in calls]
@@ -219,7 +224,7 @@ def measured(
     cases: Sequence[dict[str, Any]],
     progress: Callable[[str, float], None] = lambda _text, _share: None,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Measure the records of both checkouts by the same code."""
+    """The records of work and errors of both checkouts, (head, base), measured by the same code."""
     ours: list[Any] = []
     theirs: list[Any] = []
     with both(target, head, base) as sides:

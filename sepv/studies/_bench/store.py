@@ -23,12 +23,12 @@ DROPPED = ("H″", "B′", "H", "failed", "Newton", "ΔC", "B", "ΔH")
 
 
 def record(target: str, scheme: Scheme, cases: Iterable[dict[str, Any]]) -> dict[str, Any]:
-    """A target's record: its cases measured."""
+    """The record of one target: its name, and the measurement of `scheme` in each of the cases."""
     return {"target": target, "cases": [measuring.measure(scheme, case) for case in cases]}
 
 
 def document(records: list[dict[str, Any]]) -> dict[str, Any]:
-    """The content of a file."""
+    """The content of the file that `sepv bench --save` writes: the records, the format and the environment."""
     return {"format": FORMAT, "environment": environment(), "records": records}
 
 
@@ -45,7 +45,7 @@ def load(path: str) -> list[dict[str, Any]]:
 
 
 def record_table(record: dict[str, Any]) -> Table:
-    """One row for each case: counters of all paths and steps, rms error and defects."""
+    """The table of one record: one row for each case with its counters, rms error and rms defects of H and Casimirs."""
     rows = [
         (
             case["case"]["name"].replace("harmonic-", "harmonic-\n"),

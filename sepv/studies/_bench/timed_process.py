@@ -30,7 +30,7 @@ def _from_file(name: str, path: Path) -> ModuleType:
 
 
 def main() -> None:
-    """Answer until stdin ends."""
+    """Answer the questions on stdin, one JSON object a line, until it ends: load, measure, or time a scheme."""
     # Ctrl-C reaches this process as well; the parent reports it.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")

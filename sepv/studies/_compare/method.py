@@ -24,17 +24,19 @@ from sepv.verification import quiet_problem
 
 
 class Ends(NamedTuple):
-    """States y (d, M) at T, and `sepv.solve.Status` of each path (M,)."""
+    """The ends of M paths at the final time T: states y (d, M), and the `sepv.solve.Status` of each path (M,)."""
 
     y: Array
     status: np.ndarray
 
 
 class Followed(NamedTuple):
-    """A run that is observed and not timed.
+    """The results of a run that is observed and not timed.
 
-    Largest |H(y_n) − H(y_0)| and the same over all Casimirs, (M,), over the steps of a path; work, None where the
-    driver's evaluations cannot be counted; the error that the method itself states, 0 for schemes.
+    energy_defect, casimir_defect : (M,), the largest |H(y_n) − H(y_0)| over the steps of each path, and the largest
+        |C(y_n) − C(y_0)| over steps and Casimirs C
+    work : None where the driver's evaluations cannot be counted
+    stated_error : the error that the method itself states; 0 for schemes
     """
 
     ends: Ends
@@ -53,7 +55,7 @@ Run = Callable[[Problem, Array, float, Array, bool], Callable[[], Array]]
 
 @dataclass(frozen=True)
 class Method:
-    """A method under comparison.
+    """A solver of whole paths that `compare` measures: a scheme, a peer's driver, or the exact time change.
 
     Attributes
     ----------
@@ -88,30 +90,32 @@ def invariant_defects(problem: Problem, states: Array) -> tuple[Array, Array]:
 
 
 def finite_ends(problem: Problem, y: Array) -> Ends:
-    """The ends of a driver without statuses: states that are not finite, or outside the domain, have failed."""
+    """The ends of a driver without statuses. A path fails if its state y is not finite or outside the domain."""
     return Ends(y, judged(problem, y, np.zeros(y.shape[1], dtype=np.int64)))
 
 
 def from_scheme(scheme: Scheme, problem: Problem, engine: str = "auto") -> Method:
-    """A `sepv.Scheme` under `sepv.ensemble`, with increments truncated as it declares.
+    """The `Method` that runs a `sepv.Scheme` by `sepv.ensemble`, with increments truncated as the scheme declares.
 
-    engine : "auto" takes the compiled engine (extra `fast`) where it takes the scheme and the problem; such a method is
-        timed as a user has it, invariants watched and status kept. Else "numpy".
+    engine : "auto" chooses the compiled engine (extra `fast`) if it can run the scheme on the problem, else "numpy".
+        The compiled engine is timed as users run it: it also watches the invariants and keeps the statuses.
     """
     compiled, reason = choose(engine, scheme, problem, compensated=False)
-    if compiled:
-        return _compiled(scheme)
-    batched = _in_batches(scheme)
-    return (
-        batched if engine == "numpy" else replace(batched, source=f"{scheme.source}; NumPy batch: {reason}")
-    )
+    prepare, follow = _compiled(scheme) if compiled else _in_batches(scheme)
+    how = "; compiled engine" if compiled else "" if engine == "numpy" else f"; NumPy batch: {reason}"
+    return Method(
+        scheme.name, prepare, follow, scheme.source + how, batched=bool(compiled) or scheme.batched,
+        truncation=scheme.truncation, look=scheme.look, deterministic=scheme.deterministic,
+    )  # fmt: skip
 
 
 def _ends(run: Ensemble) -> Ends:
     return Ends(run.y, run.status)
 
 
-def _in_batches(scheme: Scheme) -> Method:
+def _in_batches(scheme: Scheme) -> tuple[Prepare, Follow]:
+    """The two functions of a `Method` for a scheme in NumPy batches of at most CHUNK paths."""
+
     def prepare(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], Ends]:
         parts = [np.ascontiguousarray(dW[:, :, p : p + CHUNK]) for p in range(0, dW.shape[2], CHUNK)]
 
@@ -128,13 +132,12 @@ def _in_batches(scheme: Scheme) -> Method:
         run = _run(scheme, problem, y0, h, dW, track=True)
         return Followed(_ends(run), run.energy_defect, run.casimir_defect, work)
 
-    return Method(
-        scheme.name, prepare, follow, scheme.source, batched=scheme.batched, truncation=scheme.truncation,
-        look=scheme.look, deterministic=scheme.deterministic,
-    )  # fmt: skip
+    return prepare, follow
 
 
-def _compiled(scheme: Scheme) -> Method:
+def _compiled(scheme: Scheme) -> tuple[Prepare, Follow]:
+    """The two functions of a `Method` for a scheme in the compiled engine."""
+
     def ensemble_for(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], Ensemble]:
         from sepv.simulate import ensemble
 
@@ -159,15 +162,14 @@ def _compiled(scheme: Scheme) -> Method:
             work.evaluations |= {"gradient": run.gradient_evaluations, "structure": run.structure_evaluations}
         return Followed(_ends(run), run.energy_defect, run.casimir_defect, work)
 
-    source = f"{scheme.source}; compiled engine"
-    return Method(
-        scheme.name, prepare, follow, source, truncation=scheme.truncation, look=scheme.look,
-        deterministic=scheme.deterministic,
-    )  # fmt: skip
+    return prepare, follow
 
 
 def _watched(scheme: Scheme, problem: Problem, y0: Array, h: float, dW: Array, work: Work) -> Problem:
-    """The problem with its evaluations counted, but those of a first step: what is found once is no work of a step."""
+    """The problem with its evaluations counted in `work`, after a first step that is not counted.
+
+    Values that are computed once for a problem, such as a record, are no work of a step.
+    """
     watched = counted(problem, work)
     _run(scheme, watched, y0, h, dW[:1], track=False)
     work.evaluations |= dict.fromkeys(work.evaluations, 0)
@@ -184,11 +186,11 @@ def _run(scheme: Scheme, problem: Problem, y0: Array, h: float, dW: Array, *, tr
 
 
 def from_states(name: str, run: Run, source: str, **more: Any) -> Method:
-    """A driver without statuses, whose states can be observed.
+    """The `Method` of a driver that returns states and no statuses.
 
-    run : of the same arguments and `keep`: a job that gives states (N + 1, d, M) from y0 on, or, without `keep`, any
-        whose last are those at T
-    more : fields of `Method`
+    run : a function (problem, y0, h, dW, keep) that returns a job. The job returns all states (N + 1, d, M) from y0 on
+        if `keep` is true, else an array whose last entry is the states at T
+    more : further fields of `Method`
     """
 
     def prepare(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], Ends]:
@@ -203,10 +205,10 @@ def from_states(name: str, run: Run, source: str, **more: Any) -> Method:
 
 
 def exact_time_change() -> Method:
-    """The exact solution itself, φ_θ(y0) with θ = T + Σ c_j W_j(T), by one dense solve for all paths.
+    """The `Method` that computes the exact solution φ_θ(y0), θ = T + Σ c_j W_j(T), by one dense solve for all paths.
 
-    It has no step size, so that all its points are one. Its error is the largest of the stated and the measured one:
-    where the reference has no closed form either, it would be compared with itself.
+    It has no step size, so that it gives one point of the comparison. Its error is the larger of the stated and the
+    measured one: where the reference has no closed form either, it would be compared with itself.
     """
 
     def job_for(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], ExactFlow]:
@@ -233,11 +235,11 @@ NUMPY = "numpy/"
 
 
 def load_method(target: str, problem: Problem) -> Method:
-    """A built-in scheme, ``exact-flow``, a peer's solver, or module:attribute with a scheme or a `Method`.
+    """The `Method` that a user's `target` names, for a comparison on `problem`.
 
-    ``numpy/SCHEME`` is a scheme in NumPy batches where the compiled engine would take it.
-    A third party's scheme is asked for one step first, so that a wrong shape is a message and no traceback: a
-    TargetError.
+    A target is a built-in scheme, ``exact-flow``, a peer's solver, or module:attribute with a scheme or a `Method`.
+    ``numpy/SCHEME`` runs in NumPy batches even if the compiled engine could run it. A third party's scheme takes one
+    step first: TargetError says what is wrong with it, such as the shape, without a traceback.
     """
     if target == EXACT:
         return exact_time_change()

@@ -17,7 +17,7 @@ SIZE = 5
 
 
 def draw(comparison: Comparison, suffix: str) -> bytes:
-    """The picture as a file's content; `suffix` is one of .svg, .png and .pdf."""
+    """The picture of a comparison as the content of a file; `suffix` is one of .svg, .png and .pdf."""
     rows = math.ceil(len(comparison.sources) / 4)
     look_of = looks(comparison.sources, comparison.looks)
     with figure(9.5, 4.2 + 0.22 * rows, layout="constrained") as drawn:

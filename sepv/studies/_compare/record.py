@@ -19,12 +19,12 @@ FORMAT = 1
 
 @dataclass(frozen=True)
 class Seconds:
-    """Times of one run of all paths: the median and both quartiles of processor time, and two more.
+    """The times of one run of all paths, in seconds.
 
-    Processor time, because another program on the same core doubles the clock's time of a long run and leaves that of
-    a short one. `wall` is the median by the clock, which is much larger only where a driver waits for something that
-    is not this process. `first` is what the first call took on top of the median: compilation, where a library
-    compiles; elsewhere noise around zero.
+    median, low, high : the median and both quartiles of the processor time. Another program on the same core can double
+        the clock's time of a run, but not its processor time
+    wall : the median by the clock; it is much larger only where a driver waits for another process
+    first : the time of the first call beyond the median, which a library may need to compile; else noise around 0
     """
 
     median: float
@@ -65,7 +65,7 @@ class Point:
 
     @property
     def error(self) -> float:
-        """The strong error of the sample and that of clipped increments, together."""
+        """The strong error, with that of truncated increments added in squares: no sample shows it."""
         return math.hypot(self.strong.value, self.clipping)
 
     @property
@@ -79,13 +79,13 @@ class Point:
         return 1e6 * self.seconds.median / self.paths
 
     def of_energy(self) -> Point:
-        """The point with the energy defect for its error."""
+        """A copy of the point whose `error` is the energy defect, for `Comparison.times_to_energy_error`."""
         return replace(
             self, strong=replace(self.strong, value=max(self.energy_defect, TINY), half=0.0), clipping=0.0
         )
 
     def to_json(self) -> dict[str, Any]:
-        """For the schema ``comparison.schema.json``."""
+        """The point as an object of the schema ``comparison.schema.json``."""
         return {
             **{name: getattr(self, name) for name in ("method", "h", "steps", "paths", "failures")},
             "strong_error": _estimate(self.strong),
@@ -117,7 +117,7 @@ class TimeToError:
 
 @dataclass(frozen=True)
 class Comparison:
-    """All points, in the order of methods and step sizes."""
+    """The result of `compare`: points in the order of methods and step sizes, and the settings of the run."""
 
     problem: str
     T: float
@@ -152,7 +152,7 @@ class Comparison:
         ]
 
     def to_json(self) -> dict[str, Any]:
-        """For the schema ``comparison.schema.json``."""
+        """The comparison as an object of the schema ``comparison.schema.json``."""
         return {
             **({"failed": self.failed} if self.failed else {}),
             "format": FORMAT,
@@ -172,10 +172,10 @@ class Comparison:
 
 
 def time_to_error(points: list[Point], target: float) -> TimeToError:
-    """The time to an error, on the line through the points (error, time) of one method.
+    """The time in which one method reaches the error `target`, on the line through its points (error, time).
 
-    Errors are those of `Point.error`. Only step sizes at which every path was finished count: a method that loses its
-    worst paths looks good.
+    Errors are those of `Point.error`. A step size counts only if every path was finished. A method that loses its
+    worst paths would look too good.
     """
     usable = [p for p in points if not p.failures and 0 < p.error < np.inf]
     name = points[0].method if points else ""

@@ -130,7 +130,12 @@ def compare(
 
 
 class _Cell(NamedTuple):
-    """A method at one number of steps: its job, processor seconds of the very first call, and what watches it."""
+    """A method with one number of steps.
+
+    job : runs all paths, to be timed
+    first : processor seconds of the first call of the job
+    watched : the method's `follow` and its arguments, for an observed run that is not timed
+    """
 
     method: Method
     steps: int
@@ -143,7 +148,7 @@ def _prepared(
     methods: Sequence[Method], problem: Problem, start: Array, T: float, coarse: dict[int, Array],
     begin: Callable[[str], None],
 ) -> tuple[list[_Cell], dict[str, str]]:  # fmt: skip
-    """Prepare the cells of the methods that take a first run for each number of steps; return the failures too."""
+    """The cells of all methods whose first runs succeed, and the errors of the other methods by name."""
     cells: list[_Cell] = []
     failed: dict[str, str] = {}
     for method in methods:
@@ -163,7 +168,7 @@ def _prepared(
 
 
 def _follow(watched: tuple[Any, ...]) -> Followed | str:
-    """Observe the run, or return the reason for a failure: the others are still compared."""
+    """The observed run of a cell, or the text of its error: the other methods are still compared."""
     follow, *arguments = watched
     try:
         return follow(*arguments)
@@ -176,8 +181,8 @@ def _alternate(
 ) -> list[list[tuple[float, float]]]:
     """(processor, clock) seconds of each job in each round.
 
-    Rounds begin at another job each, so that no one always follows the same. `begin` is the share of all work that is
-    done before.
+    Each round begins with another job, so that no job always follows the same one. `begin` is the share of the whole
+    comparison that is done before, for `progress`.
     """
     inner = [max(1, int(SHORTEST / max(_time(job)[1], 1e-9))) for job in jobs]
     times: list[list[tuple[float, float]]] = [[] for _ in jobs]
@@ -246,7 +251,7 @@ def errors(difference: Array) -> tuple[Estimate, Estimate]:
 
 
 def _only(difference: Array) -> tuple[Estimate, Estimate]:
-    """The error of the one path of a problem without noise, twice."""
+    """The error |y_N − y(T)| of the one path of a problem without noise, as its strong and its weak error."""
     size = float(np.linalg.norm(difference[:, 0])) if difference.size else float("inf")
     error = Estimate(size if np.isfinite(size) else float("inf"), 0.0, ALPHA)
     return error, error
@@ -285,7 +290,10 @@ def _validate(
 
 @contextmanager
 def one_core() -> Iterator[bool]:
-    """Keep this process on one core, so that no library is fast because it takes two; False where that cannot be."""
+    """Keep this process on one core within the block, so that no library gains by taking two.
+
+    The block is given False where the system cannot do that.
+    """
     if not hasattr(os, "sched_setaffinity"):
         yield False
         return
@@ -298,7 +306,7 @@ def one_core() -> Iterator[bool]:
 
 
 def environment() -> dict[str, str]:
-    """Versions of what took part, and the processor's kind."""
+    """The versions of Python, sepv and the libraries that are loaded, and the kind of the processor."""
     import scipy
 
     from sepv._version import __version__

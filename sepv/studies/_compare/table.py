@@ -31,7 +31,7 @@ DROPPED = ("±%", "B", "∇H", "Newton", "|ΔC|", "ns/step", "weak error", "|ΔH
 
 
 def heading(comparison: Comparison) -> str:
-    """The heading of the tables of points."""
+    """The line above the tables of points: problem, T, and the meaning of errors, defects and times."""
     rounds = comparison.repeats
     known = (
         "without noise: errors"
@@ -90,18 +90,16 @@ def _cells(comparison: Comparison, p: Point) -> list[str]:
 
 
 def target_tables(comparison: Comparison) -> list[Table]:
-    """The time of one path to each target error with the energy defect there; without noise, to energy errors too."""
-    if not comparison.deterministic:
-        return [
-            _target_table(
-                comparison, comparison.times_to_error(), "µs a path to a strong error, and |ΔH| there"
-            )
-        ]
+    """The time of one path to each target error, with the energy defect there.
+
+    Without noise a second table has the times to each target as a largest |H(y_n) − H(y_0)|.
+    """
+    tables = {"an error at T" if comparison.deterministic else "a strong error": comparison.times_to_error()}
+    if comparison.deterministic:
+        tables["|ΔH| up to T"] = comparison.times_to_energy_error()
     return [
-        _target_table(comparison, comparison.times_to_error(), "µs a path to an error at T, and |ΔH| there"),
-        _target_table(
-            comparison, comparison.times_to_energy_error(), "µs a path to |ΔH| up to T, and |ΔH| there"
-        ),
+        _target_table(comparison, times, f"µs a path to {target}, and |ΔH| there")
+        for target, times in tables.items()
     ]
 
 
@@ -155,7 +153,7 @@ def notes(comparison: Comparison) -> list[str]:
 
 
 def to_csv(comparison: Comparison) -> str:
-    """One line for each method and step size; empty where there is no number."""
+    """The points as CSV: one line for each method and step size, empty where a number is missing."""
     rows = [_csv_row(comparison.problem, p) for name in comparison.sources for p in comparison.of(name)]
     text = io.StringIO()
     writer = csv.DictWriter(text, rows[0], lineterminator="\n")
@@ -190,7 +188,7 @@ def _estimate(e: Estimate) -> str:
 
 
 def _weak(e: Estimate) -> str:
-    """An error that does not stand out of the noise of its sample is no more than an upper bound."""
+    """A weak error as text: "≤" and its upper bound where the interval contains 0."""
     if not math.isfinite(e.value):
         return "∞"
     return _estimate(e) if e.value > e.half else f"≤ {e.high:.1e}"

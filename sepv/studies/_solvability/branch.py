@@ -15,17 +15,25 @@ from dataclasses import dataclass
 import numpy as np
 
 from sepv.errors import UsageError
-from sepv.problem import Array, Problem, linear_solve
+from sepv.problem import DENSE, Array, Problem, linear_solve
 from sepv.record import TINY
 from sepv.schemes import BY_FILE, Implicit, Scheme, energy_preserving
-from sepv.solve import IncrementFunction, JacobianFunction, Worded
+from sepv.solve import (
+    Equations,
+    Evaluation,
+    IncrementFunction,
+    JacobianFunction,
+    Status,
+    Worded,
+    newton,
+    once,
+)
 
 MOST_STEPS = 4000
 # Arclengths, the longest beside 1 + |z|: a branch that escapes to infinity gets there.
 LONGEST, SHORTEST = 0.05, 1e-9
 # A fold is located to this arclength: Δ has a maximum there, so that its error is about the square.
 FOLD = 1e-6
-CORRECTIONS = 8
 # The curve may turn by arccos 0.95 ≈ 18° in a step.
 TURN = 0.95
 # |z| beyond this multiple of |y0|: the solution escapes to infinity.
@@ -41,9 +49,12 @@ EQUATIONS: dict[str, tuple[IncrementFunction, JacobianFunction]] = {
     if isinstance(step := scheme.step, Implicit)
 }
 
+# Newton's matrix is given itself, ∂F/∂w with the tangent as its last row, in the place of 1 − K.
+_BORDERED = DENSE._replace(correction=linear_solve)
+
 
 class End(Worded):
-    """The end of a branch."""
+    """The reason why a branch of solutions ends."""
 
     RANGE = 0, "reaches the end of the range"
     FOLD = 1, "turns back at a fold"
@@ -70,7 +81,7 @@ class Branch:
 def follow(problem: Problem, y0: Array, furthest: float, scheme: Scheme = energy_preserving) -> Branch:
     """The branches from the states y0 (d, M) for Δ between 0 and `furthest`, which may be negative.
 
-    A UsageError for a scheme whose step is not an equation in one Δ.
+    Raises UsageError for a scheme whose step is not an equation in Δ alone.
     """
     if scheme.name not in EQUATIONS:
         raise UsageError(
@@ -87,7 +98,10 @@ def follow(problem: Problem, y0: Array, furthest: float, scheme: Scheme = energy
 
 
 class _Follower:
-    """The curve in units: z in those of y0, Δ in those of the range, n = d + 1 unknowns a lane."""
+    """The curves of M states while they are followed, in units.
+
+    The d + 1 unknowns w of a lane are z over the largest component of y0, and Δ over the end of the range.
+    """
 
     def __init__(self, problem: Problem, y0: Array, furthest: float, increment: IncrementFunction) -> None:
         self.problem, self.y0, self.furthest, self.increment = problem, y0, furthest, increment
@@ -99,7 +113,7 @@ class _Follower:
         self.end = np.full(M, -1)
 
     def equations(self, w: Array, lanes: np.ndarray) -> tuple[Array, Array]:
-        """F (d, M) and its derivative (d, d + 1, M), in units."""
+        """F(z, Δ) = z − Δ G at w (d + 1, M) in units, (d, M), and its derivative by w, (d, d + 1, M)."""
         y0, scale = self.y0[:, lanes], self.scale[lanes]
         delta, z = self.furthest * w[-1], scale * w[:-1]
         one = np.ones((1, lanes.size))
@@ -150,7 +164,7 @@ class _Follower:
         return Branch(reach, self.end, self.furthest * curve[:, -1], self.scale * curve[:, :-1])
 
     def direction(self, w: Array, lanes: np.ndarray, before: Array) -> Array:
-        """The unit tangent that goes on in the direction `before`."""
+        """The unit tangents of the curves at w, (d + 1, M), with a positive component along `before`."""
         _, J = self.equations(w, lanes)
         side = np.zeros_like(w)
         side[-1] = 1.0
@@ -158,7 +172,7 @@ class _Follower:
         return t / np.sqrt((t * t).sum(axis=0))
 
     def advance(self, lanes: np.ndarray) -> None:
-        """A step of each lane, taken where it is good, with the length of the next one."""
+        """Try one step of each lane. Keep the good ones, set the next lengths, and record the branches that end."""
         t, ds = self.tangent[:, lanes], self.ds[lanes]
         w, good, quick = self.correct(self.w[:, lanes] + ds * t, t, lanes)
         new = self.direction(w, lanes, t)
@@ -181,20 +195,18 @@ class _Follower:
         short = ~taken & (self.ds[lanes] < SHORTEST)
         self.end[lanes[short]] = np.where(inside[short], End.LOST, End.BOUNDARY)
 
-    def correct(self, w: Array, t: Array, lanes: np.ndarray) -> tuple[Array, np.ndarray, np.ndarray]:
-        """Newton's method back to the curve, across t: the end, and True if at most three corrections led there."""
-        goal, size = w.copy(), np.full(lanes.size, np.inf)
-        arrived, turns = np.zeros(lanes.size, dtype=bool), np.zeros(lanes.size, dtype=int)
-        for _ in range(CORRECTIONS):
-            F, J = self.equations(w, lanes)
-            across = (t * (w - goal)).sum(axis=0)
-            p = linear_solve(np.concatenate([J, t[None]]), np.concatenate([F, across[None]]))
-            moves = np.abs(p).max(axis=0)
-            shrinking = moves <= 0.5 * size
-            arrived |= (moves <= 1e-12 * (1 + np.abs(w).max(axis=0))) | (arrived & shrinking)
-            w = np.where(arrived | ~np.isfinite(moves), w, w - p)
-            turns += ~arrived
-            size = moves
-            if arrived.all():
-                break
-        return w, arrived, np.asarray(turns <= 3)
+    def correct(self, start: Array, t: Array, lanes: np.ndarray) -> tuple[Array, np.ndarray, np.ndarray]:
+        """The points of the curves next to `start` (d + 1, M), across the tangents t: points, and two flags a lane.
+
+        The flags are True where Newton's iteration converged, and where it took at most four evaluations of F.
+        """
+
+        def evaluate(w: Array, numbers: np.ndarray) -> Evaluation:
+            F, J = self.equations(w, lanes[numbers])
+            across = t[:, numbers]
+            F = np.concatenate([F, (across * (w - start[:, numbers])).sum(axis=0)[None]])
+            return Evaluation(once(w - F), lambda: (np.concatenate([J, across[None]]), 0))
+
+        equations = Equations(np.ones_like(start), evaluate, algebra=_BORDERED)
+        solution = newton(equations, start, np.arange(lanes.size), differences=False)
+        return solution.value, solution.status == Status.CONVERGED, solution.iterations <= 4

@@ -27,7 +27,7 @@ NODES = 128
 
 
 class Ending(Worded):
-    """The solutions at one state and Δ."""
+    """The kind of a point of the map: the solutions that exist and are found at one state and Δ."""
 
     FOUND = 0, "connected solution, found"
     MISSED = 1, "connected solution, not found"
@@ -38,7 +38,10 @@ class Ending(Worded):
 
 @dataclass(frozen=True)
 class Shortest:
-    """The reaches (R,) of branches, each way, from states at the times theta (R,) of the exact flow."""
+    """The shortest branches found by refinement: their states are at the times theta (R,) of the exact flow.
+
+    forward, backward : (R,), the |Δ| that the branches reach for Δ > 0 and for Δ < 0
+    """
 
     theta: Array
     forward: Array
@@ -84,7 +87,7 @@ class Map:
         return chance_outside(h, self.problem.c, -self.backward.reach, self.forward.reach, k)
 
     def worst(self, h: float, k: int | None) -> float:
-        """The largest such probability, over the states of `refined` too."""
+        """The largest of the `chances`, taken over the states of `refined` too."""
         further = chance_outside(h, self.problem.c, -self.refined.backward, self.refined.forward, k)
         return float(max(self.chances(h, k).max(), further.max(initial=0.0)))
 
@@ -93,7 +96,7 @@ class Map:
         return {kind: int(np.count_nonzero(self.findings == kind)) for kind in Ending}
 
     def to_json(self, steps: tuple[float, ...], k: int | None) -> dict[str, Any]:
-        """All numbers of the map."""
+        """All numbers of the map, and the chances to leave the branch with each of the step sizes `steps`."""
         return {
             "problem": self.problem.name,
             "scheme": self.scheme.name,
@@ -128,7 +131,9 @@ def solvability_map(
     y0: Array | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Map:
-    """The map over `states` states of the orbit through y0 at times from 0 to `time`, |Δ| ≤ `furthest`.
+    """The map of solvability for |Δ| ≤ `furthest` over `states` states of the exact orbit through y0.
+
+    The states are at equidistant times from 0 to `time`.
 
     Parameters
     ----------
@@ -158,9 +163,9 @@ def solvability_map(
 
 
 def _refine(problem: Problem, scheme: Scheme, y0: Array | None, furthest: float, known: Array) -> Shortest:
-    """States around the lowest local minima of both reaches, closer with each round: by 5 each time.
+    """Branches from further states near the lowest local minima of both reaches, 5 times closer in each round.
 
-    `known` has times and what is reached from there forward and backward, (3, M).
+    `known` (3, M) holds times, and the reaches forward and backward from the states there.
     """
     theta = known[0]
     for _ in range(ROUNDS):
@@ -176,7 +181,10 @@ def _refine(problem: Problem, scheme: Scheme, y0: Array | None, furthest: float,
 
 
 def _between(theta: Array, reach: Array, furthest: float) -> list[float]:
-    """POINTS times on either side of each of the LOWEST lowest local minima that end before the range does."""
+    """New times near the lowest local minima of `reach`, POINTS on either side of each.
+
+    The LOWEST lowest ones are taken, if their branches end before the range `furthest` does.
+    """
     padded = np.concatenate([[np.inf], reach, [np.inf]])
     minima = np.flatnonzero((reach <= padded[:-2]) & (reach <= padded[2:]) & (reach < furthest))
     shares: list[float] = []
@@ -206,7 +214,7 @@ def _row(problem: Problem, scheme: Scheme, y: Array, delta: float, branch: Branc
 
 
 def _on_branch(problem: Problem, scheme: Scheme, y: Array, delta: float, branch: Branch) -> Array:
-    """y1 on the branch, solved from between the two points of the curve next to Δ."""
+    """y1 (d, M) on the branches at Δ, by Newton's method from a point between the two points of the curve next to Δ."""
     (before, after), share = _place(branch, delta)
     lanes = np.arange(branch.reach.size)
     a, b = branch.z[before, :, lanes].T, branch.z[after, :, lanes].T

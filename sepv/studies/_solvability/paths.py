@@ -31,11 +31,11 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True)
 class Exits:
-    """The exits of paths with one scheme and step size.
+    """The times at which paths of one scheme and step size ended, because a step was refused.
 
-    until, asked : the time to which the paths were followed, shorter than was asked for where the budget ended
-    times : (F,), when the step that failed began, of the paths that failed, increasing
-    statuses : how their steps failed, by name of `Status`
+    until, asked : the time to which the paths were followed, and the one asked for: later if the seconds ran out
+    times : (F,), the start of the refused step of each of the F paths that failed, increasing
+    statuses : the number of refused steps by name of `Status`
     """
 
     scheme: str
@@ -94,11 +94,11 @@ def follow_paths(
     seconds: float = 60.0,
     progress: Callable[[str], None] = lambda _: None,
 ) -> list[Exits]:
-    """Paths of `scheme` with each step size, to the time `until` or as far as the seconds reach.
+    """The exits of paths of `scheme` with each step size, up to the time `until` or as far as the seconds reach.
 
-    Horizons double, each over paths of its own, up to `until`; one at which all paths failed is the last. What is
-    left of the seconds is shared by the step sizes that are left. Each horizon is a multiple of h; k is the truncation
-    of the increments (Remark 2.1), None for none.
+    Paths are followed to a horizon, a multiple of h. Each next horizon is twice as far and has new paths. The last one
+    is `until`, or one at which all paths failed. The seconds that are left are shared by the step sizes that are left.
+    k is the truncation of the increments (Remark 2.1), None for none.
     """
 
     def horizon(h: float, count: int, most: int) -> Exits:

@@ -29,7 +29,7 @@ MEAN, WORST = Look("#0072B2", "#56B4E9", "o"), Look("#D55E00", "#FF8A3D", "s", "
 
 
 def draw(map_: Map, steps: Sequence[float], k: int | None, suffix: str, exits: Sequence[Exits] = ()) -> bytes:
-    """The picture as a file's content; `suffix` is one of .svg, .png and .pdf."""
+    """The picture of a map as the content of a file; `suffix` is one of .svg, .png and .pdf."""
     panels = 3 if exits else 2
     with figure(10 if panels == 2 else 14, 4.4, layout="constrained") as drawn:
         left, right, *last = drawn.subplots(1, panels, width_ratios=(1.7, 1, 1)[:panels])
