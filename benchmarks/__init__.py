@@ -13,7 +13,10 @@ T = TypeVar("T")
 
 
 class _Track:
-    """The part of a benchmark that a loop is: it begins at `low`, and is `span` of the whole."""
+    """The progress of a benchmark in nested loops.
+
+    The innermost loop begins at the share `low` of the whole, and is the share `span` of it.
+    """
 
     def __init__(self, shown: Shown) -> None:
         self.shown, self.low, self.span = shown, 0.0, 1.0
@@ -24,7 +27,7 @@ _TRACK: ContextVar[_Track | None] = ContextVar("_TRACK", default=None)
 
 
 def over(items: Iterable[T], text: Callable[[T], str] = str) -> Iterator[T]:
-    """The items in turn; what is done and which is next is shown, within a loop around this one too."""
+    """The items in turn, with progress on stderr: the share done and the next item. Loops may be nested."""
     track, listed = _TRACK.get(), list(items)
     if track is None:
         yield from listed
@@ -40,7 +43,7 @@ def over(items: Iterable[T], text: Callable[[T], str] = str) -> Iterator[T]:
 
 
 def tell(text: str, share: float) -> None:
-    """What is being done and how much of all is done, 0 to 1, where no loop says it."""
+    """Show the current work and the share of all that is done, 0 to 1, for work that is no loop by `over`."""
     track = _TRACK.get()
     if track is not None:
         track.shown.update(text, share)

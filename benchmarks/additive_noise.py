@@ -28,13 +28,13 @@ _implicit = implicit(lambda fields, y, z, step: step[0] * fields.field(y + z), p
 
 
 def euler_maruyama(problem: Problem, y: Array, h: float, dW: Array, first: Array | None = None) -> Array:  # noqa: ARG001
-    """y1 = y0 + h f(y0) + Σ c_j g_j ΔW_j."""
+    """Euler-Maruyama: y1 = y0 + h f(y0) + Σ c_j g_j ΔW_j."""
     state, noise = as_lanes(problem, y, h, dW)
     return pushed(problem, state + h * vector_field(problem, state), noise).reshape(y.shape)
 
 
 def implicit_euler(problem: Problem, y: Array, h: float, dW: Array, first: Array | None = None) -> Array:  # noqa: ARG001
-    """y1 = y0 + h f(y1) + Σ c_j g_j ΔW_j."""
+    """The drift-implicit Euler scheme: y1 = y0 + h f(y1) + Σ c_j g_j ΔW_j."""
     state, noise = as_lanes(problem, y, h, dW)
     return _implicit(problem, pushed(problem, state, noise), h, noise).reshape(y.shape)
 

@@ -28,12 +28,12 @@ EP, PENDULUM = schemes.energy_preserving, problems.pendulum()
 
 
 def position(ends: Any) -> Any:
-    """y₁ at T."""
+    """The first component of each path at T."""
     return ends.y[0]
 
 
 def energy(ends: Any) -> Any:
-    """H at T."""
+    """The energy of each path at T."""
     return PENDULUM.hamiltonian(ends.y)
 
 
@@ -108,7 +108,7 @@ def overhead(paths: int, steps: int, rounds: int) -> None:
 
 
 def _timed(job: Callable[[], None], client: Any) -> tuple[float, float]:
-    """Clock and processor seconds, the workers' included."""
+    """The clock and processor seconds of a job; the processor seconds include those of the workers."""
 
     def spent() -> float:
         return time.process_time() + sum(client.run(time.process_time).values())
@@ -120,7 +120,7 @@ def _timed(job: Callable[[], None], client: Any) -> tuple[float, float]:
 
 
 def scheduler(chunks: int) -> None:
-    """Milliseconds a chunk, and memory, as the number of chunks grows tenfold; in the bounded window and without it."""
+    """Measure milliseconds a chunk and memory for ten times as many chunks, with the bounded window and without it."""
     from distributed import Client, LocalCluster
 
     with (

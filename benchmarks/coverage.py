@@ -52,7 +52,10 @@ SCHEMES = {
 
 @dataclass(frozen=True)
 class Row:
-    """Shares of batches whose interval lies below and above the value, for each of ALPHAS."""
+    """The coverage of one interval: the shares of batches in which it misses the value, for each level of ALPHAS.
+
+    `below` and `above` are the shares in which the interval lies below and above the value.
+    """
 
     statistic: str
     below: tuple[float, ...]
@@ -60,7 +63,7 @@ class Row:
 
 
 def drawn(scheme: Scheme, problem: Problem, batches: int, seed: int) -> StrongErrors:
-    """The errors of all batches."""
+    """The errors of all batches of one setting, drawn once."""
     setup = next(s for s in setups_for(scheme) if s.problem == problem.name)
     parts = []
     for n in over(range(batches), lambda n: f"batch {n + 1} of {batches}"):
@@ -70,7 +73,7 @@ def drawn(scheme: Scheme, problem: Problem, batches: int, seed: int) -> StrongEr
 
 
 def _errors(scheme: Scheme, problem: Problem, setup: Setup, paths: range, seed: int) -> StrongErrors:
-    """As the laws draw them."""
+    """The errors of one batch, drawn as the laws draw them."""
     if is_tilted(scheme):
         assert scheme.mean_square_order is not None
         return tilted_errors(
@@ -86,7 +89,7 @@ def _errors(scheme: Scheme, problem: Problem, setup: Setup, paths: range, seed: 
 
 
 def split(errors: StrongErrors) -> list[StrongErrors]:
-    """The batches."""
+    """The errors of all batches, split into one array for each batch."""
     arrays = ("squared", "errors", "ends", "W", "weights")
     return [
         replace(errors, **{name: getattr(errors, name)[..., k : k + FIRST_LOOK] for name in arrays})
@@ -95,7 +98,7 @@ def split(errors: StrongErrors) -> list[StrongErrors]:
 
 
 def rows(scheme: Scheme, problem: Problem, errors: StrongErrors) -> Iterator[Row]:
-    """Every interval of every law."""
+    """The rows of the table: one for every interval of every law."""
     batches, tilted = split(errors), is_tilted(scheme)
     moments, limits = moment_errors(errors), limit_errors(errors, problem)[1]
     yield _misses("slope of the rms error", batches, slope, slope(errors, 0.5).value)

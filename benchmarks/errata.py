@@ -18,7 +18,7 @@ FORMULA, OMISSION = 250, 3000
 
 
 def to_markdown() -> str:
-    """docs/errata.md."""
+    """The text of docs/errata.md from the entries and their evidence."""
     lines = [
         "# What does not hold as printed",
         "",

@@ -45,7 +45,7 @@ class Compact(NamedTuple):
     turn: float
 
     def states(self) -> Array:
-        """States (d, STATES) of D, PLACES on each of LEVELS orbits."""
+        """States (d, STATES) spread over the set D: PLACES on each of LEVELS orbits."""
         times = np.linspace(0.0, self.turn, PLACES)
         levels = np.linspace(-1, 1, LEVELS) * self.R
         return np.concatenate(
@@ -61,7 +61,7 @@ def pendulum() -> Compact:
 
 
 def _moved(p: float, q: float, r: float) -> Array:
-    """A state with ½p² − cos q larger by r; where p cannot give that much, q moves."""
+    """The state of the pendulum near (p, q) with H larger by r. p moves, or q where p cannot give that much."""
     square = p * p + 2 * r
     if square >= 0:
         return np.array([np.sqrt(square), q])
@@ -76,7 +76,7 @@ def lotka_volterra() -> Compact:
     H0, C0 = float(problem.hamiltonian(y0)), float(nambu.casimir(y0))
 
     def on_level(y2: float) -> Array:
-        """The state with this y2, the y3 of y0, and H = H0: H is 2y1 + …."""
+        """The state with this y2, the y3 of y0, and the energy H0: H is linear in y1."""
         return np.array([0.5 * (H0 - float(problem.hamiltonian(np.array([0.0, y2, y0[2]])))), y2, y0[2]])
 
     def at_level(r: float) -> Array:
@@ -93,7 +93,7 @@ STEPS = {"pendulum": (16, 256), "lotka-volterra": (512, 2048)}
 
 
 def moments(D: Compact, scheme: str, h: float) -> tuple[float, float]:
-    """The m and v of the module's docstring, the largest over the states."""
+    """The largest m and v of the module's docstring over the states of D, for one step of a scheme."""
     x, weights = np.polynomial.hermite_e.hermegauss(NODES)
     weights = weights / weights.sum()
     # All noises act through their sum, whose size is |c|.
@@ -107,21 +107,21 @@ def moments(D: Compact, scheme: str, h: float) -> tuple[float, float]:
 
 
 def bound(D: Compact, scheme: str, steps: int) -> float:
-    """Nv/(R − Nm)², at most 1."""
+    """The bound Nv/(R − Nm)² of the probability to leave D in N steps, at most 1."""
     m, v = moments(D, scheme, TIME / steps)
     left = D.R - steps * m
     return min(1.0, steps * v / left**2) if left > 0 else 1.0
 
 
 class Measured(NamedTuple):
-    """The number of paths that left D, of how many, and the rms error at T of the others."""
+    """The result of a run: how many of the paths left D, and the rms error at T of the others."""
 
     left: int
     paths: int
     rms: float
 
     def interval(self, alpha: float = 1e-3) -> tuple[float, float]:
-        """Clopper and Pearson's interval of the probability."""
+        """Clopper and Pearson's interval of the probability that a path leaves D, of level 1 − alpha."""
         k, n = self.left, self.paths
         low = float(beta.ppf(alpha / 2, k, n - k + 1)) if k else 0.0
         return low, float(beta.ppf(1 - alpha / 2, k + 1, n - k)) if k < n else 1.0

@@ -51,7 +51,7 @@ def main() -> None:
     taken = 0
 
     def take(number: int, run: dict[str, Any]) -> None:
-        """In the order of seeds, so that the file can be gone on with."""
+        """Write a finished run to the file, in the order of seeds, so that a later call can continue."""
         nonlocal taken
         taken += 1
         tell(f"{taken} of {options.runs} runs", taken / options.runs)
@@ -103,7 +103,7 @@ def one(what: tuple[str, str, int]) -> dict[str, Any]:
 
 
 def show(done: list[dict[str, Any]]) -> None:
-    """The count, and what it says about the rate; time and open verdicts by scheme."""
+    """Print the number of false alarms with a bound of their rate, and time and open verdicts by scheme."""
     alarms = sum(bool(run["alarms"]) for run in done)
     bound = float(beta.ppf(0.95, alarms + 1, len(done) - alarms)) if alarms < len(done) else 1.0
     seconds = sum(float(run["cpu_seconds"]) for run in done)

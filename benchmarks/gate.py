@@ -71,13 +71,13 @@ CASES = cases.choose(("rigid-body", "pendulum"), portable=False)
 
 
 def run(head: Path, base: Path, *, timed: bool) -> list[Change]:
-    """The whole gate, or without times."""
+    """The changes that the gate of `sepv bench` reports between two checkouts, with or without times."""
     checks = check(*pairs.measured("ours:scheme", head, base, CASES))
     return checks + (pairs.time_pairs("ours:scheme", head, base, CASES) if timed else [])
 
 
 def main() -> None:
-    """Print what was seen, and how many of the runs of equals passed."""
+    """Print which planted regressions the gate reports, and how many comparisons of equal code pass."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=20, help="of the same code on both sides")
     runs = parser.parse_args().runs

@@ -35,12 +35,12 @@ def head(law: Law) -> str:
 
 
 def page(law: Law, text: str) -> str:
-    """The page with its head anew."""
+    """The text of a law's page with a new head."""
     return head(law) + text[text.index("$$") :]
 
 
 def index(laws: list[Law], text: str) -> str:
-    """The text of docs/laws.md with its table anew."""
+    """The text of docs/laws.md with a new table."""
     rows = "".join(f"| [{x.name}](laws/{x.name}.md) | {_cell(x.statement)} |\n" for x in laws)
     return re.sub(r"(?m)(?<=^\|---\|---\|\n)(\|.*\n)*", lambda _: rows, text, count=1)
 

@@ -62,7 +62,7 @@ class Limit:
         self.y = np.repeat(self.start[:, None], PATHS, axis=1)
 
     def many(self, iterations: int = 3) -> Callable[[], None]:
-        """All paths."""
+        """Run the C kernel over all paths at once."""
 
         def job() -> None:
             self.y[:] = self.start[:, None]
@@ -74,7 +74,7 @@ class Limit:
         return job
 
     def single(self, iterations: int = 3) -> Callable[[], None]:
-        """One path."""
+        """Run the scalar C kernel over one path."""
 
         def job() -> None:
             self.library.scalar(
@@ -140,7 +140,7 @@ def paired(
 
 
 def show(title: str, rows: list[list[str]], notes: dict[int, str] | None = None) -> None:
-    """One table."""
+    """Print one table of times and their ratios to the base."""
     table = Table(title=title, title_justify="left", box=None, pad_edge=False)
     for heading in ("", "ns per path and step", "ratio", "largest energy defect"):
         table.add_column(heading)
@@ -152,7 +152,7 @@ def show(title: str, rows: list[list[str]], notes: dict[int, str] | None = None)
 
 
 def many_paths(limit: Limit | None, dW: np.ndarray, rounds: int) -> None:
-    """P1 against the limit, P2 and P3 beside it."""
+    """Print the times of P1 against the C kernels, and those of P2 and P3."""
     jobs: list[tuple[str, Callable[[], Any], float]] = []
     size, notes = float(PATHS * STEPS), {}
     if limit is not None:
@@ -172,7 +172,7 @@ def many_paths(limit: Limit | None, dW: np.ndarray, rounds: int) -> None:
 
 
 def one_path(limit: Limit | None, dW: np.ndarray, rounds: int) -> None:
-    """One path against scalar C."""
+    """Print the time of one path against scalar C."""
     jobs: list[tuple[str, Callable[[], Any], float]] = []
     if limit is not None:
         jobs += [(f"C, {n} iterations", limit.single(n), float(ONE)) for n in (3, 4)]
@@ -203,7 +203,7 @@ def threads(limits: list[Limit], rounds: int) -> None:
 
 
 def scaling(rounds: int) -> None:
-    """Cost against the number of paths and of steps: slopes of log time against log size."""
+    """Print how the cost grows with paths and steps: slopes of log time against log size."""
     problem, table = (
         problems.rigid_body(),
         Table(title="cost, CPU time", title_justify="left", box=None, pad_edge=False),
@@ -263,7 +263,7 @@ def fresh(paths: int, folder: str) -> list[float]:
 
 
 def starts() -> None:
-    """From a cold cache and a warm one; memory of a million paths."""
+    """Print the times of a start with a cold and a warm cache, and the memory of a million paths."""
     with tempfile.TemporaryDirectory() as folder:
         cold, warm, large = fresh(5000, folder), fresh(5000, folder), fresh(1_000_000, folder)
     out = Console(width=116)

@@ -28,13 +28,13 @@ POINTS = (
 
 
 def every() -> list[Scheme]:
-    """The built-in schemes, and the families up to six stages."""
+    """The schemes of the table: the built-in ones, and the families with up to six stages."""
     families = [family(s) for family in schemes.FAMILIES.values() for s in range(1, 7)]
     return [*schemes.PAPER.values(), *schemes.EXTENSIONS.values(), *families]
 
 
 def shown(finding: Finding) -> str:
-    """The slope against the least one; "rounding" where no error is larger."""
+    """A slope beside the least one that is allowed, as text; "rounding" where all errors are rounding."""
     if finding.verdict is Verdict.NOT_APPLICABLE:
         return "–"
     slope = "rounding" if finding.defect is None else f"{finding.defect:.2f}"
@@ -43,12 +43,12 @@ def shown(finding: Finding) -> str:
 
 
 def number(order: float | None) -> str:
-    """A claimed order."""
+    """A claimed order as text."""
     return "–" if order is None else f"{order:g}"
 
 
 def points() -> None:
-    """Slopes of weak schemes with increments of a few points, as Markdown."""
+    """Print the slopes of weak schemes with increments of a few points, as a table in Markdown."""
     print("| scheme | increments | local-weak | weak-order |\n|---|---|---|---|")
     for name, increments in POINTS:
         findings = verify(weakly(schemes.by_name(name), increments), laws="local-weak,weak-order").findings

@@ -87,7 +87,7 @@ def quartic(seed: int = 3) -> Problem:
 
 
 def build(name: str) -> Problem:
-    """The problem of a run."""
+    """The problem that a run names, from its initial state."""
     return quartic() if name == "quartic" else problems.by_name(name)
 
 
@@ -142,7 +142,7 @@ def weak_slope(errors: StrongErrors, alpha: float) -> Estimate:
 
 
 def shown(estimate: Estimate) -> str:
-    """The value and its interval."""
+    """An estimate as text: the value with its interval."""
     return f"{estimate.value:.3f} [{estimate.low:.2f}, {estimate.high:.2f}]"
 
 

@@ -153,7 +153,11 @@ def measured(fault: Fault, seed: int) -> dict[tuple[int, ...], bool]:
 
 
 def power(fault: Fault, seen: dict[tuple[int, ...], bool]) -> tuple[int, int, int, int, set[str]]:
-    """Strata in which the fault is found, strata, pairs in which it is found, pairs that are possible, those missed."""
+    """The power of a law against one fault.
+
+    It has the numbers of strata in which the fault is found and of all strata, the same for pairs of strata, and the
+    pairs that are missed.
+    """
     space = _space(fault)
     levels = [
         (a, k)

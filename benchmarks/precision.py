@@ -52,7 +52,10 @@ FLOOR = 1e-13
 
 @dataclass(frozen=True)
 class Point:
-    """One scheme at one number of steps: rms error, evaluations of ∇H and B a path, largest relative energy defect."""
+    """A point of the picture: one scheme with one number of steps.
+
+    It has the rms error, the evaluations of ∇H and B for a path, and the largest relative energy defect.
+    """
 
     scheme: str
     steps: int
@@ -88,7 +91,7 @@ def measure(
 
 
 def work(scheme: Scheme, gradients: int, structures: int, steps: int) -> tuple[int, int]:
-    """Evaluations of ∇H and B; explicit schemes have one of each a stage."""
+    """The evaluations of ∇H and B in a run; explicit schemes take one of each for a stage."""
     if scheme.solve is not None:
         return gradients, structures
     stages = len(TABLEAUX[int(scheme.name.rpartition("-")[2])].A)
@@ -116,7 +119,7 @@ def evaluations_for(own: list[Point], goal: float) -> float | None:
 
 
 def table_of_points(name: str, points: list[Point], out: Console) -> None:
-    """Errors by steps, and what a path costs."""
+    """Print the table of errors and costs of a path, by the number of steps."""
     steps = sorted({p.steps for p in points})
     table = Table(title=f"{name}: rms error (evaluations of ∇H a path)", title_justify="left", box=None)
     for heading in ("scheme", *(f"N = {n}" for n in steps), "energy"):
@@ -137,7 +140,7 @@ def table_of_points(name: str, points: list[Point], out: Console) -> None:
 
 
 def table_of_goals(results: dict[str, list[Point]], out: Console) -> None:
-    """The cheapest of all, and the cheapest that keeps the energy, for each error."""
+    """Print the table of goals: for each error the cheapest scheme, and the cheapest one that keeps the energy."""
     table = Table(title="fewest evaluations of ∇H a path for an rms error", title_justify="left", box=None)
     for heading in ("problem", "of", *(f"{goal:.0e}" for goal in GOALS)):
         table.add_column(heading)
@@ -152,7 +155,7 @@ def table_of_goals(results: dict[str, list[Point]], out: Console) -> None:
 
 
 def picture(results: dict[str, list[Point]], path: Path) -> None:
-    """A panel a problem: error against evaluations, collocation in solid lines."""
+    """Draw one panel for each problem: error against evaluations, with solid lines for collocation."""
     from matplotlib import colormaps
     from matplotlib.colors import to_hex
 

@@ -22,7 +22,7 @@ from sepv.verification import Case, state_ulp
 
 
 def family(v: ReferenceVector) -> str:
-    """The problem's name, or polynomial."""
+    """The family of a vector's problem: its name, or "polynomial"."""
     return getattr(v.problem, "name", "polynomial")
 
 
@@ -35,7 +35,7 @@ def error(v: ReferenceVector, y1: np.ndarray) -> tuple[float, float]:
 
 
 def counts() -> None:
-    """How many vectors there are, and how each is proved."""
+    """Print how many vectors there are, and how they are proved."""
     print("vectors            all  krawczyk  balls")
     total = [0, 0, 0]
     for scheme in SCHEMES:
@@ -47,7 +47,7 @@ def counts() -> None:
 
 
 def errors() -> None:
-    """The float64 core against the vectors, by scheme and problem."""
+    """Print the errors of the float64 core against the vectors, by scheme and problem."""
     print("float64 against the vectors: largest error in ulp of y, and as a share of the bound (median)")
     for name in over(s for s in SCHEMES if s != FLOW):
         try:
@@ -84,7 +84,7 @@ def errors() -> None:
 
 
 def speed() -> None:
-    """One reference step at 50 digits, set-up and all."""
+    """Print the time of one reference step at 50 digits, with its set-up."""
     print("one step at 50 digits from y, h and dW to y1 (least of 200, µs)")
     names = [n for n in EQUATIONS if n != "averaged-vector-field"]
     for problem in over((p() for p in problems.PAPER.values()), lambda p: p.name):
@@ -102,7 +102,7 @@ def speed() -> None:
 
 
 def proof() -> None:
-    """One certificate in words."""
+    """Print one certificate in words."""
     v = next(v for v in load("energy-preserving") if "near-fold" in v.flags and v.condition > 50)
     step = reference_step("energy-preserving", v.problem, v.y, v.h, v.dW, start=[float(x) for x in v.y1_hex])
     print(f"{v.id}: {v.note}, condition {v.condition}\n{certify(v.problem, v.y, v.h, v.dW, step).describe()}")

@@ -25,7 +25,7 @@ Rule = Sequence[tuple[Number, Number]]
 
 @dataclass(frozen=True)
 class Arithmetic:
-    """A kind of numbers, and the functions of them that the problems use.
+    """The arithmetic of one kind of numbers: how to make them, and the functions that the problems use.
 
     Attributes
     ----------

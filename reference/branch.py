@@ -23,7 +23,10 @@ _JUMP = 0.05
 
 
 class Branch(NamedTuple):
-    """The largest reached share t of the step (1: all of it), and the unknowns there, in floats."""
+    """The end of a branch of solutions: the share t of the step that was reached, 1 for all of it.
+
+    `x` are the unknowns there, in floats.
+    """
 
     reached: float
     x: Vector
@@ -37,7 +40,10 @@ class Branch(NamedTuple):
 def follow(
     equation: Equation, data: Description, y: Sequence[float], h: float, dW: Sequence[float]
 ) -> Branch:
-    """Follow a branch in binary64: its end is found to about 13 digits of t."""
+    """Follow the branch of solutions that starts in y, with the share t of the step (h, dW), in binary64.
+
+    Its end is found to about 13 digits of t.
+    """
     problem = binary64_problem(data)
     y0, whole = problem.state(y), make_step(problem, h, tuple(dW))
     x = [0.0] * (len(y0) * equation.blocks) if equation.of_increments else list(y0)
@@ -58,7 +64,7 @@ def follow(
 def _at(
     equation: Equation, problem: ExactProblem, y0: Vector, step: Step, x: Vector, scale: float
 ) -> Vector | None:
-    """The solution near x, if Newton's method finds one without a jump."""
+    """The solution of the step near the unknowns x. None if Newton's method finds none, or one too far from x."""
     assert equation.residual is not None
     residual = equation.residual
     try:

@@ -79,7 +79,7 @@ class Certificate:
 
     @property
     def width(self) -> float:
-        """The largest radius of the balls y1."""
+        """The width of the proof: the largest radius of the balls y1."""
         return max(float(b.rad()) for b in self.y1)
 
 
@@ -131,7 +131,10 @@ def certify(
 def _krawczyk(
     problem: ExactProblem, y0: Vector, parts: Step, step: ReferenceStep, radius: float
 ) -> tuple[Vector, Any, Any]:
-    """K(K(…X)), r and ‖I − YF′(X)‖, or NotCertified."""
+    """The enclosure K(K(…X)) of the solution, the radius r of uniqueness and the contraction ‖I − YF′(X)‖.
+
+    Raises NotCertified if Krawczyk's test fails.
+    """
     flint = require_flint()
     arb, matrix = flint.arb, flint.arb_mat
     reference = [from_mpf(v) for v in step.x]
@@ -199,13 +202,13 @@ def krawczyk_image(defect: Any, moved: Vector, centre: Vector, box: Vector) -> V
 
 
 def _image(defect: Any, moved: Vector, centre: Vector, X: Vector) -> Vector:
-    """x̃ − Y F(x̃) + (I − Y F′(X))(X − x̃)."""
+    """Krawczyk's operator K(X) = x̃ − Y F(x̃) + (I − Y F′(X))(X − x̃)."""
     tail = defect * type(defect)([[v - c] for v, c in zip(X, centre, strict=True)])
     return [c - a + b for c, a, b in zip(centre, moved, tail.entries(), strict=True)]
 
 
 def _jacobian(problem: ExactProblem, residual: Any, x: Vector) -> Any:
-    """F′(X) as a matrix of balls, a column from each direction."""
+    """The derivative F′(X) over the box X as a matrix of balls, computed column by column."""
     flint, arithmetic = require_flint(), problem.arithmetic
     columns = []
     for k in range(len(x)):

@@ -51,7 +51,7 @@ def closed_form(data: Description, y: Sequence[float], theta: float, digits: int
 
 
 def has_closed_form(data: Description) -> bool:
-    """True if the problem has a closed form."""
+    """True if the exact flow of the problem has a closed form here."""
     if not isinstance(data, NamedProblem) or data.name not in _FORMS:
         return False
     inertia = dict(data.parameters).get("inertia", (1.0, 2.0, 3.0))
@@ -70,25 +70,25 @@ def _to_separatrix(ctx: Any, data: NamedProblem, y: Sequence[float]) -> Number:
 
 
 def _oscillator(ctx: Any, _: Parameters, y: Vector, theta: Number) -> Vector:
-    """The oscillator, dp = −x dθ, dx = p dθ."""
+    """The exact flow of the oscillator, dp = −x dθ, dx = p dθ: a rotation."""
     cos, sin = ctx.cos(theta), ctx.sin(theta)
     return [y[0] * cos - y[1] * sin, y[0] * sin + y[1] * cos]
 
 
 def _amplitude(ctx: Any, u: Number, m: Number) -> tuple[Number, Number, Number, Number]:
-    """(sn, cn, dn, am)(u, m) for 0 ≤ m ≤ 1."""
+    """Jacobi's elliptic functions sn, cn, dn and the amplitude am at (u, m), for 0 ≤ m ≤ 1."""
     sn, cn, dn = (ctx.ellipfun(kind, u, m=m) for kind in ("sn", "cn", "dn"))
     turns = 0 if m == 1 else ctx.floor(u / (4 * ctx.ellipk(m)) + ctx.mpf(1) / 2)
     return sn, cn, dn, ctx.atan2(sn, cn) + 2 * ctx.pi * turns
 
 
 def _pendulum_modulus(ctx: Any, p: Number, q: Number) -> Number:
-    """k² = sin²(q/2) + p²/4 = (H + 1)/2."""
+    """The square of the pendulum's modulus at (p, q): k² = sin²(q/2) + p²/4 = (H + 1)/2."""
     return ctx.sin(q / 2) ** 2 + p * p / 4
 
 
 def _pendulum(ctx: Any, _: Parameters, y: Vector, theta: Number) -> Vector:
-    """The pendulum by elliptic functions.
+    """The exact flow of the pendulum by elliptic functions.
 
     Libration, k ≤ 1: sin(q/2) = k sn(θ + u0, k²), p = 2k cn. Rotation, k > 1, with s the sign of p:
     q = 2s am(kθ + u0, 1/k²), p = 2sk dn.

@@ -70,7 +70,7 @@ def _middle(problem: ExactProblem, y0: Vector, y1: Vector) -> Vector:
 
 
 def _one_step(right: Residual) -> Residual:
-    """The residual y1 − y0 − right(y1)."""
+    """The equation of a one-step method y1 = y0 + right(y1): its residual is y1 − y0 − right(y1)."""
     return lambda problem, y0, step, y1: [
         b - a - r for a, b, r in zip(y0, y1, right(problem, y0, step, y1), strict=True)
     ]
@@ -142,7 +142,7 @@ def in_blocks(x: Vector, stages: int) -> list[Vector]:
 
 
 def combined(y0: Vector, weights: Vector, K: list[Vector]) -> Vector:
-    """y0 + Σ_j weights_j K_j."""
+    """The state y0 + Σ_j weights_j K_j, with the K_j of a Runge-Kutta method."""
     return _plus(y0, *(_times(a, v) for a, v in zip(weights, K, strict=True)))
 
 

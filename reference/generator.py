@@ -40,12 +40,12 @@ def _sum(*parts: Rational) -> Rational:
 
 
 def _slope(p: Rational, i: int) -> Rational:
-    """∂p/∂x_i."""
+    """The derivative ∂p/∂x_i of a polynomial p."""
     return {tuple(e - (n == i) for n, e in enumerate(a)): s * a[i] for a, s in p.items() if a[i]}
 
 
 def _shifted(p: Polynomial, y0: Sequence[Fraction]) -> Rational:
-    """p(y0 + x) as a polynomial in x."""
+    """The polynomial p expanded about y0: p(y0 + x) as a polynomial in x."""
     d = len(y0)
     total: Rational = {}
     for exponents, coefficient in p.terms:
@@ -75,7 +75,7 @@ def _field(
 
 
 def fields(data: PolynomialSystem, y0: Sequence[float]) -> list[list[Rational]]:
-    """F_0, F_1, …, F_m as polynomials in x = y − y0."""
+    """The fields F_0, F_1, …, F_m of drift and noises, as polynomials in x = y − y0."""
     at = [Fraction(float(v)) for v in y0]
     noise = [Fraction(float(c)) for c in data.noise]
     B, H = data.structure, data.hamiltonian
@@ -121,7 +121,7 @@ def moments(
     known: dict[tuple[int, Exponents], Fraction] = {}
 
     def image(alpha: Exponents) -> Rational:
-        """L x^α as a polynomial."""
+        """The generator L applied to the monomial x^α, as a polynomial."""
         if alpha not in images:
             g: Rational = {alpha: Fraction(1)}
             second = _sum(*(along(field, along(field, g)) for field in F[1:]))
@@ -129,7 +129,7 @@ def moments(
         return images[alpha]
 
     def at_start(k: int, alpha: Exponents) -> Fraction:
-        """(L^k x^α)(y0)."""
+        """The value (L^k x^α)(y0) of a power of the generator applied to a monomial, that is at x = 0."""
         if sum(alpha) > 2 * k:
             return Fraction(0)
         if k == 0:

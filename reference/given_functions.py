@@ -27,11 +27,11 @@ class GivenFunctions:
         self.ctx = context(digits)
 
     def state(self, y: Sequence[float]) -> Vector:
-        """A binary64 state, exactly."""
+        """The binary64 state y as a vector, without a rounding."""
         return [self.ctx.mpf(float(v)) for v in y]
 
     def hamiltonian(self, y: Vector) -> Any:
-        """H at a binary64 state."""
+        """The Hamiltonian H at a binary64 state, by the problem's own function."""
         values = [float(v) for v in y]
         with np.errstate(all="ignore"):
             try:

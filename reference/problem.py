@@ -66,11 +66,11 @@ class ExactProblem:
     noise_structures: Callable[[Vector], list[Skew]] | None = None
 
     def state(self, y: Sequence[float]) -> Vector:
-        """A binary64 state, exactly."""
+        """The binary64 state y in the numbers of the arithmetic, without a rounding."""
         return [self.number(v) for v in y]
 
     def field(self, y: Vector) -> Vector:
-        """f(y) = B(y)∇H(y)."""
+        """The field f(y) = B(y)∇H(y)."""
         return self.turned(self.structure(y), self.gradient(y))
 
     def turned(self, B: Skew, v: Vector) -> Vector:
@@ -88,7 +88,7 @@ class ExactProblem:
         return [self.arithmetic.slope(w) for w in self.field(nudged)]
 
     def mean_gradient_by(self, rule: Rule, y0: Vector, y1: Vector) -> Vector:
-        """∫₀¹∇H(y0 + τ(y1 − y0))dτ by quadrature."""
+        """The averaged gradient ∫₀¹∇H(y0 + τ(y1 − y0))dτ by quadrature."""
         slopes = [
             (weight, self.gradient([a + node * (b - a) for a, b in zip(y0, y1, strict=True)]))
             for node, weight in rule
@@ -229,12 +229,12 @@ def _nambu(self: ExactProblem, factor: Polynomial, casimir: Polynomial) -> None:
 
 
 def _monomials(self: ExactProblem, terms: tuple[tuple[Exponents, float], ...]) -> Monomials:
-    """Coefficient and [(index, exponent), …] of each term."""
+    """The terms of a polynomial, each as its coefficient and [(index, exponent), …] of its variables."""
     return [(self.number(c), [(i, k) for i, k in enumerate(e) if k]) for e, c in terms]
 
 
 def _partial(terms: Monomials, i: int) -> Monomials:
-    """∂/∂y_i of each term."""
+    """The terms of the derivative ∂p/∂y_i of a polynomial p."""
     derivative = []
     for c, powers in terms:
         k = dict(powers).get(i, 0)
@@ -282,7 +282,7 @@ def _pendulum(self: ExactProblem, parameters: dict[str, Vector]) -> None:
     self.gradient = lambda y: [y[0], sin(y[1])]
 
     def mean_gradient(y0: Vector, y1: Vector) -> Vector:
-        """∫₀¹sin(q0 + τδ)dτ = sin(q0 + δ/2) sin(δ/2)/(δ/2)."""
+        """The averaged gradient of the pendulum: ∫₀¹sin(q0 + τδ)dτ = sin(q0 + δ/2) sin(δ/2)/(δ/2)."""
         turn = half * (y1[1] - y0[1])
         return [half * (y0[0] + y1[0]), sin(y0[1] + turn) * sinc(turn)]
 

@@ -23,14 +23,14 @@ _CELLS = 10
 
 
 def with_more_nodes(equation: Equation) -> Equation:
-    """An equation with enough nodes for a proof."""
+    """A copy of the equation with enough quadrature nodes for a proof."""
     return collocation(equation.blocks, max(equation.nodes, _NODES)) if equation.nodes else equation
 
 
 def quadrature_error(
     problem: ExactProblem, y0: Vector, parts: Step, equation: Equation, x: Vector
 ) -> tuple[Any, Any]:
-    """Bounds of the residual's error and of its derivatives' error near x; (0, 0) for exact rules."""
+    """Bounds of the quadrature error of the residual and of its derivatives near x; (0, 0) for exact rules."""
     flint = require_flint()
     if not equation.nodes:
         return flint.arb(0), flint.arb(0)

@@ -34,7 +34,7 @@ UNDERFLOW = _CTX.mpf(2) ** -1075
 
 
 class Rounded:
-    """A value, and a bound of its error in units of u."""
+    """A binary64 value with a running bound of its rounding error in units of u = 2⁻⁵³."""
 
     __slots__ = ("error", "value")
 
@@ -124,12 +124,12 @@ def _lift(x: Any) -> Rounded:
 
 
 def _own(value: Any) -> Any:
-    """The rounding error of an operation's result, underflow included."""
+    """A bound of the rounding error that one operation adds to its result, underflow included, in units of u."""
     return abs(value) + UNDERFLOW / UNIT if value else _CTX.zero
 
 
 def _function(f: Function, slope: Callable[[Number], Number]) -> Function:
-    """A function of the mathematical library, assumed right within one unit in the last place, 2u."""
+    """The function f on numbers with error bounds; f is assumed right within one unit in the last place, 2u."""
 
     def of(x: Any) -> Any:
         if isinstance(x, Dual):

@@ -30,7 +30,7 @@ class Series:
         return self.coefficients[k]
 
     def upto(self, k: int) -> Vector:
-        """The coefficients [a_0, …, a_k]."""
+        """The coefficients [a_0, …, a_k] of the series; missing ones are computed."""
         self[k]
         return self.coefficients[: k + 1]
 
@@ -71,7 +71,7 @@ class Series:
     __radd__, __rmul__ = __add__, __mul__
 
     def convolved(self, a: Vector, b: Vector) -> Number:
-        """Σ_i a_i b_{k−i} over i = 0 … k."""
+        """The coefficient of t^k in the product of two series, Σ_i a_i b_{k−i} over i = 0 … k."""
         return self.dot(a, reversed(b))
 
 
@@ -122,7 +122,7 @@ def solution_series(data: Description, base: Arithmetic, y0: Vector, order: int)
 
 
 def _coefficient(a: Any, k: int) -> Number:
-    """The coefficient a_k; a number is a constant series."""
+    """The coefficient a_k of a series or of a number, which is a constant series."""
     return a[k] if isinstance(a, Series) else a if k == 0 else 0 * a
 
 

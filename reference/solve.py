@@ -26,7 +26,7 @@ BROKEN = (ArithmeticError, ValueError)
 
 
 class Failure(NamedTuple):
-    """The end of an iteration without a solution: the smallest residual, and the reason."""
+    """The result of an iteration that found no solution: the smallest residual, and the reason."""
 
     residual: float
     iterations: int
@@ -42,7 +42,7 @@ class Root(NamedTuple):
 
 
 def jacobian(residual: Residual, x: Vector, arithmetic: Arithmetic) -> Matrix:
-    """∂residual/∂x, one column for each direction."""
+    """The Jacobian ∂residual/∂x at x, computed one column at a time."""
     one, slope, nudged = arithmetic.number(1.0), arithmetic.slope, arithmetic.nudged
     columns = [residual([*x[:k], nudged(v, one), *x[k + 1 :]]) for k, v in enumerate(x)]
     return [[slope(v) for v in row] for row in zip(*columns, strict=True)]
@@ -97,7 +97,10 @@ def newton(
     tolerance: float,
     most: int = _NEWTON,
 ) -> Root | Failure:
-    """Newton's iteration from x, to corrections below tolerance · scale, damped only to stay in the domain."""
+    """The root that Newton's iteration finds from x, or a Failure.
+
+    It ends with a correction below tolerance · scale. Steps are shortened only to stay in the domain.
+    """
     best, goal, n, damping = math.inf, tolerance * scale, 0, 1.0
     try:
         value = residual(x)

@@ -195,7 +195,7 @@ def _bound(equation: Equation, problem: ExactProblem, y0: Vector, step: Step) ->
 
 
 def _start(equation: Equation, problem: ExactProblem, y0: Vector, step: Step) -> Vector:
-    """The start of Newton's method: K = 0, or the explicit midpoint rule's y1 where that is near y0."""
+    """The first guess for Newton's method: K = 0, or the y1 of the explicit midpoint rule if it is near y0."""
     if equation.of_increments:
         return [0 * v for v in y0] * equation.blocks
     half = [a + step.delta * b / 2 for a, b in zip(y0, problem.field(y0), strict=True)]
@@ -216,7 +216,7 @@ def _guess(
     scale: float,
     start: Vector | None,
 ) -> Root | Failure:
-    """The root in binary64; a Failure where binary64 cannot hold it."""
+    """The root of the equation in binary64, the start of the search in mpmath. A Failure if binary64 cannot hold it."""
     problem = binary64_problem(data)
     try:
         y0, step = problem.state(y), make_step(problem, h, dW)
@@ -235,7 +235,7 @@ def _in_digits(
     digits: int,
     start: Vector | None,
 ) -> Root | Failure:
-    """The root by mpmath alone, whose exponents are unbounded."""
+    """The root of the equation by mpmath alone, for values beyond the exponents of binary64."""
     residual = _bound(equation, exact, y0, step)
     try:
         first = [exact.ctx.mpf(v) for v in start] if start else _start(equation, exact, y0, step)
@@ -246,7 +246,7 @@ def _in_digits(
 
 
 def _with_nodes(equation: Equation, nodes: int) -> Equation:
-    """The equation with this number of nodes, if it has a quadrature."""
+    """The equation with this number of quadrature nodes; itself if it has no quadrature."""
     return collocation(equation.blocks, nodes) if equation.name.startswith("collocation") else equation
 
 

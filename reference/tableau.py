@@ -27,11 +27,11 @@ class StageTable:
     coefficients: list[Vector]
 
     def basis(self, tau: Number) -> Vector:
-        """ℓ_1(τ), …, ℓ_s(τ)."""
+        """The values ℓ_1(τ), …, ℓ_s(τ) of the Lagrange basis."""
         return [horner(row, tau) for row in self.coefficients]
 
     def integrals(self, tau: Number) -> Vector:
-        """∫₀^τ ℓ_1, …, ∫₀^τ ℓ_s."""
+        """The integrals ∫₀^τ ℓ_1, …, ∫₀^τ ℓ_s of the Lagrange basis."""
         return [tau * horner([p / (k + 1) for k, p in enumerate(row)], tau) for row in self.coefficients]
 
 
@@ -66,7 +66,7 @@ def stage_table(stages: int, arithmetic: Arithmetic) -> StageTable:
 
 
 def horner(row: Vector, tau: Number) -> Number:
-    """Σ_k row_k τ^k."""
+    """The value Σ_k row_k τ^k of a polynomial at τ, by Horner's rule."""
     value = row[-1]
     for coefficient in reversed(row[:-1]):
         value = value * tau + coefficient

@@ -37,7 +37,7 @@ def flow_series(
 
 
 def _value(p: Polynomial, y: list[Series], order: int, ctx: Any) -> Series:
-    """p(y) as a series up to t^order."""
+    """The value p(y) of a polynomial at a state of power series, as a series up to t^order."""
     total = [ctx.zero] * (order + 1)
     for exponents, coefficient in p.terms:
         term = [ctx.mpf(coefficient)] + [ctx.zero] * order

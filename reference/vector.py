@@ -68,12 +68,12 @@ class ReferenceVector:
 
     @property
     def hard(self) -> bool:
-        """True if a solver may refuse the case."""
+        """True if a correct solver may refuse the case."""
         return bool(HARD & set(self.flags))
 
 
 def to_json(vector: ReferenceVector) -> dict[str, Any]:
-    """A JSON object, its hash last."""
+    """The case as a JSON object whose last member is its hash."""
     step: dict[str, Any] = (
         {"theta": vector.h.hex()}
         if vector.scheme == FLOW
@@ -120,7 +120,7 @@ def schemes_with_vectors(folder: Path = FOLDER) -> list[str]:
 
 @lru_cache(maxsize=64)
 def load(scheme: str, folder: Path = FOLDER) -> tuple[ReferenceVector, ...]:
-    """The checked vectors of one scheme: format, keys, hashes, no id twice.
+    """The test vectors of one scheme, after a check of format, keys, hashes and ids.
 
     Raises
     ------

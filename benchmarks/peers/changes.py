@@ -30,12 +30,12 @@ class Change:
 
 
 def latest(records: Sequence[Record]) -> list[Record]:
-    """The last record of each version."""
+    """The last record of each version, in the order of the versions."""
     return list({record.version: record for record in records}.values())
 
 
 def changes(records: Sequence[Record]) -> list[Change]:
-    """Between the records of one library, each with the one before it."""
+    """The changed verdicts between each record of a library and the record before it."""
     return [change for before, after in pairwise(records) for change in _between(before, after)]
 
 
@@ -83,7 +83,7 @@ def broken(entry: dict[str, Any]) -> dict[str, list[str]]:
 
 
 def cell(record: Record, solver: str) -> str:
-    """What stands in the table for one solver and version."""
+    """The text of the table's cell for one solver and version."""
     entry = record.solvers.get(solver)
     if entry is None:
         return ABSENT
@@ -123,7 +123,7 @@ def _mended(found: Sequence[tuple[str, bool | None]]) -> str:
 
 
 def to_json(found: dict[str, list[Record]]) -> dict[str, Any]:
-    """All of it, for another program: by library the versions, cells, changes and deviations."""
+    """The content of the page as JSON for another program: by library the versions, cells, changes and deviations."""
     return {
         library: {
             "versions": [r.version for r in latest(records)],
@@ -138,5 +138,5 @@ def to_json(found: dict[str, list[Record]]) -> dict[str, Any]:
 
 
 def solvers(records: Sequence[Record]) -> list[str]:
-    """Of the last version first, then those that it has no more."""
+    """The names of all solvers: first those of the last version, then those that it no longer has."""
     return list(dict.fromkeys(name for record in reversed(latest(records)) for name in record.solvers))

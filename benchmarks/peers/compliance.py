@@ -139,7 +139,7 @@ def document(found: Sequence[Row], deviations: Sequence[Deviation], command: str
 
 
 def _grouped(pairs: Iterable[tuple[str, str]]) -> list[str]:
-    """A line for each text, after the names that it is about."""
+    """Lines of Markdown: each text once, after all names that it is about."""
     names: dict[str, list[str]] = {}
     for text, name in pairs:
         names.setdefault(text, []).append(name)
@@ -147,7 +147,7 @@ def _grouped(pairs: Iterable[tuple[str, str]]) -> list[str]:
 
 
 def _listed(names: Sequence[str]) -> str:
-    """Solvers in a line; the library stands where it changes."""
+    """The solvers "library name" in one line of text. A library is not repeated between its own solvers."""
     libraries = ["", *(name.split()[0] for name in names)]
     pairs = zip(names, libraries, strict=False)
     return "; ".join(name.removeprefix(f"{before} ") if before else name for name, before in pairs)

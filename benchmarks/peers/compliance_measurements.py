@@ -51,13 +51,13 @@ def law_cells(library: str, scheme: Scheme, laws: Sequence[Law], effort: Effort)
 
 
 def silent(library: str, scheme: Scheme) -> dict[str, dict[str, Any]]:
-    """What stands for the laws that are not asked."""
+    """Law -> the finding "not applicable" of the laws that cannot judge a solver that draws areas beside ΔW."""
     text = {"verdict": Verdict.NOT_APPLICABLE.value, "claimed": False, "message": NO_AREAS, "measured": ()}
     return {name: text for name in OVER_INCREMENTS if draws(library, scheme)}
 
 
 def draws(library: str, scheme: Scheme) -> bool:
-    """Whether a step has noise of its own beside ΔW."""
+    """True if a step of the solver draws noise of its own beside ΔW."""
     if library == "sepv":
         return False
     return scheme in load(library).drawing
@@ -96,13 +96,13 @@ def suite_key(effort: Effort) -> tuple[Any, ...]:
 
 
 def _text_of(law: Law) -> str:
-    """A digest of the law's own file, so that a law that measures something else is measured anew."""
+    """A digest of the law's file: a kept measurement is used only while the law is unchanged."""
     file = resources.files("sepv.properties") / f"test_{law.name.replace('-', '_')}.py"
     return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
 def _finding(scheme: Scheme, law: str, effort: Effort) -> dict[str, Any]:
-    """What the table needs of one law's finding."""
+    """The part of a law's finding that the table shows, as JSON."""
     with np.errstate(over="ignore", invalid="ignore"):
         report = verify(scheme, laws=[law], effort=effort)
     if report.interrupted:

@@ -16,7 +16,7 @@ from sepv.verification._report import MARKS
 
 @dataclass(frozen=True)
 class Row:
-    """What one solver was found to do: a line of both tables.
+    """The measured behaviour of one solver: a line of both tables.
 
     Attributes
     ----------
@@ -46,7 +46,7 @@ class Row:
 
 
 def scheme_row(library: str, scheme: Scheme, cells: Mapping[tuple[str, str], Any]) -> Row:
-    """The line of a scheme whose cells are measured."""
+    """The row of a solver that takes single steps, from its measured cells."""
     unasked = silent(library, scheme)
     findings = {name: unasked.get(name) or cells[scheme.name, name] for name in LAWS}
     return Row(
@@ -86,7 +86,7 @@ def _notes(scheme: Scheme, findings: Mapping[str, Any]) -> Iterator[str]:
 
 
 def path_row(library: str, solver: PathSolver, cells: Mapping[tuple[str, str], Any]) -> Row:
-    """The line of such a solver whose cells are measured: two laws, by the thresholds of the laws of these names."""
+    """The row of a solver of whole paths, from its measured cells: two laws, judged by the thresholds of these laws."""
     found = [cells[solver.name, f"whole paths, {s.problem}"] for s in SETUPS]
     return Row(
         library=library,

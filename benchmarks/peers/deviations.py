@@ -36,7 +36,7 @@ class Note(NamedTuple):
 
 @dataclass(frozen=True)
 class Shown:
-    """What a script came to."""
+    """The result of a script that shows a deviation: its output and exit code."""
 
     name: str  # of its file
     title: str  # the first line of its docstring
@@ -48,12 +48,12 @@ class Shown:
 
     @property
     def solver(self) -> str:
-        """The solver that it is about."""
+        """The name of the solver that the script is about."""
         return self.title.partition(":")[0]
 
     @property
     def deviates(self) -> bool | None:
-        """Whether the library still deviates; None where the script itself failed."""
+        """True if the library still deviates from its documentation; None if the script itself failed."""
         return None if self.code not in (0, 1) or "Traceback" in self.errors else self.code == 1
 
 
@@ -99,7 +99,7 @@ def deviations_shown_by(folder: Path, libraries: Collection[str] = ()) -> list[D
 
 
 def section(script: Shown, folder: str) -> str:
-    """The library's own words, then the measurement."""
+    """The section of the page on one deviation: quotations from the library, then the measurement."""
     notes = "\n".join(f"- {note.place}, {note.date}: “{note.quotation}”" for note in script.notes)
     run = f"[`{folder}/{script.name}`]({folder}/{script.name}) prints"
     return f"### {script.title}\n\n{notes}\n\n{script.body}\n\n{run}\n\n```\n{script.output}\n```"

@@ -39,7 +39,7 @@ LONGEST = 600
 def record(
     library: str, effort: Effort, keep: Path | None, scripts: Path | None, shown: Any
 ) -> dict[str, Any]:
-    """What the solvers of the installed library were found to do, as record.schema.json describes it."""
+    """The record of the installed library: the measured behaviour of its solvers, as in record.schema.json."""
     adapter, asked = load(library), load_laws(ASKED)
     schemes, paths = tuple(adapter.schemes.values()), adapter.paths
     cells = [cell for s in schemes for cell in measurements.law_cells(library, s, asked, effort)]

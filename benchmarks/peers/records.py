@@ -19,7 +19,7 @@ _SCHEMA = Path(__file__).with_name("record.schema.json")
 
 
 def _fault(data: Any) -> str:
-    """What of a record does not obey its schema; empty where nothing."""
+    """The violation of record.schema.json by the data of a record, as text; empty if there is none."""
     return fault(data, json.loads(_SCHEMA.read_text(encoding="utf-8")))
 
 
@@ -32,17 +32,17 @@ class Record:
 
     @property
     def library(self) -> str:
-        """Whose it is."""
+        """The name of the library."""
         return str(self.data["library"])
 
     @property
     def version(self) -> str:
-        """Of the library."""
+        """The version of the library."""
         return str(self.data["version"])
 
     @property
     def solvers(self) -> dict[str, dict[str, Any]]:
-        """The entries by the solver's name."""
+        """Solver -> its entry in the record."""
         return {entry["name"]: entry for entry in self.data["solvers"]}
 
 
@@ -94,6 +94,6 @@ def load(folder: Path) -> dict[str, list[Record]]:
 
 
 def order(version: str) -> tuple[Any, ...]:
-    """For sorting: numbers as numbers, and a pre-release before its release."""
+    """The key that sorts versions: numbers as numbers, and a pre-release before its release."""
     numbers = tuple(int(n) for n in re.findall(r"\d+", re.split(r"[a-z@+]", version)[0]))
     return (numbers, re.search(r"(a|b|rc|dev)\d", version) is None, version)

@@ -84,7 +84,7 @@ def main(library: str | None, releases: cli.Names, versions: bool, results: str,
 
 
 def _asked(library: str | None, releases: cli.Names, versions: bool) -> list[tuple[str, str]]:
-    """(library, version) of what is to be measured."""
+    """The pairs (library, version) to be measured."""
     if library is not None:
         require_one_of(
             "a library that has an adapter",

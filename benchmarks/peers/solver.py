@@ -70,7 +70,7 @@ class Solver:
     path: Callable[[str], Path] | None = None
 
     def scheme(self, kind: str) -> Scheme:
-        """Its step as a scheme for the problem of this kind, with the orders that are documented for it."""
+        """The solver's step as a scheme for the problem with this kind of noise; it claims the documented orders."""
         strong, weak = self.documented[kind]
         return Scheme(
             name=f"{self.name}, {kind}",

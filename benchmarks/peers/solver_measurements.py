@@ -44,7 +44,7 @@ LIMIT_STEP, LIMIT = 2.0**-16, 0.05
 
 
 def cells(library: str, solver: Solver, effort: Effort) -> Iterator[Cell]:
-    """All that is measured of one solver."""
+    """The cells of one solver: all measurements of it."""
     texts = {law.name: _text_of(law) for law in load_laws((*LOCAL, *KEPT))}
     key = (release(library), __version__, effort.seed)
     for kind, documented in solver.documented.items():
@@ -118,7 +118,7 @@ def _limit(solver: Solver, kind: str) -> dict[str, float]:
 
 
 def _correction(problem: Problem, y: Array) -> Array:
-    """½ Σ_j c_j² f_j′f_j."""
+    """Itô's correction ½ Σ_j c_j² f_j′f_j of the drift."""
     parts = [
         0.5 * c * c * matvec(noise_slope(problem, j, y), noise_field(problem, j, y))
         for j, c in enumerate(problem.c)
@@ -127,7 +127,7 @@ def _correction(problem: Problem, y: Array) -> Array:
 
 
 def limit_of(found: dict[str, float]) -> str:
-    """The limit in words."""
+    """The limit of a solver, Stratonovich's or Itô's solution, in words."""
     if math.isnan(found["share"]):
         return "both" if found["left"] < LIMIT else "neither"
     if found["left"] < LIMIT and abs(found["share"]) < LIMIT:

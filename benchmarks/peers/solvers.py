@@ -129,7 +129,7 @@ def document(found: Mapping[str, Sequence[Line]], deviations: Sequence[Deviation
 
 
 def table(library: str, own: Sequence[Line]) -> str:
-    """A row a solver, a column a kind of noise."""
+    """The table of orders in Markdown: a row for each solver, a column for each kind of noise."""
     rows: dict[str, dict[str, str]] = {}
     for each in own:
         name, kind, strong, step, paths, weak, weak_step, limit, *_ = each.cells

@@ -34,7 +34,7 @@ _NO_SHRINKING = 0
 
 @dataclass(frozen=True)
 class Detection:
-    """The result of one law on one saboteur with one seed."""
+    """The verdict of one law on one saboteur, a scheme broken on purpose, with one seed."""
 
     saboteur: str
     family: str
@@ -49,7 +49,10 @@ class Detection:
 
     @property
     def kills(self) -> bool:
-        """True if a claimed law is violated, or ends in an error where the fault is one of the interface."""
+        """True if the law finds the fault: it is claimed, and violated.
+
+        A fault of the family "interface" is also found by an error.
+        """
         return self.claimed and (
             self.verdict is Verdict.VIOLATED or (self.family == "interface" and self.verdict is Verdict.ERROR)
         )
@@ -121,13 +124,13 @@ def detect(
 
 
 def find(name: str) -> Saboteur:
-    """The saboteur of this name; a UsageError for others."""
+    """The saboteur of this name. Raises UsageError for an unknown name."""
     require_one_of("a saboteur", name, SABOTEURS, "take one of these names")
     return SABOTEURS[name]
 
 
 def survivors(detections: Sequence[Detection]) -> dict[str, list[int]]:
-    """The seeds with which no claimed law killed, for each saboteur that survived any."""
+    """Saboteur -> the seeds with which no claimed law found its fault. Saboteurs found with every seed are left out."""
     killed = {(b.saboteur, b.seed) for b in detections if b.kills}
     by_saboteur: dict[str, list[int]] = {}
     for name, seed in sorted({(b.saboteur, b.seed) for b in detections} - killed):
@@ -136,7 +139,7 @@ def survivors(detections: Sequence[Detection]) -> dict[str, list[int]]:
 
 
 def found_by_one_law(detections: Sequence[Detection]) -> dict[str, list[str]]:
-    """For each law, the saboteurs that no other law killed with any seed: the loss without it."""
+    """Law -> the saboteurs whose faults no other law found with any seed: they would be missed without it."""
     kills = dict.fromkeys((b.saboteur, b.law) for b in detections if b.kills)
     laws = Counter(name for name, _ in kills)
     by_law: dict[str, list[str]] = {}
@@ -147,13 +150,13 @@ def found_by_one_law(detections: Sequence[Detection]) -> dict[str, list[str]]:
 
 
 def missed(detections: Sequence[Detection]) -> list[tuple[str, str]]:
-    """Pairs (saboteur, law) where theory expects a kill, and none was seen with any seed."""
+    """Pairs (saboteur, law) in which the law should find the fault by theory, but did not with any seed."""
     seen = {(b.saboteur, b.law) for b in detections if b.kills}
     return [p for p in dict.fromkeys((b.saboteur, b.law) for b in detections if b.expected) if p not in seen]
 
 
 def examples_to_kill(detections: Sequence[Detection]) -> dict[tuple[str, int], int]:
-    """For each killed (saboteur, seed), the fewest examples that a law needed."""
+    """(saboteur, seed) -> the fewest examples in which a law found the fault. Survivors are left out."""
     fewest: dict[tuple[str, int], int] = {}
     for b in detections:
         if b.kills:
@@ -163,7 +166,7 @@ def examples_to_kill(detections: Sequence[Detection]) -> dict[tuple[str, int], i
 
 
 def show(detections: Sequence[Detection], out: Console) -> None:
-    """Print the matrix, its legend, the warnings, and the count."""
+    """Print the matrix of saboteurs and laws, its legend, the warnings, and the count."""
     laws, table = list(dict.fromkeys(b.law for b in detections)), matrix(detections)
     wide = not fits(table, out)
     print_table(listing(detections) if wide else table, out)
@@ -216,7 +219,7 @@ def _rows(detections: Sequence[Detection]) -> Iterator[tuple[str, Text, dict[str
 
 
 def summary(detections: Sequence[Detection]) -> Text:
-    """One line: the number killed with every seed, and the examples needed."""
+    """The last line of the report: the saboteurs found with every seed, and the examples that this took."""
     names, alive = {b.saboteur for b in detections}, survivors(detections)
     fewest = examples_to_kill(detections)
     seeds = len({b.seed for b in detections})

@@ -22,7 +22,7 @@ T, STEPS = 1.0, (16, 32, 64, 128)
 
 
 def errors(scheme: str, problem: str) -> list[float]:
-    """|y_N − y(T)| with c = 0, for each number of steps."""
+    """The errors |y_N − y(T)| of a scheme without noise, c = 0, for each number of steps in STEPS."""
     method, system = schemes.PAPER[scheme], SYSTEMS[problem](noise=())
     start, sizes = np.array(system.initial), []
     exact = exact_flow(system, T).y
@@ -35,7 +35,10 @@ def errors(scheme: str, problem: str) -> list[float]:
 
 
 def jobs(_size: Size) -> list[Job]:
-    """A job a scheme and problem; nothing is random, and no share is taken of it."""
+    """The jobs: one for each pair of a scheme and a problem.
+
+    They do not depend on the size: nothing is random, and no part is left out for a quick look.
+    """
     return [
         Job(("theory", "deterministic", s, p), errors, {"scheme": s, "problem": p}, 0.5)
         for s in SHOWN

@@ -71,7 +71,7 @@ class Erratum:
 
 
 def statements() -> list[Statement]:
-    """The statements of all entries, each decided by its evidence."""
+    """The statements of all entries, each with a verdict by its evidence."""
     return [entry.statement() for entry in ENTRIES]
 
 

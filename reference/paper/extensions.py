@@ -79,7 +79,7 @@ def weak(scheme: str, increments: str | None = None) -> dict[str, list[float]]:
 
 
 def jobs(size: Size) -> list[Job]:
-    """The areas, and one step of each scheme."""
+    """The jobs: errors with and without Lévy areas and with several stages, and one step of each scheme."""
     arguments, few = {"samples": size.samples(SAMPLES), "seed": size.seed}, {"samples": STAGED_SAMPLES}
     return [
         Job(("theory", "areas"), errors, arguments, 6.0),
@@ -93,7 +93,7 @@ def jobs(size: Size) -> list[Job]:
 
 
 def panels(results: Results) -> list[Panel]:
-    """Areas, stages, and the weak order."""
+    """The panels on Lévy areas, on several stages, and on the weak order."""
     return [
         _areas(results["theory", "areas"]),
         _staged({s: results["theory", "stages", str(s)] for s in STAGES}),

@@ -30,13 +30,13 @@ _PARAMETERS = {"c": 1.0, "I": [0.345, 0.653, 1.0], "y0": [0.8, 0.6, 0.0], "h": H
 
 
 def jobs(size: Size) -> list[Job]:
-    """Short runs, and the errors, of the paper's six schemes and of splitting."""
+    """The jobs: short runs and the errors at T of the paper's six schemes and of splitting."""
     return [*order.jobs(ORDER, size), *RUNS.jobs(size)]
 
 
 def panels(results: Results) -> list[Panel]:
-    """Figure 4.3: Casimir and Hamiltonian along one sample, and the order."""
-    long_runs = RUNS.found(results)
+    """The panels of Figure 4.3: Casimir and Hamiltonian along one sample, and the order."""
+    long_runs = RUNS.by_scheme(results)
     shown = [r for n, r in long_runs.items() if n != "midpoint"]
     places = {"energy-preserving": "§4.2, Proposition 3.2", "midpoint": "§4.2, by §3.3"}
     keep = ("energy-preserving", "midpoint", "discrete-gradient")

@@ -37,13 +37,13 @@ _PARAMETERS = {
 
 
 def jobs(size: Size) -> list[Job]:
-    """Runs, and the errors, of the paper's six schemes and of splitting."""
+    """The jobs: runs and the errors at T of the paper's six schemes and of splitting."""
     return [*order.jobs(ORDER, size), *order.fine_jobs(FINE, size), *RUNS.jobs(size)]
 
 
 def panels(results: Results) -> list[Panel]:
-    """Figure 4.6: the Hamiltonian along one sample, and the order."""
-    long_runs = RUNS.found(results)
+    """The panels of Figure 4.6: the Hamiltonian along one sample, and the order."""
+    long_runs = RUNS.by_scheme(results)
     energy = Panel(
         key="4.6-hamiltonian", title="Lotka-Volterra: energy", source="Figure 4.6, left",
         x=TIME, y=Axis("energy H"), series=tuple(runs.curve(r, r.energy) for r in long_runs.values()),

@@ -41,13 +41,13 @@ WINDOW = 0.9
 
 
 def jobs(size: Size) -> list[Job]:
-    """Four long runs, and the errors of six schemes."""
+    """The jobs of both figures: four long runs, and the errors of six schemes at T."""
     return [*order.jobs(ORDER, size), *order.fine_jobs(FINE, size), *RUNS.jobs(size)]
 
 
 def long_time(results: Results) -> list[Panel]:
-    """Figure 4.1: phase space, energy, position."""
-    by_scheme = RUNS.found(results)
+    """The panels of Figure 4.1: phase space, energy and position along one sample."""
+    by_scheme = RUNS.by_scheme(results)
     parameters = {"x0": 0.1, "p0": 0.2, "c": 1.0, "h": H, "N": by_scheme["energy-preserving"].steps}
     return [part(by_scheme, parameters) for part in (_phase_space, _energy, _position)]
 

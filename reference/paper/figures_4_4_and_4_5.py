@@ -55,24 +55,29 @@ def jobs(size: Size) -> list[Job]:
 
 
 def long_time(results: Results) -> list[Panel]:
-    """Figure 4.4: energy, its zoom, position."""
-    found = RUNS.found(results)
-    parameters = _PARAMETERS | {"T": found["midpoint"].steps * H}
+    """The panels of Figure 4.4: energy, energy enlarged, mean energy and position."""
+    by_scheme = RUNS.by_scheme(results)
+    parameters = _PARAMETERS | {"T": by_scheme["midpoint"].steps * H}
     mean = _mean({h: results["4.4", "mean", str(h)] for h in MEAN_H})
-    return [_energy(found, parameters), _zoom(found, parameters), mean, _position(found, parameters)]
+    return [
+        _energy(by_scheme, parameters),
+        _zoom(by_scheme, parameters),
+        mean,
+        _position(by_scheme, parameters),
+    ]
 
 
 def convergence(results: Results) -> list[Panel]:
-    """Figure 4.5, and the bias of a reference with a fine step."""
+    """The panels of Figure 4.5, and of the bias of a reference with a fine step."""
     return [order.panel(ORDER, results), order.fine_panel(FINE, results)]
 
 
-def _energy(found: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel:
-    judged = {n: found[n] for n in (*LOSE, *KEEP)}
+def _energy(by_scheme: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel:
+    judged = {n: by_scheme[n] for n in (*LOSE, *KEEP)}
     return Panel(
         key="4.4-energy", title="Pendulum: energy", source="Figure 4.4, left",
         x=TIME, y=Axis("energy H + 1", log=True),
-        series=tuple(runs.curve(r, r.energy + 1) for r in found.values()), parameters=parameters,
+        series=tuple(runs.curve(r, r.energy + 1) for r in by_scheme.values()), parameters=parameters,
         chosen=("H + 1, the energy above the rest position, on a logarithmic axis",),
         statements=tuple(runs.statements(judged, "energy", KEEP, "§4.3")),
         description="The explicit schemes gain energy; midpoint, discrete gradient and energy-preserving scheme "
@@ -80,8 +85,8 @@ def _energy(found: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel:
     )  # fmt: skip
 
 
-def _zoom(found: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel:
-    midpoint = found["midpoint"]
+def _zoom(by_scheme: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel:
+    midpoint = by_scheme["midpoint"]
     moved = float(np.max(np.abs(midpoint.energy - midpoint.energy[0])))
     above = float(midpoint.energy[0] + 1)
     limit = runs.FAR * runs.bound(midpoint, "energy")
@@ -95,7 +100,7 @@ def _zoom(found: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel:
     return Panel(
         key="4.4-energy-zoom", title="Pendulum: energy, zoom", source="Figure 4.4, middle",
         x=TIME, y=Axis("energy H"), parameters=parameters,
-        series=tuple(runs.curve(r, r.energy) for r in (midpoint, found["energy-preserving"])),
+        series=tuple(runs.curve(r, r.energy) for r in (midpoint, by_scheme["energy-preserving"])),
         statements=(almost, _walk(midpoint)),
         description="The energy of the midpoint scheme wanders about its start; that of the energy-preserving scheme "
         "does not move.",
@@ -138,10 +143,10 @@ def mean_energy(h: float, T: float, paths: int, seed: int, engine: str) -> Growt
     return growth(schemes.midpoint, problems.pendulum(), h=h, T=T, paths=paths, seed=seed, engine=engine)
 
 
-def _mean(found: dict[float, Growth]) -> Panel:
-    """E[H] beside the walk: the drift that symplecticity leaves."""
+def _mean(growth_by_step: dict[float, Growth]) -> Panel:
+    """The panel with E[H] of the midpoint scheme: the drift that symplecticity leaves beside the walk of H."""
     curves, rates, agree, ends = [], [], [], []
-    for h, row in found.items():
+    for h, row in growth_by_step.items():
         name, theory = f"h = 2^{np.log2(h):.0f}", row.derived
         assert theory is not None
         mean, rms = theory.at(row.times)
@@ -158,7 +163,7 @@ def _mean(found: dict[float, Growth]) -> Panel:
         ends.append(
             f"{name}: E[H] − H(y0) = " + ", ".join(f"{m:.3g} ± {e:.1g} at t = {t:g}" for t, m, e in last)
         )
-    coarse, paths = found[max(found)], next(iter(found.values())).paths
+    coarse, paths = growth_by_step[max(growth_by_step)], next(iter(growth_by_step.values())).paths
     statements = (
         Statement("This behaviour of the midpoint scheme could result from its symplecticity", "§4.3",
                   judge.decide(all(agree) and coarse.drifts, not all(agree)),
@@ -175,7 +180,7 @@ def _mean(found: dict[float, Growth]) -> Panel:
         key="4.4-energy-mean", title="Pendulum: mean energy of the midpoint scheme",
         source="Figure 4.4, over many paths",
         x=Axis("time t", log=True), y=Axis("mean and rms of H − H(y0)", log=True), series=tuple(curves),
-        parameters={**_PARAMETERS, "h": list(found), "T": float(coarse.times[-1]), "paths": paths},
+        parameters={**_PARAMETERS, "h": list(growth_by_step), "T": float(coarse.times[-1]), "paths": paths},
         chosen=("larger steps than the figure's: the drift falls as h², the walk that hides it as h",),
         statements=statements,
         description="The rms grows along √t. The mean is smaller: it starts from an offset and grows in proportion "
@@ -184,16 +189,16 @@ def _mean(found: dict[float, Growth]) -> Panel:
             f"{h:g}": {
                 "t": r.times.tolist(), "mean": r.mean.tolist(), "error": r.error.tolist(), "rms": r.rms.tolist(),
             }
-            for h, r in found.items()
+            for h, r in growth_by_step.items()
         },
     )  # fmt: skip
 
 
-def _position(found: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel:
+def _position(by_scheme: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel:
     shown, others = ("energy-preserving", "euler-heun"), ("discrete-gradient", "midpoint")
     # A pendulum that cannot turn over stays within |q| ≤ arccos(−H), Remark 3.5.
-    reach = float(np.arccos(-found[shown[0]].energy[0]))
-    largest = {n: float(np.max(np.abs(r.y[1]))) for n, r in found.items()}
+    reach = float(np.arccos(-by_scheme[shown[0]].energy[0]))
+    largest = {n: float(np.max(np.abs(r.y[1]))) for n, r in by_scheme.items()}
     (ours, heun), rest = (largest[n] for n in shown), [largest[n] for n in others]
     stays = ours <= reach * (1 + 1e-10)
     statements = (
@@ -209,7 +214,7 @@ def _position(found: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel:
     return Panel(
         key="4.4-position", title="Pendulum: position", source="Figure 4.4, right",
         x=TIME, y=Axis("angle q in radians"), window=WINDOW,
-        series=tuple(series(n, found[n].t, found[n].y[1], n) for n in shown), parameters=parameters,
+        series=tuple(series(n, by_scheme[n].t, by_scheme[n].y[1], n) for n in shown), parameters=parameters,
         chosen=(f"|q| ≤ {WINDOW:g}; the angle of Euler-Heun goes on to {heun:.0f}",), statements=statements,
         description="The angle of the energy-preserving scheme oscillates in a constant band; the pendulum of "
         "Euler-Heun turns over and its angle wanders off.",

@@ -29,32 +29,32 @@ def finest_slope(h: Sequence[float], errors: Sequence[float]) -> float:
 
 
 def decide(true: bool, false: bool) -> Verdict:
-    """The verdict from two criteria that exclude each other; open where neither is met."""
+    """The verdict on a statement from two criteria that exclude each other; it is open if neither is met."""
     assert not (true and false)
     return "holds" if true else "fails" if false else "open"
 
 
 def at_most(value: float, limit: float, refuted: float) -> Verdict:
-    """A value within its limit; refuted beyond a second, larger one."""
+    """The verdict on "the value is at most the limit"; it is refuted beyond a second, larger limit."""
     return decide(bool(value <= limit), bool(value > refuted))
 
 
 def above(value: float, limit: float, refuted: float) -> Verdict:
-    """A value above its limit; refuted below a second, smaller one."""
+    """The verdict on "the value is above the limit"; it is refuted below a second, smaller limit."""
     return decide(bool(value > limit), bool(value < refuted))
 
 
 def near(value: float, target: float, within: float, refuted: float) -> Verdict:
-    """A value closer to its target than `within`; refuted where it is farther than `refuted`."""
+    """The verdict on "the value is within a distance of its target"; it is refuted beyond the distance `refuted`."""
     return decide(bool(abs(value - target) < within), bool(abs(value - target) > refuted))
 
 
 def interval_near(low: float, high: float, target: float, within: float) -> Verdict:
-    """An interval inside target ± within; refuted where it lies outside."""
+    """The verdict on "the interval lies inside target ± within"; it is refuted if the interval lies outside."""
     inside = target - within < low and high < target + within
     return decide(inside, high < target - within or low > target + within)
 
 
 def every(*verdicts: Verdict) -> Verdict:
-    """A statement of several parts: it holds where all hold, and fails where one fails."""
+    """The verdict on a statement of several parts: it holds if all hold, and fails if one fails."""
     return decide(set(verdicts) <= {"holds"}, "fails" in verdicts)

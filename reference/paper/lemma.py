@@ -50,13 +50,13 @@ def coefficients(problem: Problem, y: Array) -> tuple[Array, Array]:
 
 
 def _slope(problem: Problem, y: Array, w: Array) -> Array:
-    """g′w."""
+    """The directional derivative g′(y)w of a function g at states y, (d, M)."""
     assert problem.hessian is not None
     return matvec(problem.hessian(y), w)
 
 
 def expanded(scheme: str, data: NamedProblem, y: Array) -> Array:
-    """A scheme's coefficient of Δ³ from steps ±Δ and ±Δ/2 at 60 digits.
+    """The coefficient of Δ³ in one step of a scheme, from steps ±Δ and ±Δ/2 with 60 digits.
 
     D(Δ) − 2D(Δ/2) = 3/2 cΔ³ + O(Δ⁵) for D(Δ) = y1(Δ) − y1(−Δ).
     """
@@ -73,7 +73,7 @@ def expanded(scheme: str, data: NamedProblem, y: Array) -> Array:
 
 
 def measured(problem: str) -> dict[str, dict[str, Any]]:
-    """Each scheme's coefficient by both ways at a state, and the moments of the rest by quadrature over ΔŴ."""
+    """The coefficients of Δ³ at a state, by formula and by expansion, and the moments of the rest by quadrature."""
     system = problems.by_name(problem)
     assert isinstance(system.data, NamedProblem)
     y = (1.1 * np.array(system.initial) + 0.05)[:, None]
@@ -102,7 +102,7 @@ def measured(problem: str) -> dict[str, dict[str, Any]]:
 
 
 def jobs(_size: Size) -> list[Job]:
-    """One job a problem; nothing is random."""
+    """The jobs: one for each problem, and nothing is random."""
     return [Job(("theory", "lemma", name), measured, {"problem": name}, 1.0) for name in NAMES]
 
 

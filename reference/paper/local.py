@@ -47,7 +47,7 @@ def against_exact(scheme: str) -> dict[str, list[float]]:
 
 
 def jobs(_size: Size) -> list[Job]:
-    """One job a scheme; nothing is random."""
+    """The jobs: one for each scheme, and nothing is random."""
     listed = [Job(("theory", "local", name), against_exact, {"scheme": name}, 0.5) for name in STATED]
     return [*listed, Job(("theory", "local", ""), difference, {}, 0.2)]
 
@@ -88,7 +88,7 @@ def _of_a_scheme(name: str, mean: float, rms: float) -> Statement:
 
 
 def panels(results: Results) -> list[Panel]:
-    """One panel: both errors of every scheme, with their slopes."""
+    """The panel with the local errors in the mean and in mean square of every scheme, and their slopes against h."""
     errors = {name: results["theory", "local", name] for name in STATED}
     pair = results["theory", "local", ""]
     slopes = {n: [judge.finest_slope(e["h"], e[kind]) for kind in ("mean", "rms")] for n, e in errors.items()}

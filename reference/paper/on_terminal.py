@@ -18,7 +18,7 @@ _STYLES = {"holds": "green", "fails": "bold red", "open": "yellow"}
 
 
 def show(reproduction: Reproduction, out: Console) -> None:
-    """Each panel's statements with what was measured."""
+    """Print the statements of each panel with their verdicts and measurements."""
     for panel in reproduction.panels:
         out.print(Text.assemble((panel.title, "bold"), f"  {panel.source}"))
         rows = [Row("", f"chosen: {choice}", "dim") for choice in panel.chosen]
@@ -29,7 +29,7 @@ def show(reproduction: Reproduction, out: Console) -> None:
 
 
 class Row(NamedTuple):
-    """A verdict, or nothing, beside a paragraph."""
+    """A paragraph with a verdict beside it, or with none."""
 
     verdict: str
     text: str
@@ -45,7 +45,7 @@ def _rows(s: Statement) -> list[Row]:
 
 
 def _print(rows: Sequence[Row], out: Console) -> None:
-    """Paragraphs wrapped beside their verdicts; where no terminal reads it, one line each."""
+    """Print paragraphs wrapped beside their verdicts; if the output is no terminal, one line each."""
     if not out.is_terminal:
         for row in rows:
             out.print(Text(f"  {row.verdict:<6}{row.text}"), soft_wrap=True)
@@ -60,7 +60,7 @@ def _print(rows: Sequence[Row], out: Console) -> None:
 
 
 def summary(reproduction: Reproduction) -> Text:
-    """One line: the counts, and how long it took."""
+    """The last line of the report: the numbers of verdicts, and the time taken."""
     n = counts(reproduction.statements)
     text = Text(f"{in_words(n)}; ")
     text.append(

@@ -23,7 +23,7 @@ COST = {"energy-preserving": 3.0, "midpoint": 2.5, "discrete-gradient": 5.0}
 
 @dataclass(frozen=True)
 class Setting:
-    """A convergence experiment, h = T/steps with `samples` paths, and what its panel says besides the numbers.
+    """A convergence experiment with step sizes h = T/steps over `samples` paths, and the texts of its panel.
 
     source : which plot of the paper it is
     place : where the paper states the order of (2.1), or names a reference with a fine step
@@ -44,24 +44,27 @@ class Setting:
 
     @property
     def given(self) -> dict[str, Any]:
-        """The arguments that all of its jobs share."""
+        """The arguments that all jobs of the experiment share."""
         return {"problem": self.problem, "T": self.T, "steps": self.steps}
 
     def job(self, key: tuple[str, ...], scheme: str, samples: int, size: Size, cost: float) -> Job:
-        """The errors of one scheme on these samples; `cost` in microseconds a sample and step."""
+        """The job that measures the errors of one scheme on this number of samples.
+
+        `cost` is the expected time of one step of one sample, in microseconds.
+        """
         arguments = {"scheme": scheme, "samples": samples, **self.given, **size.given}
         seconds = samples * sum(self.steps) * COST.get(scheme, cost) * 1e-6
         return Job((self.figure, *key), runs.errors, arguments, seconds)
 
 
 def jobs(setting: Setting, size: Size) -> list[Job]:
-    """One job a scheme."""
+    """The jobs of a convergence experiment: one for each scheme."""
     samples = size.samples(setting.samples)
     return [setting.job(("order", scheme), scheme, samples, size, 0.5) for scheme in setting.schemes]
 
 
 def order_statement(name: str, errors: StrongErrors, source: str) -> Statement:
-    """The order that the paper gives the scheme, against the slope that is measured."""
+    """The statement of the paper on the order of a scheme, with a verdict by the measured slope."""
     stated = (record.STATED | record.OURS)[name]
     measured = slope(errors, ALPHA)
     failed = f"; {sum(errors.failures)} samples with a step that failed" if any(errors.failures) else ""
@@ -76,7 +79,7 @@ def order_statement(name: str, errors: StrongErrors, source: str) -> Statement:
 def same_statement(
     one: str, other: str, errors: dict[str, StrongErrors], source: str, reason: str
 ) -> Statement:
-    """Two schemes are one and the same on this problem where their ends differ by rounding only."""
+    """The statement that two schemes are one integrator on this problem: their ends differ by rounding only."""
     a, b = errors[one], errors[other]
     difference = float(np.max(np.abs(a.errors - b.errors)))
     # Rounding enters at every step and is carried to the end by the flow's Lipschitz constant, e^2 or less here.
@@ -91,7 +94,7 @@ def same_statement(
 
 
 def panel(setting: Setting, results: Results, extra: Sequence[Statement] = ()) -> Panel:
-    """The convergence plot with a statement about every scheme in it, and about pairs that are one integrator."""
+    """The panel with the convergence plot, and a statement about every scheme and every pair that is one integrator."""
     errors: dict[str, StrongErrors] = {n: results[setting.figure, "order", n] for n in setting.schemes}
     places = {n: setting.place if n == "energy-preserving" else record.stated_in(n, "§4") for n in errors}
     h = setting.T / np.array(setting.steps)
@@ -119,7 +122,10 @@ def panel(setting: Setting, results: Results, extra: Sequence[Statement] = ()) -
 
 
 def fine_jobs(setting: Setting, size: Size) -> list[Job]:
-    """The reference's scheme, the first of two, down to its own step, the last of `steps`, and the other scheme."""
+    """The jobs that show the bias of a reference with a fine step, for two schemes on the same paths.
+
+    The first scheme makes the reference with the last of `steps`, and is measured down to that step.
+    """
     samples = size.samples(setting.samples)
     counting = {**setting.given, "samples": samples, "seed": size.seed}
     return [

@@ -56,14 +56,14 @@ class Job:
     seconds: float
 
     def expected(self) -> float:
-        """Expected seconds with the chosen engine, for the job's place in the queue and the time left."""
+        """The expected seconds of the job with the chosen engine: they order the queue and give the time left."""
         compiled = self.arguments.get("engine") == "auto" and self.arguments.get("scheme") in COMPILED
         return 0.1 + 0.02 * self.seconds if compiled and find_spec("numba") else self.seconds
 
 
 @dataclass(frozen=True)
 class Size:
-    """The amount of work, all that the paper has or a share of it for a quick look, and the engine."""
+    """The size of a reproduction: the share of the paper's work that is done, 1 for all, the seed and the engine."""
 
     seed: int = 0
     share: float = 1.0
@@ -71,15 +71,15 @@ class Size:
 
     @property
     def given(self) -> dict[str, Any]:
-        """The arguments that all jobs of paths share."""
+        """The arguments that all jobs with random paths share."""
         return {"seed": self.seed, "engine": self.engine}
 
     def steps(self, full: int) -> int:
-        """The steps of a long run."""
+        """The number of steps of a long run that has `full` steps in the paper."""
         return max(128, round(full * self.share))
 
     def samples(self, full: int) -> int:
-        """The samples of a convergence plot."""
+        """The number of samples of a convergence plot that has `full` samples in the paper."""
         return max(128, round(full * self.share))
 
 
@@ -139,7 +139,7 @@ class Panel:
         return data
 
     def to_csv(self) -> str:
-        """series, scheme, x, y: one row a point."""
+        """The points of all series as CSV, one row a point: series, scheme, x, y."""
         out = io.StringIO()
         table = csv.writer(out, lineterminator="\n")
         table.writerow(["series", "scheme", self.x.label, self.y.label])
@@ -149,14 +149,14 @@ class Panel:
 
 
 def series(name: str, x: ArrayLike, y: ArrayLike, scheme: str = "", style: Any = "line") -> Series:
-    """A series from arrays."""
+    """A `Series` of arrays x and y."""
     return Series(
         name, tuple(np.asarray(x, float).tolist()), tuple(np.asarray(y, float).tolist()), scheme, style
     )
 
 
 def points(name: str, x: ArrayLike, y: ArrayLike, scheme: str = "") -> Series:
-    """A series of few points, marked and joined: errors over step sizes."""
+    """A `Series` of few points, marked and joined, such as errors against step sizes."""
     return series(name, x, y, scheme, "both")
 
 
@@ -167,7 +167,7 @@ def counts(statements: Iterable[Statement]) -> dict[str, int]:
 
 
 def in_words(counts: Mapping[str, int]) -> str:
-    """The counts of verdicts in words, as in: 12 statements: 10 hold, 1 does not, 1 open."""
+    """The numbers of verdicts in words, such as "12 statements: 10 hold, 1 does not, 1 open"."""
     holds, fails = counts["holds"], counts["fails"]
     return (
         f"{counted(sum(counts.values()), 'statement')}: {holds} hold{'s' * (holds == 1)}, "
@@ -176,12 +176,12 @@ def in_words(counts: Mapping[str, int]) -> str:
 
 
 def stated_in(name: str, place: str) -> str:
-    """The paper's place about a scheme: that of the figure, or of a sentence on a scheme that it does not show."""
+    """The place where the paper speaks of a scheme: `place`, or §1 for a scheme that its figures do not show."""
     return "[23] in §1" if name in OURS else place
 
 
 def sentence(name: str) -> str:
-    """The start of a sentence about a scheme; a scheme that is not the paper's is named so."""
+    """The start of a sentence about a scheme; it says so if the scheme is not one of the paper's."""
     return f"{'(ours) ' if name in OURS else ''}{SENTENCE[name]}"
 
 

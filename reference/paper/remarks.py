@@ -58,13 +58,13 @@ def sublinear() -> Problem:
 
 
 def sublinear_errors(samples: int, seed: int) -> StrongErrors:
-    """Errors at T = 1 of the samples, all step sizes on the same paths."""
+    """The errors at T = 1 on the sublinear problem; all step sizes see the same paths."""
     scheme = replace(SCHEME, truncation=UNCLIPPED)
     return errors(scheme, sublinear(), T=1.0, steps=STEPS, samples=samples, seed=seed)
 
 
 def sublinear_step() -> list[float]:
-    """Slopes of |E[y1 − φ]| and (E|y1 − φ|²)^½ after one step, by quadrature."""
+    """The slopes against h of |E[y1 − φ]| and (E|y1 − φ|²)^½ after one step, by quadrature; φ is the exact solution."""
     errors = local_errors(SCHEME, sublinear(), Run())
     # Three steps well above rounding: the errors are 1e-6 and less there.
     usable = [n for n, e in enumerate(errors.mean) if e > 1e4 * EPS][-3:]
@@ -130,7 +130,7 @@ def furthest(problem: str, seed: int, engine: str) -> dict[str, float]:
 
 
 def failing(problem: str, truncated: bool, samples: int, seed: int, engine: str) -> list[float]:
-    """Share of samples with a step that failed up to T = 1, for each number of steps."""
+    """The share of samples with a failed step up to T = 1, for each number of steps."""
     system, k, shares = problems.by_name(problem), 2 if truncated else None, []
     fine = wiener.increments(seed, T=CLIP_T, steps=CLIP_STEPS[-1], noises=system.noises, paths=range(samples))
     for count, raw in coarsened(fine, CLIP_STEPS):
@@ -140,7 +140,7 @@ def failing(problem: str, truncated: bool, samples: int, seed: int, engine: str)
 
 
 def jobs(size: Size) -> list[Job]:
-    """The order without a bounded H, Lotka-Volterra's Casimir, failures with and without truncation."""
+    """The jobs: the order without a bounded H, Lotka-Volterra's Casimir, and failures with and without truncation."""
     samples, sublinear = size.samples(SAMPLES), {"samples": size.samples(SAMPLES), "seed": size.seed}
     lost = {
         h: {"h": h, "steps": size.steps(round(LOST / h)), "paths": LOST_PATHS, **size.given} for h in LOST_H
@@ -159,7 +159,7 @@ def jobs(size: Size) -> list[Job]:
 
 
 def panels(results: Results) -> list[Panel]:
-    """One panel a remark."""
+    """The panels: one for each remark."""
     sets = [_in_the_set(name, results["theory", "sets", name]) for name in SETS]
     lost = _lost(results)
     return [

@@ -58,7 +58,7 @@ class Run:
 
     @property
     def steps(self) -> int:
-        """N, the steps that were asked for."""
+        """The number N of steps of the run, whether or not it came to its end."""
         return int(self.checkpoints[-1])
 
 
@@ -69,9 +69,11 @@ EXPLICIT = 110e-6
 
 @dataclass(frozen=True)
 class LongRuns:
-    """Long runs of a figure's schemes on the same Wiener path, in steps that are asked for in full or as a share.
+    """The long runs of a figure: its schemes on the same Wiener path.
 
-    samples : of the schemes that are named; of the others `others`.
+    `shared` is True if a quick look takes a share of the steps.
+
+    samples : the number of samples of single schemes; that of all other schemes is `others`
     """
 
     figure: str
@@ -84,7 +86,7 @@ class LongRuns:
     shared: bool = True
 
     def jobs(self, size: Size) -> list[Job]:
-        """A job a scheme."""
+        """The jobs of the runs: one for each scheme."""
         steps = size.steps(self.steps) if self.shared else self.steps
         given = {"problem": self.problem, "h": self.h, "steps": steps, **size.given}
         samples = {name: self.samples.get(name, self.others) for name in self.shown}
@@ -93,15 +95,15 @@ class LongRuns:
             for n, M in samples.items()
         ]  # fmt: skip
 
-    def found(self, results: Results) -> dict[str, Run]:
-        """The runs by scheme."""
+    def by_scheme(self, results: Results) -> dict[str, Run]:
+        """The finished runs by name of the scheme, from the results of the jobs."""
         return {name: results[self.figure, "run", name] for name in self.shown}
 
 
 def long_run(
     scheme: str, problem: str, *, h: float, steps: int, seed: int, samples: int = 1, engine: str = "auto"
 ) -> Run:
-    """`samples` paths from the problem's initial state with the scheme's own step.
+    """One scheme over a long time: `samples` paths from the problem's initial state in steps of h.
 
     Sample 0 sees the same Wiener path whatever the scheme. A sample that fails, or leaves the domain,
     stays where it was and counts no further; the first one's curve ends there.
@@ -145,17 +147,17 @@ def errors(
     scheme: str | Scheme, problem: str | Problem, *, T: float, steps: Sequence[int], samples: int, seed: int,
     engine: str = "auto",
 ) -> StrongErrors:  # fmt: skip
-    """Errors against the exact flow of the first samples, all step sizes on the same paths."""
+    """The errors at T of the first `samples` paths against the exact flow; all step sizes see the same paths."""
     method = schemes.by_name(scheme) if isinstance(scheme, str) else scheme
     system = problems.by_name(problem) if isinstance(problem, str) else problem
     fine = wiener.increments(seed, T=T, steps=steps[-1], noises=system.noises, paths=range(samples))
     exact = exact_flow(system, system.random_step(T, fine.sum(axis=0))).y
-    found, failures = [], []
+    end_errors, failures = [], []
     for count, raw in coarsened(fine, steps):
         ends = ensemble(method, system, h=T / count, steps=count, dW=raw, engine=engine)
-        found.append(ends.y - exact)
+        end_errors.append(ends.y - exact)
         failures.append(int(np.count_nonzero(ends.status)))
-    gaps = np.stack(found)
+    gaps = np.stack(end_errors)
     with np.errstate(over="ignore"):
         squared = np.sum(gaps**2, axis=1)
     return StrongErrors(T, tuple(steps), squared, gaps, tuple(failures), float(np.max(np.abs(exact))))
@@ -169,12 +171,15 @@ def truncated(problem: str, *, T: float, steps: Sequence[int], samples: int, see
 
 
 def coarsened(fine: Array, steps: Sequence[int]) -> Iterator[tuple[int, Array]]:
-    """Each number of steps with its increments (N, m, M), sums of those of the finest grid, the last number."""
+    """Pairs of a number N of steps and its increments (N, m, M).
+
+    They are sums of the increments `fine` of the finest grid, whose number of steps is the last of `steps`.
+    """
     return ((count, wiener.coarsen(fine, steps[-1] // count)) for count in steps)
 
 
 def rounding_bound(steps: int) -> float:
-    """The walk by rounding of the relative value of an exactly preserved invariant in `steps` steps.
+    """A bound of the relative change by rounding of an exactly preserved invariant in `steps` steps.
 
     A step moves a quadratic invariant by at most 2 eps of itself: see `rounding_walk`, which is that of H.
     """
@@ -182,13 +187,13 @@ def rounding_bound(steps: int) -> float:
 
 
 def curve(run: Run, values: Array) -> Series:
-    """An invariant along the first sample, at no more than about 600 steps, the last one among them."""
+    """The curve of an invariant along the first sample, at about 600 steps at most, with the last one."""
     kept = np.unique(np.append(np.arange(0, values.size, max(1, values.size // 600)), values.size - 1))
     return series(run.scheme, kept * run.h, values[kept], scheme=run.scheme)
 
 
 def bound(run: Run, what: str, *, constant: bool = True) -> float:
-    """The rounding of an invariant, relative to its value at the start.
+    """A bound of the rounding of the invariant `what` along a run, relative to its value at the start.
 
     Rounding moves y_i by eps |y_i|, hence H by Σ|∂_iH y_i| of that: at most along the path where the scheme is
     said to keep H, at the start where it is not.
@@ -201,23 +206,29 @@ def bound(run: Run, what: str, *, constant: bool = True) -> float:
 
 
 def drift(values: Array) -> float:
-    """Largest relative distance from the value at the start."""
+    """The largest distance of the values from the first one, relative to it."""
     with np.errstate(over="ignore", invalid="ignore"):
         return float(np.nanmax(np.abs(values - values[0])) / abs(values[0]))
 
 
 def statements(
-    found: Mapping[str, Run], what: str, keep: Collection[str], place: str, **places: str
+    by_scheme: Mapping[str, Run], what: str, keep: Collection[str], place: str, **places: str
 ) -> list[Statement]:
-    """`statement` of every run: the schemes `keep` keep it, and the others do not; `places` of single ones."""
+    """The statements of all runs on the invariant `what`: the schemes in `keep` keep it, and the others do not.
+
+    `place` is where the paper says so; `places` has other places for single schemes.
+    """
     return [
         statement(r, what, constant=n in keep, source=stated_in(n, places.get(n, place)))
-        for n, r in found.items()
+        for n, r in by_scheme.items()
     ]
 
 
 def statement(run: Run, what: str, *, constant: bool, source: str) -> Statement:
-    """One scheme keeps `what` ("energy" or "Casimir"), or does not, as the paper says of it."""
+    """The paper's statement that a scheme keeps the invariant `what`, or does not if `constant` is false.
+
+    `what` is "energy" or "Casimir".
+    """
     moved = drift(run.energy if what == "energy" else run.casimir)
     limit = bound(run, what, constant=constant)
     kept, lost = moved <= limit, moved > FAR * limit or run.stopped > 0

@@ -44,7 +44,7 @@ ShareProgress = Callable[[float, float], None]
 
 @dataclass(frozen=True)
 class Reproduction:
-    """All panels and statements, and the time they took: by the clock, and of processor time in all processes."""
+    """The result of a reproduction: panels, statements, and the seconds by the clock and of processor time."""
 
     panels: tuple[Panel, ...]
     text: tuple[Statement, ...]
@@ -136,7 +136,7 @@ def _panels(section: Any, results: Results, wanted: tuple[str, ...]) -> list[Pan
 
 
 def _run(jobs: list[Job], workers: Any, progress: ShareProgress) -> Results:
-    """Every job, the longest first so that no process waits for a long one in the end."""
+    """The results of all jobs by key. The longest jobs start first, so that no process waits for one in the end."""
     jobs = sorted(jobs, key=lambda j: -j.seconds)
     done, total = 0.0, sum(j.seconds for j in jobs)
     results: Results = {("seconds",): {}}
@@ -169,6 +169,6 @@ def _run(jobs: list[Job], workers: Any, progress: ShareProgress) -> Results:
 
 
 def _timed(job: Job) -> tuple[Any, float]:
-    """The job's result, and its processor time: a busy machine is not a slow program."""
+    """The result of one job and its processor time, which does not depend on how busy the machine is."""
     started = time.process_time()
     return job.function(**job.arguments), time.process_time() - started

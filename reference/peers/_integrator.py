@@ -26,7 +26,10 @@ Advance = Callable[[Mechanics, Array, Array, float], tuple[Any, Any]]
 def integrator(
     name: str, advance: Advance, *, order: float | None = None, source: str, **facts: Any
 ) -> Scheme:
-    """The scheme of a step of length h from (q, p); `facts` are further ones of `sepv.Scheme`."""
+    """The `sepv.Scheme` of a mechanical integrator, whose function `advance` takes one step of length h from (q, p).
+
+    `facts` are further fields of the scheme.
+    """
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         try:
@@ -48,7 +51,7 @@ def integrator(
 
 
 def diagonal(system: Mechanics) -> bool:
-    """True if M is diagonal."""
+    """True if the mass matrix M of the system is diagonal."""
     return not np.any(system.inverse_mass - np.diag(np.diag(system.inverse_mass)))
 
 
@@ -60,5 +63,5 @@ def masses(system: Mechanics) -> Array:
 
 
 def on_axis(values: Any) -> Array:
-    """(n,) -> (n, 3): each on the x-axis."""
+    """The coordinates (n,) as points (n, 3) in space, each on the x-axis."""
     return np.pad(np.asarray(values, dtype=np.float64)[:, None], ((0, 0), (0, 2)))

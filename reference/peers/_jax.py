@@ -57,7 +57,7 @@ def _compiled(step: Step, formulas: Formulas, positions_first: bool, numbers: An
 
 @lru_cache(maxsize=8)
 def _posed(system: Mechanics) -> tuple[Formulas, Any, Array]:
-    """Formulas and numbers of V(q) = H(q, 0), and M⁻¹."""
+    """The potential V(q) = H(q, 0) of a mechanical system as formulas with their numbers, and M⁻¹."""
     formulas, numbers = pose(system.problem)
     n, inverse_mass = system.degrees, system.inverse_mass
     if formulas.kind == "polynomial":

@@ -68,7 +68,7 @@ def _space_time_area(h: Any, dW: Any) -> Any:
 
 
 def _terms(formulas: Formulas, arrays: Any, c: Any, control: _Given) -> Any:
-    """Drift f = B∇H and the noise fields c_j f, of shape (d, m)."""
+    """The terms of diffrax for one step: the drift f = B∇H and the noise fields c_j f, of shape (d, m)."""
 
     def drift(_t: Any, y: Any, _args: Any) -> Any:
         return formulas.field(jnp, arrays, y)
@@ -82,7 +82,7 @@ def _terms(formulas: Formulas, arrays: Any, c: Any, control: _Given) -> Any:
 def _one_step(
     solver: Any, formulas: Formulas, arrays: Any, c: Any, h: Any, y: Any, dW: Any, state: Any
 ) -> Any:
-    """y_next and the solver's state after it; a state of None starts the solver afresh."""
+    """One step of a solver: y_next and the solver's state after it. A state of None starts the solver afresh."""
     levy = isinstance(solver, getattr(diffrax, "AbstractSRK", ()))
     terms = _terms(formulas, arrays, c, _Given(dW, _space_time_area(h, dW) if levy else dW))
     t0 = jnp.zeros_like(h)
@@ -136,7 +136,7 @@ def _padded(problem: Problem) -> tuple[Formulas, Any]:
 
 
 def _wide(rows: Array, count: int) -> Array:
-    """The array (…, n, L) or (n,) with zeros appended to its components, up to `count`."""
+    """The array (…, n, L) or (n,), filled up with components that are zero to `count` of them."""
     axis = max(rows.ndim - 2, 0)
     missing = (*rows.shape[:axis], count - rows.shape[axis], *rows.shape[axis + 1 :])
     return np.concatenate([rows, np.zeros(missing)], axis=axis)
@@ -247,7 +247,7 @@ def _batched(solver: Any, terms: Any, h: Any, y: Any, more: Any, keep: bool) -> 
 def _on_the_clock(
     solver: Any, formulas: Formulas, keep: bool, arrays: Any, c: Any, h: Any, y: Any, dW: Any, _H: Any
 ) -> Any:
-    """Solve dy = f(y)∘dθ, by solvers of ordinary differential equations."""
+    """A driver that solves dy = f(y)∘dθ in the random time θ by solvers of ordinary differential equations."""
 
     def vector(y: Any) -> Any:
         return formulas.field(jnp, arrays, y)
@@ -261,7 +261,7 @@ def _on_the_clock(
 def _apart(
     solver: Any, formulas: Formulas, keep: bool, arrays: Any, c: Any, h: Any, y: Any, dW: Any, H: Any
 ) -> Any:
-    """Solve with drift and noise apart, and the m noises as the one that they equal, in one batch."""
+    """A driver with separate drift and noise, in one batch; the m noises are replaced by the one that they equal."""
 
     def vector(y: Any) -> Any:
         return formulas.field(jnp, arrays, y)
@@ -277,7 +277,7 @@ def _apart(
 
 
 def _vmapped(solver: Any, formulas: Formulas, keep: bool, *given: Any) -> Any:
-    """Solve path by path under vmap, as diffrax's examples do."""
+    """A driver that solves path by path under vmap, as diffrax's examples do."""
     return _paths(solver, formulas, *given[:-1], keep=keep)
 
 

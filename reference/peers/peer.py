@@ -76,7 +76,7 @@ def installed() -> list[Peer]:
 
 
 def load(library: str) -> Peer:
-    """The peer of a library.
+    """The record `Peer` of a library, which imports the library.
 
     Raises
     ------
@@ -103,7 +103,10 @@ def library_of(target: str) -> str:
 
 
 def scheme(target: str) -> Scheme:
-    """The solver of that name, one step at a time. Raises TargetError as `load`, or for a name that it has not."""
+    """The scheme that takes single steps of the solver ``library-name``.
+
+    Raises TargetError as `load` does, or if the library has no solver of that name.
+    """
     library = library_of(target)
     peer = load(library)
     return _one(target, library, {**peer.schemes, **peer.integrators})

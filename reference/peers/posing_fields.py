@@ -28,11 +28,11 @@ class PosedFields:
     powers: int
 
     def drift(self, xp: Any, numbers: Any, y: Any) -> Any:
-        """F_0 (d, ...) at y (d, ...), or Itô's drift."""
+        """The drift F_0 at y (d, ...), of the same shape; with `ito` that of Itô's form."""
         return self._rows(xp, numbers, y, 0, 1)[0]
 
     def noise(self, xp: Any, numbers: Any, y: Any) -> Any:
-        """F_1, …, F_m as (m, d, ...)."""
+        """The noise fields F_1, …, F_m at y (d, ...), of shape (m, d, ...)."""
         return self._rows(xp, numbers, y, 1, 1 + self.noises)
 
     def _rows(self, xp: Any, numbers: Any, y: Any, first: int, last: int) -> Any:
@@ -69,7 +69,7 @@ def _posed(data: PolynomialSystem, ito: bool) -> tuple[PosedFields, tuple[Array,
 
 
 def _field(B: Sequence[Sequence[Polynomial]], H: Polynomial, c: float) -> list[Polynomial]:
-    """The field c B∇H."""
+    """The components of the field c B∇H as formulas."""
     slope = poly.gradient(H)
     return [
         poly.scale(c, poly.add(*(poly.multiply(b, g) for b, g in zip(row, slope, strict=True)))) for row in B

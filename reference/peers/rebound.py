@@ -84,7 +84,7 @@ def _gravitate(
 
 
 def _in_space(values: Array, space: int) -> Array:
-    """(n·space,) -> (n, 3)."""
+    """The coordinates (n·space,) of n bodies as points (n, 3), in the plane with z = 0."""
     return np.pad(values.reshape(-1, space), ((0, 0), (0, 3 - space)))
 
 
@@ -103,7 +103,7 @@ def _gravity(system: Mechanics) -> tuple[float, Array, int]:
 
 
 def _attraction(mass: Array, q: Array) -> float:
-    """Σ m_im_j/|q_i − q_j| of bodies at q (n, 2 or 3)."""
+    """The sum Σ m_im_j/|q_i − q_j| over pairs of bodies at q, (n, 2 or 3)."""
     pairs = combinations(range(mass.size), 2)
     return float(sum(mass[i] * mass[j] / np.linalg.norm(q[i] - q[j]) for i, j in pairs))
 

@@ -27,7 +27,7 @@ from sepv.studies import Method, from_states
 
 
 class _System(torch.nn.Module):
-    """dy = f dt + Σ_j weights_j f ∘dW_j for states (L, d)."""
+    """The system dy = f dt + Σ_j weights_j f ∘dW_j as torchsde takes it, for states (L, d)."""
 
     sde_type = "stratonovich"
 
@@ -71,7 +71,7 @@ class Given(torchsde.BaseBrownian):
 def _integrate(
     method: str, options: dict[str, Any], problem: Problem, y: Array, h: float, dW: Array
 ) -> Array:
-    """torchsde.sdeint from y (d, L) with the increments dW (N, m, L): states (N + 1, d, L)."""
+    """The states (N + 1, d, L) of torchsde.sdeint from y (d, L) with the increments dW (N, m, L)."""
     weights, noise_type = problem.c, "scalar" if problem.noises == 1 else "general"
     if problem.noises != 1 and method == "milstein":
         size = float(np.linalg.norm(weights))
