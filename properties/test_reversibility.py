@@ -1,15 +1,16 @@
 """ρ ∘ Φ ∘ ρ ∘ Φ = id, ρ the reversal of momenta, with the same h and ΔW in both steps: what hybrid Monte Carlo needs.
 
-Where H(ρy) = H(y) and B(ρy) = −ρB(y)ρᵀ the flow is reversible (`sepv.problem._reversal`), and the flow at the random
+Where H(ρy) = H(y) and B(ρy) = −ρB(y)ρᵀ the flow is reversible (`sepv.properties._reversal`), and the flow at the random
 time too. A symmetric scheme that commutes with ρ is reversible (Hairer, Lubich and Wanner, *Geometric Numerical
 Integration*, V.1, Theorem 1.5). No step has h < 0.
 """
 
 from __future__ import annotations
 
+from sepv.properties._reversal import momentum_flip
 from sepv.properties._way_back import measured
 
-from sepv.problem import Systems, momentum_flip
+from sepv.problem import Systems
 from sepv.problems import build
 from sepv.schemes import Scheme, ask
 from sepv.verification import Case, Cases, Effort, Measurement, require, searched

@@ -20,11 +20,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from sepv.properties._reversal import momentum_flip
 
 from sepv import problems
 from sepv.errors import Skipped
 from sepv.exact import PHASES, closed_orbit
-from sepv.problem import Array, PolynomialSystem, Problem, Systems, momentum_flip
+from sepv.problem import Array, PolynomialSystem, Problem, Systems
 from sepv.problems import canonical
 from sepv.record import poly
 from sepv.verification._cases.case import quiet_problem

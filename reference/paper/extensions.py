@@ -9,13 +9,15 @@ from sepv import problems, schemes
 from sepv.exact import heun
 from sepv.problem import Array
 from sepv.record import EPS
-from sepv.schemes import step_with_areas, step_with_stages, weakly
+from sepv.schemes import weakly
 from sepv.simulate import wiener
 from sepv.studies import Axis
 from sepv.verification import Run
 
 from . import judge
 from .record import Job, Panel, Results, Size, Statement, points
+from .several_stages import step_with_stages
+from .several_with_areas import step_with_areas
 
 TOPS, T, STEPS, FINE, SAMPLES = "noncommuting-tops", 0.5, (4, 8, 16, 32, 64), 4096, 400
 STAGES, STAGED, STAGED_SAMPLES = (1, 2, 3), (2, 4, 8, 16), 48

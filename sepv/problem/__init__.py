@@ -72,7 +72,6 @@ from sepv.problem._problem import NamedProblem as NamedProblem
 from sepv.problem._problem import PolynomialSystem as PolynomialSystem
 from sepv.problem._problem import Problem as Problem
 from sepv.problem._problem import Systems as Systems
-from sepv.problem._reversal import momentum_flip
 from sepv.problem._structures import (
     ClosedForm,
     combined,

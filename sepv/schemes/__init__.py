@@ -46,7 +46,7 @@ from sepv.schemes._midpoint import formula as midpoint_formula
 from sepv.schemes._modified_weak_two import structure_curvature, structure_slope
 from sepv.schemes._one_step import RANDOM_STEP as RANDOM_STEP
 from sepv.schemes._one_step import Explicit as Explicit
-from sepv.schemes._one_step import Implicit, Parts, drift_and_noise, random_step
+from sepv.schemes._one_step import Implicit, Parts, drift_and_noise, noise_and_areas, random_step
 from sepv.schemes._one_step import implicit as implicit
 from sepv.schemes._one_step import one_step as one_step
 from sepv.schemes._order_claims import Orders as Orders
@@ -59,8 +59,6 @@ from sepv.schemes._projected import projected as projected
 from sepv.schemes._scheme import OF_SEVERAL, REFUSALS, Step, as_lanes, takes
 from sepv.schemes._scheme import Scheme as Scheme
 from sepv.schemes._scheme import weakly as weakly
-from sepv.schemes._several_stages import step_with_stages
-from sepv.schemes._several_with_areas import step_with_areas
 from sepv.schemes._stateful import StatefulStep, joined_lanes, lanes
 from sepv.schemes._tableaux import MAX_STAGES, exact_nodes, gauss_tableau, moments
 from sepv.schemes._tableaux import amplification as gauss_amplification

@@ -10,6 +10,7 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 from scipy.special import gamma, ndtr
 from sepv.reference.paper import deterministic, extensions, lemma, local, remarks
+from sepv.reference.paper.several_with_areas import step_with_areas
 
 from sepv import problems
 from sepv.errors import UsageError
@@ -20,7 +21,6 @@ from sepv.problem import Problem, vector_field
 from sepv.problem._fields import derivative_along
 from sepv.problems._common import structure
 from sepv.schemes import energy_preserving
-from sepv.schemes._several_with_areas import step_with_areas
 from sepv.simulate import _wiener as wiener
 from sepv.simulate import ensemble, truncation_bound
 

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from doors import finding, verdicts
 from sepv.properties import test_equivariance as equivariance
+from sepv.properties._reversal import momentum_flip
 from sepv.reference.faults.saboteurs import SABOTEURS
 
 from benchmarks.right_schemes import RIGHT
 from sepv import Scheme, Skipped, problems, schemes, verify
 from sepv.problem import Array, PolynomialSystem, Problem, mechanics
-from sepv.problem._reversal import momentum_flip
 from sepv.record import _polynomial as poly
 from sepv.verification import Case, Effort, Finding, Verdict
 

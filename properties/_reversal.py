@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sepv.problem._checks import sample_states
-from sepv.problem._problem import Array, PolynomialSystem, Problem
+from sepv.problem import Array, PolynomialSystem, Problem, sample_states
 from sepv.record import EPS, Polynomial
 
 # Roundings that H and B of functions may differ by at ρy and y.

@@ -32,7 +32,7 @@ from sepv.problem import (
     matvec,
     turned_along,
 )
-from sepv.schemes._one_step import Implicit, noise_and_areas
+from sepv.schemes import Implicit, noise_and_areas
 from sepv.solve import Increment
 
 

@@ -4,7 +4,7 @@ With the increments of a step held fixed, dy = B∇H dt + Σ c_j G_j∇H ∘dW_j
 over a unit of time, and where all fields commute its flow is the exact step. The s-stage method of Cohen and Hairer
 (2011) for it has a local error of order 2s + 1 in √h, so that the mean-square order is s. It keeps H, because P is
 skew, and quadratic Casimirs common to all structures. Where fields do not commute the order is that of
-`several_structures`.
+`sepv.schemes.several_structures`.
 """
 
 from __future__ import annotations
@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 
 from sepv.problem import Array, Problem, combined, combined_slope, each_noise
-from sepv.schemes._collocation import collocation
-from sepv.schemes._scheme import as_lanes
+from sepv.schemes import as_lanes, collocation
 
 
 def step_with_stages(problem: Problem, stages: int, y: Array, h: float, dW: Array) -> Array:
