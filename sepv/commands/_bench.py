@@ -23,7 +23,7 @@ crashed, or could not be loaded."""
 @click.argument("targets", nargs=-1, metavar="TARGET...")
 @cli.EXEC
 @click.option(
-    "--problem", "-p", "own", multiple=True, metavar="PROBLEM",
+    "--problem", "-p", "problems", multiple=True, metavar="PROBLEM",
     help="A case of your own: name, file.json or module:attribute.",
 )  # fmt: skip
 @click.option("--save", type=cli.OUT, help="Write the records to this file.")
@@ -38,7 +38,7 @@ crashed, or could not be loaded."""
 @click.option("-q", "--quiet", is_flag=True, help="Only what differs, and the counts.")
 @cli.friendly
 def bench(
-    targets: cli.Names, programs: cli.Names, own: cli.Names, save: str | None, against: str | None,
+    targets: cli.Names, programs: cli.Names, problems: cli.Names, save: str | None, against: str | None,
     against_ref: str | None, names: cli.Names, portable: bool, batches: int, quiet: bool,
 ) -> None:  # fmt: skip
     """Work, error and invariant defects of TARGETs in fixed cases, against a file or another checkout.
@@ -65,13 +65,13 @@ def bench(
             expected="TARGETs with --against-ref", received="--exec",
             remedy="a program belongs to no checkout of Python code; save and compare with --against",
         )  # fmt: skip
-    chosen = cases.choose(names, portable) if names or not own else []
-    chosen = [*chosen, *(cases.own_case(name) for name in own)]
+    chosen = cases.choose(names, portable) if names or not problems else []
+    chosen = [*chosen, *(cases.own_case(name) for name in problems)]
     base = {r["target"]: r for r in store.load(against)} if against else {}
     records: list[dict[str, Any]] = []
     checks: list[Any] = []
-    with showing(quiet) as line, cli.candidates(targets, programs, line.update) as targets_found:
-        for target, scheme in targets_found:
+    with showing(quiet) as line, cli.candidates(targets, programs, line.update) as schemes:
+        for target, scheme in schemes:
             line.update(f"{target}: work and errors")
             if against and target not in base:
                 raise UsageError(
@@ -80,11 +80,11 @@ def bench(
                     remedy="name the target as it was saved, or save it first",
                 )
             if against_ref:
-                ours, found_here = _beside(target, against_ref, chosen, batches, line.update)
+                record, compared = _beside(target, against_ref, chosen, batches, line.update)
             else:
-                ours, found_here = _alone(target, scheme, base.get(target), chosen, names, own)
-            checks += found_here
-            records.append(ours)
+                record, compared = _alone(target, scheme, base.get(target), chosen, names, problems)
+            checks += compared
+            records.append(record)
     if save:
         cli.save_json(save, "bench", store.document(records))
         click.echo(f"Saved in {save}: hold later runs to it with --against {save}")
@@ -95,7 +95,7 @@ def bench(
 def _beside(
     target: str, checkout: str, chosen: list[Case], batches: int, say: Callable[[str, float], None]
 ) -> tuple[dict[str, Any], list[Any]]:
-    """Measure this checkout beside another: its record, and the comparison of work, errors and times."""
+    """Measure a target in this checkout and in another one: its record here, and the comparison with the other's."""
     from sepv.studies import bench_pairs as pairs
     from sepv.studies import check_bench as check
 
@@ -114,16 +114,19 @@ def _alone(
     before: dict[str, Any] | None,
     chosen: list[Case],
     names: cli.Names,
-    own: cli.Names,
+    problems: cli.Names,
 ) -> tuple[dict[str, Any], list[Any]]:
-    """Measure now, in the cases of an earlier record if there is one: the record, and the comparison with that."""
+    """Measure a target in this checkout alone: its record, and the comparison with an earlier record, `before`.
+
+    The cases are those of the earlier record, if there is one.
+    """
     from sepv.schemes import require_trusted
     from sepv.studies import bench_store as store
     from sepv.studies import check_bench as check
 
     wanted = [c["case"] for c in before["cases"]] if before else chosen
     wanted = [c for c in wanted if not names or c["name"] in names]
-    require_trusted((c["problem"] for c in wanted), own, target)
+    require_trusted((c["problem"] for c in wanted), problems, target)
     ours = store.record(target, scheme, wanted)
     if before is None:
         return ours, []
@@ -132,7 +135,7 @@ def _alone(
 
 
 def _show(records: list[dict[str, Any]], checks: list[Any], *, saved: bool) -> None:
-    """Print the records, then the differences from the other side, and one line of counts."""
+    """Print tables of the records, then each difference that the comparison found, and a line of counts."""
     from rich.text import Text
 
     from sepv.console import console

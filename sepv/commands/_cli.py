@@ -30,7 +30,7 @@ _SETTINGS = {"help_option_names": ["-h", "--help"], "show_default": True}
 
 
 class _Commands(click.Group):
-    """A group that imports a command's module when the command is called."""
+    """The group of all commands, which imports a command's module when the command is called."""
 
     def make_context(self, info_name: str | None, args: list[str], *more: Any, **extra: Any) -> click.Context:
         """Make click's context, with the command line in it for result files."""

@@ -119,7 +119,7 @@ def compare(
 
 
 def _show(comparison: Comparison, *, alone: bool, quiet: bool) -> None:
-    """Print all points, the times to errors, and notes."""
+    """Print a comparison: a table of all points, a table of the times to given errors, and notes."""
     from sepv.console import console
     from sepv.studies import comparison_table as table
 
@@ -138,7 +138,7 @@ def _show(comparison: Comparison, *, alone: bool, quiet: bool) -> None:
 
 
 def _peers() -> list[str]:
-    """Name every driver of a library that is installed."""
+    """The names of all drivers of other libraries that are installed."""
     from sepv.reference.peers.peer import installed
 
     return [f"{peer.library}-{name}" for peer in installed() for name in peer.methods]

@@ -70,7 +70,7 @@ def growth(
                 quiet_rows.append(without_noise.quiet_growth(scheme, system, h=h, T=T))
                 continue
             rows.append(study.growth(scheme, system, h=h, T=T, paths=paths, seed=seed))
-        own_looks = {scheme.name: scheme.look for _, scheme in wanted if scheme.look}
+        looks = {scheme.name: scheme.look for _, scheme in wanted if scheme.look}
     cli.save_json(json_file, "growth", {"problem": system.name, "h": h, "paths": paths, "seed": seed,
                                         "rows": [row.to_json() for row in rows],
                                         "without_noise": [row.to_json() for row in quiet_rows]})  # fmt: skip
@@ -79,9 +79,9 @@ def growth(
 
         suffix, title = Path(out).suffix, f"{system.name}, h = {h:g}"
         if quiet:
-            picture = without_noise.draw(quiet_rows, f"{title}, c = ()", suffix, own_looks)
+            picture = without_noise.draw(quiet_rows, f"{title}, c = ()", suffix, looks)
         else:
-            picture = study.draw(rows, f"{title}, {paths} paths", suffix, own_looks)
+            picture = study.draw(rows, f"{title}, {paths} paths", suffix, looks)
         write_atomically(out, picture)
     screen = console()
     if rows:
@@ -93,20 +93,17 @@ def growth(
 
 
 def _table(rows: list[Any]) -> Table:
-    """A table of the last times, each a quarter of the next, with theory if there is one."""
-    cells, known = [], any(row.derived and row.kind != "rounding" for row in rows)
+    """The table of mean and rms at three times, each a quarter of the next, with those of theory if there are any."""
+    cells, has_theory = [], any(row.derived and row.kind != "rounding" for row in rows)
     for row in rows:
         for n in (-5, -3, -1):
             t = float(row.times[n])
-            theory = (
-                [f"{v:.3g}" for v in row.derived.at(t)]
-                if row.derived and row.kind != "rounding"
-                else ["", ""]
-            )
+            derived = row.derived.at(t) if row.derived and row.kind != "rounding" else None
+            theory = [f"{v:.3g}" for v in derived] if derived else ["", ""]
             cells.append((
                 row.scheme if n == -5 else "", f"{t:g}", f"{row.mean[n]:.3g}", f"{row.error[n]:.2g}",
-                f"{row.rms[n]:.3g}", *(theory if known else []),
+                f"{row.rms[n]:.3g}", *(theory if has_theory else []),
             ))  # fmt: skip
-    numbers = ("t", "mean", "±", "rms", *(("theory:\nmean", "\nrms") if known else ()))
+    numbers = ("t", "mean", "±", "rms", *(("theory:\nmean", "\nrms") if has_theory else ()))
     heads = (*columns(["scheme"], words=True), *columns((), numbers, goes=numbers[:3:-1]))
     return Table(heads, cells, "H(y_n) − H(y0); ± is one standard error of the mean")

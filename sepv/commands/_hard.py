@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 @click.argument("target", metavar="[TARGET]", required=False)
 @cli.EXEC
 @click.option(
-    "--problem", "-p", "own", multiple=True, metavar="PROBLEM",
+    "--problem", "-p", "problems", multiple=True, metavar="PROBLEM",
     help="Long steps of this problem in place of the cases.",
 )  # fmt: skip
 @click.option("--case", "names", multiple=True, metavar="NAME", help="Only this case; may be repeated.")
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 @click.option("-q", "--quiet", is_flag=True, help="Only what was not expected, and the last line.")
 @cli.friendly
 def hard(
-    target: str | None, programs: cli.Names, own: cli.Names, names: cli.Names, steps: int, laws: int, seed: int,
+    target: str | None, programs: cli.Names, problems: cli.Names, names: cli.Names, steps: int, laws: int, seed: int,
     explain: bool, json_file: str | None, quiet: bool,
 ) -> None:  # fmt: skip
     """Take random steps of the hard cases, where schemes break: each is solved to its bound or refused by name.
@@ -53,8 +53,8 @@ def hard(
     from sepv.schemes import load_problem
     from sepv.studies import long_steps
 
-    cases = [by_name(name) for name in names] if names else () if own else CATALOGUE
-    cases = [*cases, *(long_steps(load_problem(name), name) for name in own)]
+    cases = [by_name(name) for name in names] if names else () if problems else CATALOGUE
+    cases = [*cases, *(long_steps(load_problem(name), name) for name in problems)]
     out = console()
     if explain:
         for case in cases:
@@ -81,6 +81,7 @@ def hard(
 
 
 def _table(name: str, seen: Sequence[Seen]) -> Table:
+    """The table of cases for the scheme of this name: how steps ended, defects of H, iterations, and laws held."""
     import numpy as np
     from rich.text import Text
 
@@ -101,6 +102,7 @@ def _table(name: str, seen: Sequence[Seen]) -> Table:
 
 
 def _endings(seen: Seen) -> str:
+    """The counts of how steps ended, in words: 190 solved, 10 refused."""
     from sepv.solve import Status
 
     short = {"CONVERGED": "solved", "REFUSED": "refused", "CRASH": "crashed"}
@@ -110,7 +112,7 @@ def _endings(seen: Seen) -> str:
 
 
 def _complaint(target: str, seen: Seen) -> str:
-    """Describe the unexpected results, with a step that shows one."""
+    """The words for a case with unexpected results, with a step that shows one and the command that replays it."""
     from sepv.verification import cases
 
     lines = [f"{seen.case.name}: expected {seen.case.expected}; seen {_endings(seen)}"]
@@ -124,6 +126,7 @@ def _complaint(target: str, seen: Seen) -> str:
 
 
 def _summary(seen: Sequence[Seen]) -> str:
+    """The last line: the counts over all cases."""
     steps, solved = sum(s.steps for s in seen), sum(s.solved for s in seen)
     crashed = sum(s.statuses.get("CRASH", 0) for s in seen)
     wrong = sum(sum(s.wrong.values()) for s in seen)

@@ -27,8 +27,8 @@ def list_() -> None:
     from sepv.verification import load_laws
 
     out = console()
-    known = (schemes.PAPER | schemes.EXTENSIONS | schemes.HAMILTONIANS | schemes.DAMPED).values()
-    named = [(s.name, f"{s.mean_square_order:g}", s.source) for s in known]
+    by_name = schemes.PAPER | schemes.EXTENSIONS | schemes.HAMILTONIANS | schemes.DAMPED
+    named = [(s.name, f"{s.mean_square_order:g}", s.source) for s in by_name.values()]
     # One row for each family: its members are NAME-1 … NAME-6.
     named += [(f"{n}-s, s = 1 … {MAX_STAGES}", "s", make(1).source) for n, make in schemes.FAMILIES.items()]
     one, more = problems.PAPER | problems.EXTENSIONS, problems.SEVERAL | problems.HAMILTONIANS
@@ -50,7 +50,10 @@ def list_() -> None:
 
 
 def _problem_rows(factories: dict[str, Any], modules: list[str]) -> list[tuple[str, str, str]]:
-    """Rows of problems: the description is that of the file, or of the function if the file has several."""
+    """The rows of a table of problems, with the first line of a file's docstring, or of a function's, as description.
+
+    `modules` are those of all problems: a file with several problems describes none of them.
+    """
     rows = []
     for name, factory in factories.items():
         alone = modules.count(factory.__module__) == 1

@@ -11,37 +11,28 @@ from sepv.errors import UsageError
 from sepv.problem import NamedProblem, PolynomialSystem, Problem
 
 
-def numbers(text: str | None, what: str, count: int, default: Any = None) -> tuple[float, ...]:
-    """Parse finite binary64 numbers from "0.8,0.6,0x1p-3"; the default if the text is None."""
+def numbers(text: str | None, option: str, count: int, default: Any = None) -> tuple[float, ...]:
+    """The `count` finite numbers of an option such as --y, from its text "0.8,0.6,0x1p-3"; the default for None."""
     if text is None and default is not None:
         return tuple(float(v) for v in default)
     parts = [p.strip() for p in (text or "").split(",") if p.strip()]
+    expected, received = f"{option}: numbers separated by commas, decimal or hexadecimal", repr(text)
+    example = f"for example {option} {','.join(['0.5'] * max(count, 1))}"
     try:
         values = tuple(hex_float(p) if "x" in p.lower() else float(p) for p in parts)
     except ValueError as error:
-        raise UsageError(
-            expected=f"{what}: numbers separated by commas, decimal or hexadecimal",
-            received=repr(text),
-            remedy=f"for example {what} {','.join(['0.5'] * max(count, 1))}",
-        ) from error
-    each = {"--y": "one for each component of the problem", "--dW": "one for each noise of the problem"}
+        raise UsageError(expected=expected, received=received, remedy=example) from error
     if len(values) != count:
-        raise UsageError(
-            expected=f"{counted(count, 'number')} after {what}",
-            received=f"{len(values)}: {text!r}",
-            remedy=each.get(what, f"for example {what} 0.5"),
-        )
+        expected, received = f"{counted(count, 'number')} after {option}", f"{len(values)}: {text!r}"
+        each = {"--y": "one for each component of the problem", "--dW": "one for each noise of the problem"}
+        raise UsageError(expected=expected, received=received, remedy=each.get(option, example))
     if not all(map(math.isfinite, values)):
-        raise UsageError(
-            expected=f"finite numbers after {what}",
-            received=repr(text),
-            remedy=f"for example {what} {','.join(['0.5'] * max(count, 1))}",
-        )
+        raise UsageError(expected=f"finite numbers after {option}", received=received, remedy=example)
     return values
 
 
 def description(problem: Problem) -> PolynomialSystem | NamedProblem:
-    """The data of a problem, which the references read; a UsageError for a problem of Python functions only."""
+    """The data of a problem, from which references compute; a UsageError for a problem of Python functions only."""
     if problem.data is None:
         raise UsageError(
             expected="a problem by name, or polynomial data (a .json file)",
@@ -59,5 +50,5 @@ def decimal(value: Any, digits: int) -> str:
 
 
 def row(values: Any) -> str:
-    """A row of numbers such as (0.8, 0.6, 0.0)."""
+    """The text of a row of numbers, such as (0.8, 0.6, 0.0)."""
     return "(" + ", ".join(repr(float(v)) for v in values) + ")"

@@ -85,7 +85,10 @@ def _errata() -> None:
 
 
 def _folder(out: str | None, *, draws: bool) -> Path | None:
-    """Make the folder for the output before anything is computed."""
+    """The folder for the output, made before anything is computed; None if the option is left out.
+
+    A UsageError says if it cannot be made, or if pictures are to be drawn without matplotlib.
+    """
     if out is None:
         return None
     if draws:
@@ -105,6 +108,7 @@ def _folder(out: str | None, *, draws: bool) -> Path | None:
 
 
 def _write(reproduction: Any, folder: Path, *, draws: bool) -> None:
+    """Write the whole record, and the numbers and pictures of each panel, to a folder."""
     cli.save_json(str(folder / "reproduction.json"), "reproduction", reproduction.to_json(), indent=None)
     for panel in reproduction.panels:
         write_atomically(str(folder / f"{panel.key}.json"), json_text(panel.to_json(), indent=None))

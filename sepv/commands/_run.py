@@ -62,16 +62,16 @@ def run(
             raise UsageError(
                 expected="one scheme", received=f"{len(chosen)}", remedy="sepv run, once for each of them"
             )
-        scheme, own_system = chosen[0]
+        scheme, method = chosen[0]
         remarks: list[str] = []
-        if own_system.solve is None and not own_system.step.__module__.startswith("sepv."):
-            own_system = replace(own_system, step=_remembering(own_system.step, remarks))
+        if method.solve is None and not method.step.__module__.startswith("sepv."):
+            method = replace(method, step=_remembering(method.step, remarks))
         path = long_path(
-            own_system, system, h=h, steps=count, seed=seed, every=stride,
+            method, system, h=h, steps=count, seed=seed, every=stride,
             compensated=compensated, increments=increments, engine=engine,
             progress=lambda done, _: shown.update(f"{done:,} of {count:,} steps", done / count),
         )  # fmt: skip
-    counted = own_system.solve is not None
+    counted = method.solve is not None
     casimirs = bool(system.casimirs or system.linear_casimirs)
     _show(scheme, problem, path, quiet, counted=counted, casimirs=casimirs)
     if json_file:
@@ -95,7 +95,7 @@ def run(
         )
 
 
-# A description of a step that gives no information but its result.
+# The words for each status of a step by a scheme that has no solver to say more.
 _UNCOUNTED = {
     "NO_CONVERGENCE": "the scheme refused it",
     "OVERFLOW": "its answer, or B or ∇H there, is not finite",
@@ -104,19 +104,20 @@ _UNCOUNTED = {
 
 
 def _remembering(step: Callable[..., Any], remarks: list[str]) -> Callable[..., Any]:
-    """The step; the last of its own exceptions is kept in words, which the status of a path does not tell."""
+    """A copy of a step that puts its last exception into `remarks`, in words, which its status lacks."""
 
-    def asked(problem: Any, y: Any, h: float, dW: Any) -> Any:
+    def remembered(problem: Any, y: Any, h: float, dW: Any) -> Any:
         try:
             return step(problem, y, h, dW)
         except Exception as error:
             remarks[:] = [f"the scheme raised {type(error).__name__}: {error}".partition("\n")[0]]
             raise
 
-    return asked
+    return remembered
 
 
 def _whole(name: str, value: float) -> int:
+    """The value of an option that takes a number such as 1e8, as an int; a UsageError if it is no whole number ≥ 1."""
     if not (1 <= value < 2**62) or value != int(value):
         raise UsageError(
             expected=f"--{name}, a whole number ≥ 1", received=f"{value!r}", remedy="such as 1e6"
@@ -125,6 +126,7 @@ def _whole(name: str, value: float) -> int:
 
 
 def _show(scheme: str, problem: str, path: Any, quiet: bool, *, counted: bool, casimirs: bool) -> None:
+    """Print the path: its end, its defects, its time, and its iterations if the solver has `counted` them."""
     from sepv.console import console
 
     unit = 2.0**-52 * max(path.steps, 1) ** 0.5

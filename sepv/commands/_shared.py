@@ -57,12 +57,12 @@ Names = tuple[str, ...]
 
 
 def say(text: str) -> None:
-    """A line on stderr; control characters in names and messages of others do not pass."""
+    """Print a line on stderr; control characters in names and messages of others are escaped."""
     click.echo(printable(text), err=True)
 
 
 def save_json(path: str | None, name: str, data: dict[str, Any], *, indent: int | None = 1) -> None:
-    """Write a result of this command, one of `sepv.files.RESULTS`, where a file is asked for."""
+    """Write the result of this command, named in `sepv.files.RESULTS`, to a JSON file; nothing if the path is None."""
     if path is not None:
         from sepv.files import write_json
 
@@ -75,20 +75,8 @@ def typed() -> str:
     return str(context.meta.get(WORDS, "")) if context else ""
 
 
-class Renamed(click.Option):
-    """An option of several spellings: help shows the first, the others go on working."""
-
-    def get_help_record(self, ctx: click.Context) -> tuple[str, str] | None:
-        """Show the first spelling only, as click would."""
-        opts, self.opts = self.opts, self.opts[:1]
-        try:
-            return super().get_help_record(ctx)
-        finally:
-            self.opts = opts
-
-
 def listed(_context: click.Context, _parameter: click.Parameter, values: Names) -> Names:
-    """Names that were separated by commas, by repeating the option, or both."""
+    """The names given to an option that takes several: separated by commas, by repeating the option, or both."""
     names = tuple(name.strip() for value in values for name in value.split(",") if name.strip())
     if values and not names:
         raise click.BadParameter("expected a name, received none: name one, or leave the option out")
@@ -96,7 +84,7 @@ def listed(_context: click.Context, _parameter: click.Parameter, values: Names) 
 
 
 class Numbers(click.ParamType):
-    """Numbers with commas between them."""
+    """The type of an option that takes numbers with commas between them, as a tuple."""
 
     name = "N,N,…"
 
@@ -104,7 +92,7 @@ class Numbers(click.ParamType):
         self.kind = kind
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """A tuple of numbers."""
+        """Convert a text to a tuple of numbers."""
         if not isinstance(value, str):
             return value
         try:
@@ -125,9 +113,8 @@ EXEC = click.option(
 )  # fmt: skip
 
 INITIAL = click.option(
-    "--y", "--initial", "initial", cls=Renamed, type=Numbers(float),
-    help="Initial state. [default: the problem's own]",
-)  # fmt: skip
+    "--y", "initial", type=Numbers(float), help="Initial state. [default: the problem's own]"
+)
 
 
 @contextmanager
@@ -135,41 +122,39 @@ def candidates(
     targets: Sequence[str], programs: Sequence[str], say: Callable[[str], None], problems: Iterable[Any] = (),
     usual: Iterable[str] = (),
 ) -> Iterator[list[tuple[str, Any]]]:  # fmt: skip
-    """(how a command names it, scheme) of every target and every program; the programs end with the block.
+    """A context with the schemes of a command's targets and programs, as pairs (name in output, scheme).
 
-    Without any, the `usual` targets are taken.
-    A function is called when it is loaded, and what it calls may be compiled then: `say` is told whose turn it is.
+    Without any, the `usual` targets are taken. The programs end with the block. A function is called when it is loaded,
+    and may be compiled then: `say` gets a line about the target before.
     """
     from sepv.schemes import load_scheme
 
     with ExitStack() as stack:
-        schemes_found = []
+        loaded = []
         for target in targets or (() if programs else usual):
             say(f"waiting for the first step of {target}")
-            schemes_found.append((target, load_scheme(target, problems=problems)))
+            loaded.append((target, load_scheme(target, problems=problems)))
         for command in programs:
             from sepv.external import load_program
 
             say(f"waiting for the first answer of {command}")
-            schemes_found.append(
-                (f"--exec {shlex.quote(command)}", stack.enter_context(load_program(command)))
-            )
-        if not schemes_found:
+            loaded.append((f"--exec {shlex.quote(command)}", stack.enter_context(load_program(command))))
+        if not loaded:
             raise UsageError(
                 expected="a scheme, or a program with --exec",
                 received="neither",
                 remedy="a built-in name, module:attribute, or --exec './program'",
             )
-        yield schemes_found
+        yield loaded
 
 
 class Workers(click.ParamType):
-    """A number of workers, or the address of a Dask scheduler."""
+    """The type of the option --workers: a number of them, or the address of a Dask scheduler."""
 
     name = "N or ADDRESS"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """An int ≥ 1, or a string."""
+        """Convert a text to an int ≥ 1, unless it is an address."""
         if isinstance(value, int) or "://" in value:
             return value
         if not value.isdecimal() or int(value) < 1:
@@ -180,23 +165,23 @@ class Workers(click.ParamType):
 
 
 def complete_schemes(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
-    """Built-in schemes, for shell completion."""
+    """The built-in schemes that begin with a text, for shell completion."""
     from sepv import schemes
 
     return [name for name in schemes.PAPER if name.startswith(incomplete)]
 
 
 def complete_laws(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
-    """Laws, for shell completion."""
+    """The laws that begin with a text, for shell completion."""
     from sepv.verification import LAWS
 
     return [name for name in LAWS if name.startswith(incomplete)]
 
 
 def friendly(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Errors as one message and the documented exit code, never 1; the traceback only with --debug.
+    """Decorate a command so that any error ends it with one message and a documented exit code, which is never 1.
 
-    Files that could not be written are such an error.
+    Tracebacks need --debug. A file that cannot be written is such an error, before the command does any work.
     """
 
     @wraps(command)
@@ -217,7 +202,7 @@ def friendly(command: Callable[..., Any]) -> Callable[..., Any]:
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """Ctrl-C within it ends the command with a line and 130; click's own answer is 1."""
+    """A context in which Ctrl-C ends the command with a line and the exit code 130, and not with click's 1."""
     try:
         yield
     except KeyboardInterrupt as error:
@@ -225,9 +210,9 @@ def interruptible() -> Iterator[None]:
 
 
 def _ended_by(error: BaseException, debug: bool) -> int:
-    """Say it, and the exit code of it."""
+    """Print the message of an error that ends a command, and return the exit code."""
     if isinstance(error, BrokenPipeError):
-        # ``sepv … | head``: nobody reads on. What is left to write, also at exit, goes nowhere; 141 as for SIGPIPE.
+        # ``sepv … | head`` reads no further. Further output, also at exit, is dropped; 141 as for SIGPIPE.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
     if debug and not isinstance(error, KeyboardInterrupt):

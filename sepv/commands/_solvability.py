@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from sepv.studies import Exits, Map
 
 STEPS = tuple(2.0**-n for n in range(1, 11))
-# The largest share by which means over all states and over every second one differ, if they are fine enough.
+# The largest relative difference between the mean over all states and that over every second one, if the states are
+# close enough to each other.
 ROUGH = 0.2
 # Step sizes with which paths are followed.
 FOLLOWED = tuple(2.0**-n for n in range(4, 10))
@@ -92,9 +93,9 @@ def solvability(
         regions = solvability_map(
             chosen, scheme=mapped, furthest=furthest, y0=y0, progress=line.update, **orbit
         )
-        for one in followed if until else ():
+        for method in followed if until else ():
             exits += follow_paths(
-                chosen, one, FOLLOWED, until=until, paths=paths, k=one.truncation if truncation is None else k,
+                chosen, method, FOLLOWED, until=until, paths=paths, k=method.truncation if truncation is None else k,
                 y0=y0, seed=seed, seconds=seconds / len(followed), progress=line.update,
             )  # fmt: skip
     data = regions.to_json(STEPS, k) | {"paths": [e.to_json() for e in exits]}
@@ -108,6 +109,7 @@ def solvability(
 
 
 def _show(regions: Map, furthest: float, k: int | None, out: Any) -> None:
+    """Print the map of solvable steps: the branches, the points, and the probability to leave the branch."""
     from sepv.studies import End
 
     low, high = regions.safe
@@ -148,6 +150,7 @@ def _show(regions: Map, furthest: float, k: int | None, out: Any) -> None:
 
 
 def _table(regions: Map, k: int | None) -> Table:
+    """The table of the probability that a step leaves the branch of solutions, for each step size."""
     rows = []
     for h in STEPS:
         p = float(regions.chances(h, k).mean())
@@ -158,7 +161,7 @@ def _table(regions: Map, k: int | None) -> Table:
 
 
 def _show_exits(exits: Sequence[Exits], out: Any) -> None:
-    """Print how long paths found a solution of each step."""
+    """Print the table of the times for which paths found a solution of each step."""
     if not exits:
         return
     rows = [

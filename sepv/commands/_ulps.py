@@ -18,9 +18,7 @@ from sepv.console import Table, columns, print_table
     "--problem", "-p", "names", multiple=True, metavar="PROBLEM",
     help="By name or as for compare. [default: the paper's]",
 )  # fmt: skip
-@click.option(
-    "--h", "--step", "h", cls=cli.Renamed, type=cli.POSITIVE, help="h. [default: 2^-5, Lotka-Volterra 2^-7]"
-)
+@click.option("--h", type=cli.POSITIVE, help="h. [default: 2^-5, Lotka-Volterra 2^-7]")
 @click.option("--steps", type=cli.COUNT, default=400, help="How many.")
 @click.option("--seed", type=cli.NATURAL, default=0)
 @click.option("--peers", is_flag=True, help="And solvers of every peer that is installed.")
@@ -45,10 +43,10 @@ def ulps(
     from sepv.studies import ulps as unit
 
     others = [f"{peer.library}-{name}" for peer in installed() for name in peer.schemes] if peers else []
-    targets_asked = [*(targets or (() if programs else tuple(schemes.PAPER))), *others]
+    names_of_schemes = [*(targets or (() if programs else tuple(schemes.PAPER))), *others]
     chosen = [load_problem(name) for name in (names or tuple(problems.PAPER))]
     rows: list[Any] = []
-    with showing() as line, cli.candidates(targets_asked, programs, line.update) as wanted:
+    with showing() as line, cli.candidates(names_of_schemes, programs, line.update) as wanted:
         for _, scheme in wanted:
             for problem in chosen:
                 line.update(f"{scheme.name}, {problem.name}", len(rows) / (len(wanted) * len(chosen)))

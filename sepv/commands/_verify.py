@@ -118,10 +118,13 @@ def _coverage(targets: cli.Names, laws: cli.Names) -> int:
 
 
 def _arguments(laws: cli.Names, options: dict[str, Any]) -> dict[str, Any]:
-    """The arguments of `sepv.verification.verify`."""
+    """The arguments of `sepv.verification.verify` from the options of the command line.
+
+    Raises UsageError for a claim that is not among the laws to measure.
+    """
     from sepv.verification import laws_of
 
-    names = [law.name for law in _asked(laws, options)]
+    names = [law.name for law in _laws_of_run(laws, options)]
     claims = [claim.replace("_", "-") for claim in options["claims"]]
     left_out = [law.name for law in laws_of() if law.name in claims and law.name not in names]
     if left_out:
@@ -135,7 +138,7 @@ def _arguments(laws: cli.Names, options: dict[str, Any]) -> dict[str, Any]:
     return as_given | listed | {"effort": _effort(**options)}
 
 
-def _asked(laws: cli.Names, options: dict[str, Any]) -> list[Any]:
+def _laws_of_run(laws: cli.Names, options: dict[str, Any]) -> list[Any]:
     """The laws of a run: the named ones, those of the required profiles, or all."""
     from sepv.verification import laws_of, requirements
 
@@ -143,6 +146,7 @@ def _asked(laws: cli.Names, options: dict[str, Any]) -> list[Any]:
 
 
 def _effort(**options: Any) -> Any:
+    """The `Effort` of the options --deep, --examples, --paths, --shrink-checks, --seed and --no-corpus."""
     from sepv.verification import Effort
 
     effort = Effort().deeper() if options["deep"] else Effort()
@@ -151,6 +155,10 @@ def _effort(**options: Any) -> Any:
 
 
 def _verify(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any], shown: str = "") -> int:
+    """Measure the laws on each target, print and write the reports, and return the exit code.
+
+    `shown` is the name of a program in output, which has no name of its own.
+    """
     from sepv.console import console, print_sentence
     from sepv.verification import report as page
     from sepv.verification import verify as run
@@ -168,7 +176,7 @@ def _verify(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any], 
     out, reports = console(), []
     for target in targets:
         shown_as = shown or shlex.quote(target)
-        with watching(quiet, _asked(laws, options), shown_as) as progress:
+        with watching(quiet, _laws_of_run(laws, options), shown_as) as progress:
             report = run(target, progress=progress, **arguments)
         named = shown + "".join(f" -p {shlex.quote(p)}" for p in report.problems) if shown else report.target
         report = replace(report, target=named, pins=bool(files["pin"]))
@@ -219,6 +227,7 @@ def _against(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any])
 
 
 def _one_target(targets: tuple[Any, ...], option: str) -> None:
+    """Raise a UsageError for several targets with an option that is for one."""
     if len(targets) > 1:
         raise UsageError(
             expected=f"one TARGET with {option}",
@@ -228,7 +237,10 @@ def _one_target(targets: tuple[Any, ...], option: str) -> None:
 
 
 def _write(report: Any, files: dict[str, str | None], named: str) -> None:
-    """Write the files; an interrupted run writes none that later runs would be compared with."""
+    """Write the files of a report. An interrupted run writes none that later runs would be compared with.
+
+    `named` are the words after ``sepv verify`` that repeat the run.
+    """
     from sepv.verification import badge_json, junit_xml, pin, to_toml
 
     stopped: list[KeyboardInterrupt] = []
@@ -262,7 +274,7 @@ def _write(report: Any, files: dict[str, str | None], named: str) -> None:
 
 
 def _tell_github(report: Any) -> None:
-    """In GitHub Actions: a summary of the job's step, and annotations on stderr, which the runner reads too."""
+    """Write a summary and annotations of violations, if the command runs in GitHub Actions."""
     if not (path := os.environ.get("GITHUB_STEP_SUMMARY")) and os.environ.get("GITHUB_ACTIONS") != "true":
         return
     from sepv.verification import github
@@ -279,14 +291,14 @@ def _tell_github(report: Any) -> None:
 
 
 def _page(data: dict[str, Any]) -> str:
-    """The page of a report, the one that `sepv report` makes of its file."""
+    """The HTML page of a report's JSON data, the same as `sepv report` makes of its file."""
     from sepv.page import Sources, render
 
     return render(Sources(verify=[{"made": made("report", cli.typed())} | data]))
 
 
 def _no_longer_guarded(path: str, report: Any) -> list[str]:
-    """Laws that the pin in the file claims and its replacement will not; none if the file is not a pin."""
+    """The laws that a pin in the file claims and the report does not hold; none if the file is no pin."""
     from sepv.verification import LAWS, Verdict
     from sepv.verification import load_expectations as load
 
@@ -300,6 +312,7 @@ def _no_longer_guarded(path: str, report: Any) -> list[str]:
 
 
 def _replay(targets: tuple[Any, ...], laws: cli.Names, token: str, names: cli.Names, debug: bool) -> None:
+    """Run ``--replay``: measure one law on the case of a token, and exit with the code of its verdict."""
     from sepv.console import console
     from sepv.verification import Verdict, replay, report
     from sepv.verification import cases as case

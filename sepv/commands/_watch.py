@@ -35,7 +35,7 @@ _HEAD = 5  # bytes: the kind of a message, and the length of what follows
 
 @dataclass
 class _Heard:
-    """The messages of the processes of a run."""
+    """The messages that the processes of a run have sent: results and crashes by the key of their work."""
 
     results: dict[str, bytes] = field(default_factory=dict)
     crashes: dict[str, tuple[str, bytes]] = field(default_factory=dict)
@@ -47,7 +47,7 @@ class _Heard:
     notes: Notes = field(default_factory=Notes)
 
     def hear(self, data: bytes) -> None:
-        """Read the next bytes of the pipe."""
+        """Take the next bytes of the pipe, and record the messages that are whole."""
         self.rest += data
         while len(self.rest) >= _HEAD:
             end = _HEAD + int.from_bytes(self.rest[1:_HEAD], "big")
@@ -68,7 +68,7 @@ class _Heard:
                 self.over = True
 
     def crash(self, status: str) -> bool:
-        """Handle the end of a process; return True if another one can continue without the work that ended it."""
+        """Record that a process ended; True if another one can continue without the work that ended it."""
         self.rest = b""
         if self.begun is None:
             return False
@@ -141,7 +141,7 @@ def _attend(work: Callable[[], Any], heard: _Heard) -> int | None:
 
 
 class _Attendance:
-    """Forward signals to the process, and report how it ended."""
+    """The watch over one process: signals are forwarded to it, and its end is reported."""
 
     def __init__(self, child: int, heard: _Heard, ear: int, bell: int) -> None:
         self.child, self.heard, self.ear, self.bell = child, heard, ear, bell
@@ -224,6 +224,8 @@ class _Attendance:
 
 
 def _speaker(pipe: int) -> Callable[[bytes, bytes], None]:
+    """The function that sends a message, of a kind and with a text, through a pipe."""
+
     def send(kind: bytes, text: bytes) -> None:
         data = memoryview(kind + len(text).to_bytes(_HEAD - 1, "big") + text)
         # A message is written whole: neither Ctrl-C nor a time limit cuts it.
@@ -282,7 +284,7 @@ def _be_watched(work: Callable[[], Any], journal: Journal, alive: int, heeds: bo
 
 
 def _finished(code: int) -> int:
-    """Do the work of a process's end; 141 if nobody reads on, as for SIGPIPE."""
+    """Run the exit functions and flush the output; the exit code, or 141 as for SIGPIPE if nobody reads the output."""
     atexit._run_exitfuncs()
     try:
         sys.stdout.flush()
@@ -293,7 +295,7 @@ def _finished(code: int) -> int:
 
 
 def _code_of(work: Callable[[], Any]) -> int:
-    """The exit code with which Python would end."""
+    """Run the work, and return the exit code with which Python would end."""
     try:
         work()
     except SystemExit as ended:

@@ -148,44 +148,13 @@ class Scheme:
             raise UsageError(
                 expected="claims, names of laws", received=f"{self.claims!r:.80}", remedy="see `sepv list`"
             )
-        orders = [
-            order is None or (is_number(order) and order > 0)
-            for order in (self.mean_square_order, self.weak_order, self.order)
-        ]
-        tolerance, k = self.solver_tolerance, self.truncation
         object.__setattr__(self, "dtype", _name_of_type(self.dtype))
-        for right, expected, value in (
-            (isinstance(self.name, str) and self.name.strip(), "name, a text", self.name),
-            (isinstance(self.source, str), "source, a text", self.source),
-            (orders[0], "mean_square_order, a number > 0", self.mean_square_order),
-            (orders[1], "weak_order, a number > 0", self.weak_order),
-            (orders[2], "order, a number > 0", self.order),
-            (self.noise in (None, True, False), "noise, True or False", self.noise),
-            (
-                is_number(tolerance) and 0 <= tolerance < 1,
-                "solver_tolerance, relative: from 0 to below 1",
-                tolerance,
-            ),
-            (k is None or (is_whole(k) and k >= 1), "truncation, the integer k ≥ 1 of Remark 2.1", k),
-            (self.dtype in DTYPES, 'dtype, "float64" or "float32"', self.dtype),
-            (
-                self.dtype == "float64" or self.solve is None,
-                "solve in float64, or none with dtype='float32'",
-                self.solve,
-            ),
-            (is_whole(self.stages) and self.stages >= 1, "stages, an integer ≥ 1", self.stages),
-            (
-                self.longest_step is None or callable(self.longest_step) or _is_positive(self.longest_step),
-                "longest_step, a number > 0 or a function (problem, y, h, dW) -> bool",
-                self.longest_step,
-            ),
-        ):
-            if not right:
-                raise UsageError(
-                    expected=f"Scheme with {expected}",
-                    received=f"{value!r:.80}",
-                    remedy="correct it, or leave it out",
-                )
+        for attribute, (fits, expected) in _ATTRIBUTES.items():
+            value = getattr(self, attribute)
+            if not fits(value):
+                raise _wrong(attribute, expected, value)
+        if self.dtype != "float64" and self.solve is not None:
+            raise _wrong("solve", "in float64, or none with dtype='float32'", self.solve)
         law = point_law(self.increments)
         object.__setattr__(self, "increments", law)
         if law is not None:
@@ -212,12 +181,6 @@ class Scheme:
                 if stochastic
                 else f"systems = {self.systems}",
                 remedy="leave noise out, or the other",
-            )
-        if self.asks not in ASKS:
-            raise UsageError(
-                expected='asks, "areas", "halves" or "space-time"',
-                received=repr(self.asks),
-                remedy="leave it out for a step(problem, y, h, dW)",
             )
         listed = isinstance(self.problems, Iterable) and not isinstance(self.problems, str)
         object.__setattr__(self, "problems", tuple(self.problems) if listed else (self.problems,))
@@ -262,7 +225,34 @@ def _name_of_type(dtype: Any) -> Any:
 
 
 def _is_positive(value: Any) -> bool:
-    return is_number(value) and value > 0
+    return value is None or (is_number(value) and value > 0)
+
+
+# A test of each attribute that stands for itself, and words for the values that pass it.
+_ATTRIBUTES: dict[str, tuple[Callable[[Any], Any], str]] = {
+    "name": (lambda v: isinstance(v, str) and v.strip(), "a text"),
+    "source": (lambda v: isinstance(v, str), "a text"),
+    "mean_square_order": (_is_positive, "a number > 0"),
+    "weak_order": (_is_positive, "a number > 0"),
+    "order": (_is_positive, "a number > 0"),
+    "noise": (lambda v: v in (None, True, False), "True or False"),
+    "solver_tolerance": (lambda v: is_number(v) and 0 <= v < 1, "relative: from 0 to below 1"),
+    "truncation": (lambda v: v is None or (is_whole(v) and v >= 1), "the integer k ≥ 1 of Remark 2.1"),
+    "dtype": (lambda v: v in DTYPES, '"float64" or "float32"'),
+    "stages": (lambda v: is_whole(v) and v >= 1, "an integer ≥ 1"),
+    "asks": (lambda v: v in ASKS, '"areas", "halves" or "space-time"'),
+    "longest_step": (
+        lambda v: callable(v) or _is_positive(v), "a number > 0 or a function (problem, y, h, dW) -> bool",
+    ),
+}  # fmt: skip
+
+
+def _wrong(attribute: str, expected: str, value: Any) -> UsageError:
+    return UsageError(
+        expected=f"Scheme with {attribute}, {expected}",
+        received=f"{value!r:.80}",
+        remedy="correct it, or leave it out",
+    )
 
 
 def takes(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> bool:

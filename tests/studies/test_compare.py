@@ -260,7 +260,7 @@ def test_the_command_prints_and_writes(call: Callable[..., Result], tmp_path: Pa
 def test_a_problem_of_a_file_needs_an_initial_state(call: Callable[..., Result], tmp_path: Path) -> None:
     H, B = [[[2, 0], 0.5], [[0, 4], 0.25]], [[0, 1, [[[0, 0], 1.0]]]]
     (tmp_path / "p.json").write_text(json.dumps({"dimension": 2, "hamiltonian": H, "structure": B}))
-    assert call(f"compare euler-heun {QUICK} -p p.json --initial 0.5,0.25").exit_code == 0
+    assert call(f"compare euler-heun {QUICK} -p p.json --y 0.5,0.25").exit_code == 0
     refused = call(f"compare euler-heun {QUICK} -p p.json")
     assert refused.exit_code == 2
     assert "initial" in refused.output
