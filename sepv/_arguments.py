@@ -81,7 +81,7 @@ def optional(module: str, expected: str, remedy: str, kind: type[UsageError] = U
 
 
 def did_you_mean(word: Any, known: Iterable[str]) -> str:
-    """The unknown word, with the closest known one, if any is close."""
+    """An unknown word in quotes for a message, with the closest known one, if any is close."""
     near = get_close_matches(str(word).replace("_", "-").lower(), list(known), n=1)
     return f"{word!r} (did you mean {near[0]!r}?)" if near else repr(word)
 
@@ -110,7 +110,7 @@ def _refuse(constant: str) -> None:
 
 
 def _finite(word: str, kind: type[Any]) -> Any:
-    """Convert a number as it is read; one beyond binary64 is refused."""
+    """Convert the text of a JSON number; one beyond binary64 is a ValueError."""
     if not math.isfinite(float(word)):
         raise ValueError(f"{word:.{_SHOWN}} is beyond binary64")
     return kind(word)

@@ -1,8 +1,8 @@
-"""Messages of a process to the one that watches it: work survives a crash, and the crash is named.
+"""Messages of a process to the one that watches it, so that its results survive a crash and the crash has a name.
 
-``sepv`` on the command line runs in a process that another one watches (`sepv.commands._watch`). A law is work with a
-key: its result is kept, so that after a crash the other laws go on in a new process. Without a watcher nothing here has
-any effect.
+``sepv`` on the command line runs in a process that another one watches (`sepv.commands._watch`). The measurement of a
+law is work with a key. Its result is sent to the watcher, so that after a crash the other laws go on in a new process.
+Without a watcher nothing here has any effect.
 """
 
 from __future__ import annotations
@@ -59,7 +59,10 @@ class Notes:
 
 @dataclass
 class Journal:
-    """The channel for messages, the place of notes, and the results of earlier processes of the run by key."""
+    """The connection of a process to its watcher: a channel for messages, and a place for notes.
+
+    `results` and `crashes` are those of earlier processes of the run by the key of their work.
+    """
 
     send: Callable[[bytes, bytes], None]
     notes: Notes
@@ -86,7 +89,7 @@ def current_journal() -> Journal | None:
 
 
 def attempted(key: str, work: Callable[[], T], *, kept: bool = True) -> T:
-    """Do the work and return its result; if `kept`, it is computed once in a run, and must be picklable.
+    """Do the work of a key and return its result. If `kept`, it is computed once in a run, and must be picklable.
 
     Raises
     ------
@@ -129,7 +132,7 @@ def note_violation(case: Callable[[], dict[str, Any]]) -> None:
 
 
 def note_step(step: Callable[[], str]) -> None:
-    """Note the current step, in words, unless it belongs to a case that is noted."""
+    """Note the current step in words, in case it ends this process, unless it belongs to a case that is noted."""
     journal = _journal.get()
     if journal is not None and not journal.cases:
         journal.notes.put(pickle.dumps((step(), None)))

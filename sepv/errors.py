@@ -25,7 +25,7 @@ class UsageError(SepvError, ValueError):
 def require_one_of(
     what: str, given: Any, known: Collection[Any], remedy: str = "correct the name", received: str = ""
 ) -> None:
-    """Raise UsageError for a value that is not one of the known."""
+    """Raise a UsageError for a value that is not among the known ones; `what` names it in the message."""
     if given not in known:
         names = ", ".join(map(str, known))
         raise UsageError(expected=f"{what}, one of {names}", received=received or repr(given), remedy=remedy)
@@ -105,7 +105,7 @@ class Interrupted(KeyboardInterrupt):
         )
 
 
-# The remedy for each status of the solve.
+# The remedy for each status of a solve, by the first words of its text.
 _REMEDIES = {
     "no convergence": "a smaller h, or a truncation of the increments (Remark 2.1); for large |Δ| the equation may "
     "have no solution near y at all, and `sepv solvability` shows how far the solutions from y reach",

@@ -27,7 +27,7 @@ __all__ = ["RESULTS", "schema"]
 
 
 def require_folder(path: str | None) -> None:
-    """Raise UsageError for a file that cannot be written, before hours of work."""
+    """Raise a UsageError for the path of a file that cannot be written, before hours of work."""
     if path is None:
         return
     folder = Path(path).resolve().parent
@@ -47,11 +47,8 @@ def cache_folder(name: str) -> Path:
     """
     try:
         named = os.environ.get("SEPV_CACHE_DIR")
-        home = (
-            Path(named)
-            if named
-            else Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "sepv"
-        )
+        home = Path(named or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+        home = home if named else home / "sepv"
         place = home / name
         for folder in (home, place):
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -90,12 +87,12 @@ def write_atomically(path: str, content: str | bytes) -> None:
         raise
 
 
-# Results of commands, with the version of their schema, raised where older readers would misread a file.
+# The results that commands write, with the version of their schema, raised where older readers would misread a file.
 RESULTS = {
     "bench": 1, "comparison": 1, "growth": 1, "hard": 1, "path": 1, "report": 2, "reproduction": 1, "solvability": 1,
     "teeth": 1, "ulps": 1,
 }  # fmt: skip
-# The schemas, with those of problems and witnesses, which users write.
+# The names of all schemas: those of results, and of problems and witnesses, which users write.
 SCHEMAS = (*RESULTS, "problem", "witness")
 # The most bytes of a file; larger ones are no result of this package.
 LARGEST = 64 * 2**20
@@ -107,7 +104,7 @@ def json_text(data: Any, *, indent: int | None = 1) -> str:
 
 
 def finite(value: Any) -> Any:
-    """Convert to a value that JSON can hold: NaN and infinities become null, tuples lists."""
+    """Convert a value to one that JSON can hold: NaN and infinities become null, tuples lists."""
     if isinstance(value, dict):
         return {k: finite(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
@@ -187,7 +184,7 @@ def _packaged(name: str) -> dict[str, Any]:
 
 
 def fault(data: Any, schema: dict[str, Any]) -> str:
-    """The most informative fault, with its place; empty if the data obey the schema."""
+    """The most informative fault of data by a JSON Schema, with its place; empty if they obey the schema."""
     from jsonschema import Draft202012Validator, FormatChecker
     from jsonschema.exceptions import best_match
 

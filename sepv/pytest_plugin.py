@@ -56,7 +56,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Read the effort once."""
+    """Read the options: the effort, the expectations, and the laws to run for schemes of the ini file."""
     given = config.getoption("--sepv-seed")
     if given != "fresh" and not given.isdigit():
         raise pytest.UsageError(f"--sepv-seed: expected an integer ≥ 0 or 'fresh', received {given!r}")
@@ -81,6 +81,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def _expectations(config: pytest.Config) -> Expectations:
+    """The expectations in the file of --expected or of the ini value; none without a file."""
     from sepv.verification import LAWS
     from sepv.verification import load_expectations as load
 
@@ -175,6 +176,7 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Any:
 
 
 def _conclude(finding: Finding, target: str, pinned: frozenset[str] | None) -> None:
+    """End a test with the outcome of its law: it passes, fails, is skipped, or fails as expected."""
     from sepv.verification import fails
 
     __tracebackhide__ = True
@@ -193,7 +195,7 @@ def _conclude(finding: Finding, target: str, pinned: frozenset[str] | None) -> N
 
 
 class _Collector:
-    """The rows of the matrix, from this process or from the workers of pytest-xdist."""
+    """The collector of findings for the table at the end, from this process or the workers of pytest-xdist."""
 
     def __init__(self, config: pytest.Config) -> None:
         self.config = config

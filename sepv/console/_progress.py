@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 FIRST = 2.0
 FIRST_LINES = (FIRST, 5.0, 10.0, 20.0)
 REPEAT = 20.0
-# A violation waits no longer than this, once anything is said.
+# Seconds between two looks at the work, once a line is printed: a violation is shown within them.
 TICK = 0.2
 
 
 class Shown:
-    """The share that is done, None if unknown, and the current work; a display thread reads them."""
+    """The progress of a command: the share that is done and the current work, which a display thread reads."""
 
     def __init__(self) -> None:
         self.text, self.started = "starting", time.monotonic()
@@ -46,7 +46,7 @@ class Shown:
         return (time.monotonic() - self.started) * (1 - self._done) / self._done if self._done > 0 else None
 
     def share(self, left: float | None) -> float:
-        """The share that is done, 0 to 1, if this many seconds are left."""
+        """The share of the work that is done, 0 to 1, if `left` seconds are left; None counts as unknown."""
         if self.expected is None or left is None:
             return self._done
         elapsed = time.monotonic() - self.started
@@ -55,10 +55,10 @@ class Shown:
     def line(self) -> str:
         """The line to print, such as: 42 %, about 17 s left: energy."""
         left = self.seconds_left
-        known = f"{self.share(left):.0%}, {_about(left)}" if left is not None else ""
-        elapsed = f"{time.monotonic() - self.started:.0f} s"
+        done = f"{self.share(left):.0%}, {_about(left)}" if left is not None else ""
+        done = done or f"{time.monotonic() - self.started:.0f} s"
         text = self.doing()
-        return f"{known or elapsed}: {text}" if text else known or elapsed
+        return f"{done}: {text}" if text else done
 
 
 def _about(left: float) -> str:

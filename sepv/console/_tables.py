@@ -23,20 +23,19 @@ WORDS = 24
 
 @dataclass(frozen=True)
 class Column:
-    """A column. Columns with one heading are dropped together, and are as wide as the widest of them."""
+    """A column of a table. Columns of the same heading are dropped together, and are as wide as the widest of them."""
 
     heading: str
     right: bool = False  # numbers are aligned at the right
     words: bool = False  # may be broken between words, and within one if nothing else can be dropped
-    goes: int = (
-        0  # the order in which columns are dropped on a narrow terminal, 1 first; 0 for a column that stays
-    )
+    # The order in which columns are dropped on a narrow terminal, 1 first; 0 for a column that stays.
+    goes: int = 0
     least: int = 0  # the least width, in cells of a terminal
 
 
 @dataclass(frozen=True)
 class Table:
-    """Columns and rows of as many cells, a string or a `rich.text.Text` each."""
+    """A table: columns, and rows with a cell for each column, a string or a `rich.text.Text`."""
 
     columns: tuple[Column, ...]
     rows: Sequence[Sequence[Cell]]
@@ -57,7 +56,7 @@ def columns(
 
 
 def print_table(table: Table, out: Console) -> None:
-    """Print the table as wide as the console, without the columns that must be dropped, and the others whole."""
+    """Print a table. On a narrow console whole columns are left out, and a line below names them."""
     from rich import box
     from rich.table import Table as RichTable
     from rich.text import Text
@@ -120,7 +119,10 @@ def _edges(table: Table, width: int) -> int:
 
 
 def _laid(table: Table, width: int) -> tuple[dict[str, int], int]:
-    """Widths by heading, and the blanks between columns: headings in one line and two blanks if all fit so."""
+    """The widths of columns by heading, and the number of blanks between columns, for a console of this width.
+
+    Headings are in one line, with two blanks between them, if all columns fit so.
+    """
     room = width - _edges(table, width)
     least = 2 if _ruled(table, width) else 1
     for whole, words, between in ((True, WORDS, 2), (False, WORDS, 2), (False, 0, least)):
@@ -131,7 +133,7 @@ def _laid(table: Table, width: int) -> tuple[dict[str, int], int]:
 
 
 def _with_cells(table: Table, change: Callable[[Any], Any]) -> Table:
-    """Change every text of the table before it is laid out: in ASCII an arrow is two signs."""
+    """The table with a function applied to each of its texts, before it is laid out: in ASCII an arrow is two signs."""
     return replace(
         table,
         columns=tuple(replace(c, heading=change(c.heading)) for c in table.columns),
@@ -142,9 +144,10 @@ def _with_cells(table: Table, change: Callable[[Any], Any]) -> Table:
 
 
 def _needed(table: Table, *, whole: bool = False, words: int = 0) -> dict[str, int]:
-    """The least width by heading: its longest word, or the `whole`, and the longest line or word of its cells.
+    """The least widths of columns by heading.
 
-    A column of words is as wide as its cells, up to `words`, and not narrower than its longest word.
+    A column has room for the longest word of its heading, or for the `whole` heading, and for the longest line of its
+    cells. A column of words has room for the longest word, and for its cells up to `words`.
     """
     widths: dict[str, int] = {}
     for n, c in enumerate(table.columns):
@@ -158,9 +161,9 @@ def _needed(table: Table, *, whole: bool = False, words: int = 0) -> dict[str, i
 
 
 def kept(needed: Mapping[str, int], width: int, dropped: Sequence[str], between: int = 1) -> list[str]:
-    """The columns that fit into the width, `between` blanks apart: those of `dropped` go in their order.
+    """The headings of the columns that fit into a width, with `between` blanks between them.
 
-    `needed` are the widths by heading.
+    `needed` are the widths by heading. Columns are dropped in the order of `dropped` until the others fit.
     """
     left = dict(needed)
     for heading in dropped:

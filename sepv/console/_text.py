@@ -1,4 +1,4 @@
-"""Texts that do nothing to a terminal, in ASCII where an encoding has no more."""
+"""Texts without characters that affect a terminal, in ASCII where an encoding has no more."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ _ASCII = {
 _NAME = "sepv-ascii"
 
 
-def printable(text: str, kept: str = "\n\t") -> str:
-    """Escape every character that affects a terminal, or is invisible there.
+def printable(text: str, allowed: str = "\n\t") -> str:
+    """Escape every character that affects a terminal, or is invisible there, except those allowed.
 
     Names and messages come from files and programs of others. Escape sequences, bells, marks that turn the direction of
-    writing and lone surrogates are escaped; `kept` characters pass.
+    writing and lone surrogates are escaped.
     """
     if text.isprintable():
         return text
-    return "".join(c if c.isprintable() or c in kept else repr(c)[1:-1] for c in text)
+    return "".join(c if c.isprintable() or c in allowed else repr(c)[1:-1] for c in text)
 
 
 def printable_cell(cell: Any) -> Any:
@@ -41,7 +41,7 @@ def printable_cell(cell: Any) -> Any:
 
 
 def ascii_text(text: str) -> str:
-    """The text in ASCII."""
+    """A text in ASCII, with signs such as ≤ and Σ written out."""
     return "".join(c if c.isascii() else _character(c) for c in text)
 
 

@@ -22,13 +22,13 @@ _JACOBI = "Jacobi elliptic functions"
 
 
 def oscillator(_: Parameters, y0: Array, theta: Array) -> Result:
-    """The oscillator, dp = −x dθ, dx = p dθ: rotation by θ."""
+    """The exact flow of the oscillator, dp = −x dθ, dx = p dθ: a rotation by θ."""
     cos, sin = np.cos(theta), np.sin(theta)
     return np.stack([y0[0] * cos - y0[1] * sin, y0[0] * sin + y0[1] * cos]), "rotation"
 
 
 def pendulum(_: Parameters, y0: Array, theta: Array) -> Result:
-    """The pendulum, with k² = sin²(q/2) + p²/4 = (H + 1)/2.
+    """The exact flow of the pendulum by elliptic functions, with k² = sin²(q/2) + p²/4 = (H + 1)/2.
 
     Libration, k < 1: sin(q/2) = k sn(u, k²), p/2 = k cn, cos(q/2) = dn, u = θ + u0.
     Rotation, k > 1, with s the sign of p: q/2 = s am(kθ + u0, 1/k²), p/2 = s k dn.
@@ -50,7 +50,7 @@ def pendulum(_: Parameters, y0: Array, theta: Array) -> Result:
 
 
 def rigid_body(parameters: Parameters, y0: Array, theta: Array) -> Result:
-    """The rigid body, y′ = y × (y/I), with the axes sorted so that I_a < I_b < I_c.
+    """The exact flow of the rigid body, y′ = y × (y/I), by elliptic functions; axes are sorted by I_a < I_b < I_c.
 
     y_a′ = −σA_a y_b y_c, y_b′ = σA_b y_a y_c, y_c′ = −σA_c y_a y_b with A_a = 1/I_b − 1/I_c, A_b = 1/I_a − 1/I_c,
     A_c = 1/I_a − 1/I_b and σ the sign of the permutation. K_a = y_a²/A_a + y_b²/A_b and K_c = y_c²/A_c + y_b²/A_b are

@@ -10,9 +10,9 @@ from sepv.exact._dense_flow import FlowFailure
 from sepv.exact._flow import exact_flow
 from sepv.problem import Array, Problem, vector_field
 
-# Phases of an orbit: harmonics of u up to half of it.
+# The number of states along an orbit, which resolve harmonics up to half of it.
 PHASES = 64
-# Times |y|/|f| in which an orbit is to close.
+# The longest time in which an orbit is to close, in units of |y|/|f|.
 LONGEST = 512.0
 
 
@@ -25,9 +25,9 @@ class Orbit:
 
 
 def closed_orbit(problem: Problem, y0: Array) -> Orbit | None:
-    """The orbit through y0, None where it does not come back within `LONGEST` times |y0|/|f|.
+    """The closed orbit of a problem's flow through y0; None if it does not close within `LONGEST` times |y0|/|f|.
 
-    It comes back where it crosses the plane through y0, normal to f, in the direction of f and close to y0.
+    It closes where it crosses the plane through y0 that is normal to f, in the direction of f and close to y0.
     """
     from scipy.optimize import brentq
 

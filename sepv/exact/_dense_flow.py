@@ -1,8 +1,8 @@
 """One dense solution of y′ = f(y), accurate to rounding at every point: Gauss collocation in panels.
 
-On each panel the collocation polynomial is kept as its Legendre series, whose last coefficients measure whether the
-panel is short enough. Every θ then costs one short sum. Continuous extensions of explicit Runge-Kutta pairs are less
-accurate between their steps, by an order of magnitude.
+The time is divided into panels. On each of them the collocation polynomial is stored as its Legendre series, whose last
+coefficients measure whether the panel is short enough. Every θ then costs one short sum. Continuous extensions of
+explicit Runge-Kutta pairs are less accurate between their steps, by an order of magnitude.
 """
 
 from __future__ import annotations
@@ -23,14 +23,17 @@ _PICARD = 60
 
 @dataclass(frozen=True)
 class DenseSolution:
-    """Panels in the order of time: edges (P+1,), start states (d, P), Legendre coefficients (d, s, P)."""
+    """A solution of y′ = f(y) as a function of time: P panels in the order of time, with series for f of s terms.
+
+    The panels have edges (P+1,), states at their left ends (d, P), and Legendre coefficients (d, s, P).
+    """
 
     edges: Array
     starts: Array
     coefficients: Array
 
     def __call__(self, t: Array) -> Array:
-        """States (d, M) at times t (M,) between the edges."""
+        """The states (d, M) at times t (M,) between the first and the last edge."""
         panel = np.clip(np.searchsorted(self.edges, t, side="right") - 1, 0, self.edges.size - 2)
         width = self.edges[panel + 1] - self.edges[panel]
         x = 2 * (t - self.edges[panel]) / width - 1
@@ -49,7 +52,11 @@ class FlowFailure(SepvError, ArithmeticError):
 
 @lru_cache(maxsize=8)
 def _tables(stages: int) -> tuple[Array, Array, Array]:
-    """Integration matrix (s, s), weights (s,), and the map from node values to Legendre coefficients."""
+    """The tables of Gauss collocation with s stages.
+
+    They are the matrix of integrals (s, s), the weights (s,), and the map from values at nodes to Legendre
+    coefficients (s, s).
+    """
     c, w = gauss_legendre(stages)
     P = np.stack(legendre_values(2 * c - 1, stages))
     to_series = (2 * np.arange(stages) + 1)[:, None] * P[:stages] * w
@@ -66,8 +73,8 @@ def solve_dense(
     ----------
     f : (d, s) -> (d, s)
     stages : int
-        Gauss nodes a panel; panels are halved until the series has decayed to rounding, and grow where it has more
-        than decayed. The first is half the time in which the field covers 1 + |y|, at most ½.
+        The number of Gauss nodes of a panel. Panels are halved until the series has decayed to rounding, and grow where
+        it decays faster. The first is half the time in which the field covers 1 + |y|, at most ½.
     shrink : float
         A factor on accepted panel lengths, so that two solutions do not share their grid.
 
@@ -109,7 +116,11 @@ def solve_dense(
 
 
 def _panel(f: Callable[[Array], Array], y: Array, H: float, A: Array, to_series: Array) -> tuple[Array, int]:
-    """Stage slopes by Picard iteration, and a grade: 0 if it failed or is unresolved, 1 if resolved, 2 with room."""
+    """The values of f at the nodes of a panel of length H from y, (d, s), by Picard iteration, and a grade.
+
+    The grade is 0 if the iteration failed or the panel is too long, 1 if it is short enough, and 2 if the next may be
+    longer.
+    """
     F = np.repeat(f(y[:, None]), len(A), axis=1)
     previous = np.inf
     with np.errstate(all="ignore"):
@@ -136,7 +147,7 @@ def _panel(f: Callable[[Array], Array], y: Array, H: float, A: Array, to_series:
 
 
 def _oriented(edges: Array, starts: Array, series: Array, end_state: Array, sign: float) -> DenseSolution:
-    """Panels in direction +∞: those of a backward solution are reversed, each starting at its left end."""
+    """The solution with panels in the order of time; a solution towards negative times is reversed."""
     if sign > 0:
         return DenseSolution(edges, starts, series)
     lefts = np.concatenate([starts[:, 1:], end_state[:, None]], axis=1)

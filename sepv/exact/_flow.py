@@ -25,7 +25,7 @@ from sepv.simulate import initial_state
 
 @dataclass(frozen=True)
 class ExactFlow:
-    """φ_θ(y0): y (d, M), its error (absolute, the largest over θ), and the method."""
+    """The exact solution φ_θ(y0) at M random times: y (d, M), its largest absolute error, and how it was computed."""
 
     y: Array
     error: float
@@ -101,6 +101,8 @@ def exact_flow(
 
 
 def _dense_flow(problem: Problem, y0: Array, theta: Array) -> tuple[Array, float]:
+    """The exact solution by a dense solve, and its error, estimated from a second solve with other panels."""
+
     def f(y: Array) -> Array:
         value = vector_field(problem, y)
         if problem.domain is not None:
@@ -113,6 +115,7 @@ def _dense_flow(problem: Problem, y0: Array, theta: Array) -> tuple[Array, float
 
 
 def _evaluate(f: Callable[[Array], Array], y0: Array, theta: Array, stages: int, shrink: float) -> Array:
+    """The solution of y′ = f(y) from y0 at times θ of either sign, by a dense solve in each direction."""
     result = np.repeat(y0[:, None], theta.size, axis=1)
     for side in (theta > 0, theta < 0):
         if side.any():

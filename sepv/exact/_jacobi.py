@@ -16,10 +16,11 @@ from sepv.record import EPS
 
 
 def jacobi(u: Array, m: float) -> tuple[Array, Array, Array, Array]:
-    """sn, cn, dn and the amplitude at u (M,), m = k² with 0 ≤ m < 1, by the arithmetic-geometric mean (DLMF 22.20(ii)).
+    """Jacobi's sn, cn and dn and the amplitude at arguments u (M,) for the parameter m = k², 0 ≤ m < 1.
 
-    a_n and b_n are the means, c_n = (a_{n−1} − b_{n−1})/2. From φ_N = 2^N a_N u, where c_N is nothing beside a_N,
-    back to the amplitude φ_0 by 2φ_{n−1} = φ_n + arcsin((c_n/a_n) sin φ_n).
+    They are computed by the arithmetic-geometric mean (DLMF 22.20(ii)). With the means a_n and b_n and c_n =
+    (a_{n−1} − b_{n−1})/2, one begins with φ_N = 2^N a_N u, where c_N is a rounding of a_N. The amplitude φ_0 follows by
+    2φ_{n−1} = φ_n + arcsin((c_n/a_n) sin φ_n).
     """
     a, b, shares = 1.0, math.sqrt(1 - m), list[float]()
     c = math.sqrt(m)
@@ -35,5 +36,5 @@ def jacobi(u: Array, m: float) -> tuple[Array, Array, Array, Array]:
 
 
 def argument(amplitude: float, m: float) -> float:
-    """The argument u with this amplitude: Legendre's incomplete integral of the first kind."""
+    """The argument u of `jacobi` with a given amplitude: Legendre's incomplete integral of the first kind."""
     return float(mpmath.ellipf(float(amplitude), float(m)))

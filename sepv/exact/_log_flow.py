@@ -19,12 +19,12 @@ from sepv.problem import Array, Problem, bracket, combined_field, drift_bracket,
 from sepv.record import EPS
 from sepv.schemes import CLASSICAL, DORMAND_PRINCE_8, ExplicitTableau
 
-# The number of steps of an explicit method is doubled until the result changes by roundings only.
+# The least and the largest number of explicit steps, which is doubled until the result changes by roundings only.
 FEWEST, MOST = 4, 64
 
 
 def field(problem: Problem, y: Array, parts: Array, areas: Array, bridges: Array | None = None) -> Array:
-    """The right side at y (d, M), for parts (1 + m, M) of h and c_j ΔW_j, and areas (k, M) with i < j.
+    """The right side of the log-ODE of one step at y (d, M); `parts` (1 + m, M) are h and the c_j ΔW_j, `areas` (k, M).
 
     Space-time areas H (m, M) add the brackets with the drift, Σ c_j A_0j [f_0, f_j] with A_0j = −hH_j. Where the noises
     commute, the integrals of the omitted terms are of the order of h².
@@ -40,7 +40,7 @@ def field(problem: Problem, y: Array, parts: Array, areas: Array, bridges: Array
 
 
 def runge_kutta(field: Callable[[Array], Array], y: Array, steps: int, tableau: ExplicitTableau) -> Array:
-    """Solve ż = field(z) from y and return z(1), by this many steps."""
+    """The solution z(1) of ż = field(z) with z(0) = y, by equal steps of an explicit Runge-Kutta method."""
     for _ in range(steps):
         slopes: list[Array] = []
         for row in tableau.A:
@@ -54,7 +54,10 @@ def runge_kutta(field: Callable[[Array], Array], y: Array, steps: int, tableau: 
 
 
 def log_flow(problem: Problem, y: Array, parts: Array, areas: Array) -> tuple[Array, float]:
-    """y(1) from y (d, M), and its error: steps of order 8 are doubled until two results agree to rounding."""
+    """The solution y(1) of the log-ODE of one step from y (d, M), and its error.
+
+    Steps of order 8 are doubled in number until two results agree to rounding.
+    """
     right_side = partial(field, problem, parts=parts, areas=areas)
     steps, logarithm = FEWEST, runge_kutta(right_side, y, FEWEST, DORMAND_PRINCE_8)
     while True:
@@ -69,11 +72,11 @@ def log_flow(problem: Problem, y: Array, parts: Array, areas: Array) -> tuple[Ar
 
 
 def path(problem: Problem, y0: Array, h: float, dW: Array, areas: Array) -> Array:
-    """y(T) (d, M) over N steps h with increments (N, m, M) and areas (N, k, M).
+    """The log-ODE's solution y(T) (d, M) over N steps of size h with increments (N, m, M) and areas (N, k, M).
 
-    A step takes a classical step for the increments, and then adds the brackets at its start: E[A_ij ΔW_k] = 0, so this
-    splitting leaves out terms of O(h^{3/2}) with mean O(h²). It takes half of the time, for errors that are a twentieth
-    larger.
+    A step takes a classical Runge-Kutta step for the increments, and then adds the brackets at its start. Because
+    E[A_ij ΔW_k] = 0, this splitting leaves out terms of O(h^{3/2}) with mean O(h²). It takes half of the time, for
+    errors that are a twentieth larger.
     """
     y = np.repeat(y0[:, None], dW.shape[2], axis=1)
     none = np.zeros((0, dW.shape[2]))

@@ -23,13 +23,13 @@ from sepv.exact._log_flow import log_flow, path
 from sepv.problem import Array, HamiltoniansProblem, Problem, combined_field, commutes, each_noise, is_several
 from sepv.simulate import RoughPath, areas, wiener
 
-# Refinement of a reference path beyond the finest steps of a scheme.
+# The number of reference steps in each of the finest steps of a scheme, by Heun's method and by the log-ODE.
 REFINEMENT = 16
 FINER = 8
 
 
 def ends(problem: Problem, y0: Array, T: float, W: Array) -> Array | None:
-    """y(T) (d, M) for W(T) (m, M); None where there is no formula."""
+    """The exact solution y(T) (d, M) from y0 (d,) for given W(T) (m, M); None where there is no formula."""
     if not is_several(problem):
         return exact_flow(problem, problem.random_step(T, W), y0).y
     form = getattr(problem, "closed_form", None)
@@ -42,7 +42,7 @@ def ends(problem: Problem, y0: Array, T: float, W: Array) -> Array | None:
 def refined(
     problem: Problem, y0: Array, T: float, steps: int, paths: range, seed: int
 ) -> tuple[RoughPath, Array, float]:
-    """A rough path of FINER times `steps` steps, the reference y(T) (d, M) over it, and the rms of its error."""
+    """The reference for several Hamiltonians: a rough path of FINER·steps steps, y(T) (d, M), and its rms error."""
     fine = areas.drawn(seed, T=T, steps=FINER * steps, noises=problem.noises, paths=paths)
     half = fine.coarse(FINER * steps // 2)
     y, coarse = (path(problem, y0, rough.h, rough.dW, rough.areas) for rough in (fine, half))
@@ -52,9 +52,9 @@ def refined(
 def finer(
     problem: Problem, y0: Array, T: float, steps: int, paths: range, seed: int
 ) -> tuple[Array, Array, float]:
-    """Increments of `steps` steps (N, m, M), the reference y(T) (d, M), and the rms of its error.
+    """The reference for several structures: increments of `steps` steps (N, m, M), y(T) (d, M), and its rms error.
 
-    The error of order ½ at step h is estimated by |y_h − y_2h|/(√2 − 1).
+    The error of order ½ at step size h is estimated by |y_h − y_2h|/(√2 − 1).
     """
     fine = wiener.increments(seed, T=T, steps=steps * REFINEMENT, noises=problem.noises, paths=paths)
     y = heun(problem, y0, T, fine)
@@ -64,7 +64,10 @@ def finer(
 
 
 def heun(problem: Problem, y0: Array, T: float, dW: Array) -> Array:
-    """Heun's method, Stratonovich: ŷ = y + F(y), y ← y + ½(F(y) + F(ŷ)), F = [h B + Σ c_j ΔW_j G_j]∇H."""
+    """The solution y(T) (d, M) by Heun's method for the Stratonovich equation, with increments dW (N, m, M).
+
+    A step is y ← y + ½(F(y) + F(ŷ)) with ŷ = y + F(y) and F = [h B + Σ c_j ΔW_j G_j]∇H.
+    """
     h = T / dW.shape[0]
     y = np.repeat(y0[:, None], dW.shape[2], axis=1)
     for increment in dW:

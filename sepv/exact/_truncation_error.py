@@ -25,12 +25,15 @@ from sepv.exact._flow import exact_flow
 from sepv.problem import Problem, vector_field
 from sepv.simulate import truncation_bound
 
-# Trapezoidal nodes over ± this many standard deviations of θ(T): exact to 1e-8 for an |f|² that is smooth there.
+# The number of trapezoidal nodes, and their range in standard deviations of θ(T): exact to 1e-8 for a smooth |f|².
 NODES, REACH = 49, 6.0
 
 
 def lost_mean_square(A: float) -> float:
-    """E(ξ − clip(ξ, ±A))² for ξ ~ N(0, 1), A ≥ 0; to A⁴ roundings, since its terms cancel."""
+    """The mean square of what clipping cuts off, E(ξ − clip(ξ, ±A))² for ξ ~ N(0, 1) and A ≥ 0.
+
+    It is exact to A⁴ roundings, because its terms cancel.
+    """
     from scipy.special import erfcx
 
     density = math.exp(-0.5 * A * A)

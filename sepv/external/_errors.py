@@ -82,4 +82,4 @@ def shown(line: bytes, most: int = 200) -> str:
 
 def clean(text: str, most: int = 200) -> str:
     """A program's text for a terminal or a page: without control characters, and cut to a length."""
-    return printable(text[:most], kept="") + ("…" if len(text) > most else "")
+    return printable(text[:most], allowed="") + ("…" if len(text) > most else "")

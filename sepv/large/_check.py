@@ -15,12 +15,12 @@ _WIDTH = 2.0**-7
 
 
 def check_large(problem: LargeProblem, seed: int = 0) -> None:
-    """Compare the parts along a random direction at the initial state.
+    """Compare the parts of a large problem with each other, along a random direction at its initial state.
 
     Raises
     ------
     ProblemError
-        The message names the part, and has both values.
+        For a part that is not what the others imply; the message has both values.
     """
     rng = np.random.default_rng(seed)
     y = np.array(problem.initial)
@@ -60,6 +60,7 @@ def check_large(problem: LargeProblem, seed: int = 0) -> None:
 
 
 def _same(name: str, given: Array, expected: Array) -> None:
+    """Raise a ProblemError if the part of this name differs from its expected value by more than TOLERANCE."""
     scale = max(float(np.max(np.abs(expected), initial=0.0)), float(np.max(np.abs(given), initial=0.0)), 1.0)
     error = np.abs(np.asarray(given) - expected).reshape(-1)
     if error.size and not np.max(error) <= TOLERANCE * scale:

@@ -18,7 +18,7 @@ from sepv.solve import Status
 
 @dataclass(frozen=True)
 class LargePath:
-    """The end of a path.
+    """The end of a path of a large problem, with the largest defects of its invariants on the way.
 
     Attributes
     ----------
@@ -109,5 +109,6 @@ def integrate(
 
 
 def _casimirs(problem: LargeProblem, y: Array) -> tuple[Array, Array]:
+    """The values at y of the Casimirs that are quadratic or linear, and of the others."""
     one, other = (np.zeros(0) if C is None else C(y) for C in (problem.casimirs, problem.other_casimirs))
     return one, other

@@ -36,7 +36,7 @@ class LargeProblem:
     gradient, hessian : (d,) -> (d,) and (d,) -> sparse (d, d)
         ∇H and H″.
     degree : int, optional
-        Of a polynomial H: Gauss-Legendre quadrature with ⌈degree/2⌉ nodes is then exact.
+        The degree of a polynomial H: Gauss-Legendre quadrature with ⌈degree/2⌉ nodes is then exact.
     mean_gradient : (y0, y1) -> (d,), optional
         ∫₀¹∇H(y0 + τ(y1 − y0))dτ in closed form. One of it and `degree` must be there.
     casimirs : (d,) -> (K,), optional
@@ -87,7 +87,7 @@ class LargeProblem:
 
     @property
     def dimension(self) -> int:
-        """The dimension d."""
+        """The number d of components of y."""
         return int(self.initial.size)
 
     def energy(self, y: Array) -> float:
@@ -99,5 +99,5 @@ class LargeProblem:
         return fsum(self.terms(y).tolist() + (-self.terms(y0)).tolist())
 
     def random_step(self, h: float, dW: Array) -> float:
-        """Δ = h + Σ_j c_j ΔW_j for dW of shape (m,)."""
+        """The random step Δ = h + Σ_j c_j ΔW_j for dW of shape (m,)."""
         return h + float(sum(c * w for c, w in zip(self.noise, dW, strict=True)))

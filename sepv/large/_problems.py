@@ -20,10 +20,11 @@ def _sparse(d: int, rows: Any, cols: Any, data: Array) -> Sparse:
     return coo_array((data, (rows, cols)), shape=(d, d)).tocsr()
 
 
-def _at_least(what: str, n: int, least: int) -> None:
+def _at_least(name: str, n: int, least: int) -> None:
+    """Raise a ProblemError for a chain of less than `least` members."""
     if not isinstance(n, int) or n < least:
         raise ProblemError(
-            expected=f"{what}, an integer ≥ {least}", received=repr(n), remedy="a longer chain"
+            expected=f"{name}, an integer ≥ {least}", received=repr(n), remedy="a longer chain"
         )
 
 

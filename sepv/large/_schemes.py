@@ -19,86 +19,81 @@ from sepv.problem import Algebra, Array
 from sepv.record import gauss_legendre, mean_nodes
 from sepv.schemes import energy_preserving_formula as _energy_preserving
 from sepv.schemes import midpoint_formula as _midpoint
-from sepv.solve import Equations, Evaluation, Formula, Increment, Status, Tangent, newton
+from sepv.solve import Equations, Evaluation, Formula, Status, Tangent, newton, once
 
-# The widest band: the band solver touches 2l + u + 1 numbers a row, pivoting included; beyond this SuperLU is faster.
+# The most numbers 2l + u + 1 that the band solver touches in a row, pivoting included; beyond it SuperLU is faster.
 WIDEST_BAND = 64
 
 
-class Answers:
-    """The functions of a formula on the segment from y0 to y0 + z, (d,); B(y) and ∇̄H are kept for Newton's matrix."""
+class LargeFields:
+    """The functions of a large problem that formulas of B(y)v, ∇H and its mean use, for a step from y0 to y0 + z, (d,).
+
+    Newton's matrix uses the `structures` B(y) again, and the averaged gradient `mean`.
+    """
 
     def __init__(self, problem: LargeProblem, y0: Array, z: Array) -> None:
         self.problem: Any = problem
         self.y0, self.z = y0, z
-        self.y1 = y0 + z
         self.structures: list[Sparse] = []
 
     def apply(self, y: Array, v: Array) -> Array:
-        """B(y)v."""
         self.structures.append(self.problem.structure(y))
         return np.asarray(self.structures[-1] @ v)
 
     def gradient(self, y: Array) -> Array:
-        """∇H(y)."""
         return np.asarray(self.problem.gradient(y))
 
     def field(self, y: Array) -> Array:
-        """B(y)∇H(y)."""
         return self.apply(y, self.gradient(y))
 
     def mean_gradient(self, y: Array, z: Array) -> Array:  # noqa: ARG002 - y0 and z
-        """∫₀¹∇H(y + τz)dτ, exact to rounding."""
         return self.mean
 
     @cached_property
     def mean(self) -> Array:
-        """The averaged gradient of the segment."""
+        """The averaged gradient ∫₀¹∇H(y0 + τz)dτ, exact to rounding."""
         problem = self.problem
         if problem.mean_gradient is not None:
-            return np.asarray(problem.mean_gradient(self.y0, self.y1))
+            return np.asarray(problem.mean_gradient(self.y0, self.y0 + self.z))
         points, weights = gauss_legendre(mean_nodes(problem.degree))
         return np.asarray(
             sum(w * problem.gradient(self.y0 + t * self.z) for t, w in zip(points, weights, strict=True))
         )
 
 
-class Slopes:
-    """The functions of a formula with sparse derivatives by z: see `sepv.solve._linearised`."""
+class LargeSlopes:
+    """The functions of `LargeFields` with sparse derivatives by z, as in `sepv.solve._linearised`."""
 
-    def __init__(self, answers: Answers) -> None:
-        self.problem, self._asked = answers.problem, answers
-        self._structures = iter(answers.structures)
+    def __init__(self, fields: LargeFields) -> None:
+        self.problem, self.fields = fields.problem, fields
+        self._structures = iter(fields.structures)
 
     def apply(self, y: Tangent, v: Tangent) -> Tangent:
-        """B(y)v."""
         K = next(self._structures) @ v.slope
         if self.problem.structure_slope is not None:
             K = K + y.slope * self.problem.structure_slope(y.value, v.value)
         return Tangent(None, K)
 
     def gradient(self, y: Tangent) -> Tangent:
-        """∇H(y)."""
         return Tangent(self.problem.gradient(y.value), y.slope * self.problem.hessian(y.value))
 
     def field(self, y: Tangent) -> Tangent:
-        """B(y)∇H(y)."""
         return self.apply(y, self.gradient(y))
 
     def mean_gradient(self, y: Array, z: Tangent) -> Tangent:  # noqa: ARG002 - y0 and z
-        """∫₀¹∇H(y + τz)dτ, with H″ by a few nodes: their error costs iterations and no accuracy."""
-        answers, degree = self._asked, self.problem.degree
+        """The averaged gradient, with H″ averaged by a few nodes: their error costs iterations and no accuracy."""
+        fields, degree = self.fields, self.problem.degree
         points, weights = gauss_legendre(3 if degree is None else mean_nodes(degree))
         first, *others = (
-            w * t * self.problem.hessian(answers.y0 + t * answers.z)
+            w * t * self.problem.hessian(fields.y0 + t * fields.z)
             for t, w in zip(points, weights, strict=True)
         )
-        return Tangent(answers.mean, sum(others, first))
+        return Tangent(fields.mean, sum(others, first))
 
 
 @dataclass(frozen=True)
 class LargeSolution:
-    """y1 (d,) if converged, else the last iterate; largest residual, iterations and status."""
+    """The result of one step: y1 (d,) if converged, else the last iterate; the largest residual, iterations, status."""
 
     value: Array
     residual: float
@@ -107,20 +102,18 @@ class LargeSolution:
 
 
 def solve(problem: LargeProblem, y0: Array, formula: Formula, delta: float) -> LargeSolution:
-    """Solve y1 = y0 + R for the formula's R and the random step Δ; there is no second attempt if Newton fails."""
-    once = np.ones(1, dtype=np.int64)
+    """Solve y1 = y0 + R for a formula's R and the random step `delta`; there is no second attempt if Newton fails."""
 
     def evaluate(z: Array, _: NDArray[np.intp]) -> Evaluation:
-        # These are the functions of `Fields` in formulas of B(y)v, ∇H and its mean.
-        answers: Any = Answers(problem, y0, z[:, 0])
-        slopes: Any = Slopes(answers)
-        R = formula(answers, y0, z[:, 0], [delta])
+        fields: Any = LargeFields(problem, y0, z[:, 0])
+        slopes: Any = LargeSlopes(fields)
+        R = formula(fields, y0, z[:, 0], [delta])
         slope = lambda: formula(slopes, y0, Tangent(z[:, 0], 1.0), [delta]).slope  # noqa: E731
-        return Evaluation(Increment(R[:, None], once, once, once == 1), lambda: (slope(), 0))
+        return Evaluation(once(R[:, None]), lambda: (slope(), 0))
 
     def inside(z: Array, _: NDArray[np.intp]) -> NDArray[np.bool_]:
         assert problem.domain is not None
-        return np.array([problem.domain(y0 + one) for one in z.T])
+        return np.array([problem.domain(y0 + change) for change in z.T])
 
     equations = Equations(
         np.abs(y0)[:, None], evaluate, None if problem.domain is None else inside,
@@ -134,7 +127,7 @@ def solve(problem: LargeProblem, y0: Array, formula: Formula, delta: float) -> L
 
 
 def newton_correction(K: Sparse, F: Array) -> Array:
-    """(I − K)⁻¹F, (d, 1); NaN where the matrix is singular."""
+    """Newton's correction (I − K)⁻¹F, (d, 1), for a sparse K; NaN if the matrix is singular."""
     entries = K.tocoo()
     lower = int(max((entries.row - entries.col).max(initial=0), 0))
     upper = int(max((entries.col - entries.row).max(initial=0), 0))
@@ -163,16 +156,17 @@ def newton_correction(K: Sparse, F: Array) -> Array:
         return np.full_like(F, np.nan)
 
 
+# The operations of Newton's iteration for a sparse matrix K of one state.
 SPARSE = Algebra(newton_correction, lambda K: np.isfinite(K.data).all(), lambda K, size: abs(K) @ size)
 
 LargeStep = Callable[[LargeProblem, Array, float], LargeSolution]
 
 
 def energy_preserving(problem: LargeProblem, y: Array, delta: float) -> LargeSolution:
-    """Equation (2.1): see `sepv.schemes.energy_preserving`."""
+    """One step of the energy-preserving scheme (2.1) from y (d,) with the random step `delta`."""
     return solve(problem, y, _energy_preserving, delta)
 
 
 def midpoint(problem: LargeProblem, y: Array, delta: float) -> LargeSolution:
-    """Equation (3.4): see `sepv.schemes.midpoint`."""
+    """One step of the midpoint rule (3.4) from y (d,) with the random step `delta`."""
     return solve(problem, y, _midpoint, delta)

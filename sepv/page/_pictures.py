@@ -1,7 +1,7 @@
-"""Pictures for the page: matplotlib's SVG without its own style, in the page's colours, and inert.
+"""Pictures for the page: SVG made by matplotlib, adapted to the page's style sheet and security policy.
 
-The page's policy forbids styles in elements, so properties become attributes. Colours become variables of the style
-sheet, which has a light and a dark theme. A marker or a frame is defined once for all pictures, with an identifier.
+The policy forbids styles in elements, so properties become attributes. Colours become variables of the style sheet,
+which has a light and a dark theme. A marker or a frame is defined once for all pictures, with an identifier.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ LEFT, RIGHT, TOP, BOTTOM = 62, 14, 12, 44
 SAMPLE = 34, 12
 # The width at the right where slopes have their names.
 NAMES = 50
-# The most points of a cloud, strips of a long line, and the tolerance of a simplified line.
+# The most points of a cloud and strips of a long line, and the tolerance with which lines are simplified.
 MOST, NEAR = 110, 0.35
 MARKER = 6.5
 _STYLE = {
@@ -62,13 +62,13 @@ class Pictures:
 
     @property
     def definitions(self) -> Any:
-        """Definitions that drawings refer to: once on the page, before them."""
+        """The SVG of markers and frames that all drawings refer to, to stand on the page before them."""
         # matplotlib and ElementTree have escaped this SVG, so that the template must not escape it again.
         named = (re.sub("^<([a-zA-Z]+)", rf'<\1 id="{at}"', e) for e, at in self._shared.items())
         return Markup("".join(named))
 
     def draw(self, series: Sequence[Series], x: Axis, y: Axis, **more: Any) -> Picture:
-        """Draw a picture of series; `more` is for `sepv.studies._picture.draw_curves`."""
+        """Draw curves in a picture; `more` are further arguments of `sepv.studies._picture.draw_curves`."""
         drawing.require_matplotlib("a page of verdicts and counters alone needs none")
         with drawing.figure(WIDTH / 72, HEIGHT / 72, _STYLE) as drawn, warnings.catch_warnings():
             # The reader's fonts draw a sign that matplotlib's font lacks.
@@ -88,6 +88,7 @@ class Pictures:
         return Picture(inside, samples)
 
     def _sample(self, look: Look, style: str) -> Any:
+        """The SVG of a short piece of a curve, for the legend."""
         if (look, style) not in self._samples:
             from matplotlib.lines import Line2D
 
@@ -104,7 +105,7 @@ class Pictures:
         return self._samples[look, style]
 
     def _inside(self, drawn: Any, used: Iterable[Look]) -> Any:
-        """The figure's elements, adapted to the page."""
+        """The SVG of a figure without its outermost tag, adapted to the page."""
         for look in used:
             self._colours.setdefault(look.colour, look.dark)
         root = ElementTree.fromstring(drawing.content(drawn, ".svg"))
@@ -129,7 +130,10 @@ class Pictures:
 
 
 def _inert(element: ElementTree.Element, paint: Mapping[str, str]) -> str:
-    """Names without namespaces, properties as attributes, colours as variables, short numbers; its identifier."""
+    """Adapt an element of matplotlib's SVG to the page, and return the identifier that it had.
+
+    Names lose their namespaces, styles become attributes, colours variables, and numbers short.
+    """
     element.tag = element.tag.rpartition("}")[2]
     attributes = {key.rpartition("}")[2]: value for key, value in element.attrib.items()}
     for part in attributes.pop("style", "").split(";"):
@@ -155,9 +159,9 @@ def _inert(element: ElementTree.Element, paint: Mapping[str, str]) -> str:
 
 
 def _flat(element: ElementTree.Element) -> None:
-    """Remove groups without attributes, and common attributes of a row of markers: their definition has the look.
+    """Simplify the elements below one: groups without attributes dissolve, and definitions go, which the page has.
 
-    Definitions are left out: the page has them.
+    Markers lose all attributes but their place, because their definition has the look.
     """
     pieces: list[ElementTree.Element] = []
     for child in element:

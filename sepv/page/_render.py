@@ -48,14 +48,11 @@ def render(sources: Sources, *, title: str | None = None) -> str:
     style = filled("style.css", colours=pictures.colours)
     digest = base64.b64encode(hashlib.sha256(style.encode()).digest()).decode()
     laws, schemes = verdicts.schemes(sources.verify)
-    one = (
-        schemes[0]["name"]
-        if len(schemes) == 1 and not (comparisons or reproductions or sources.bench)
-        else ""
-    )
+    alone = len(schemes) == 1 and not (comparisons or reproductions or sources.bench)
+    usual = f"{schemes[0]['name']}: which structural properties hold?" if alone else TITLE
     return filled(
         "page.html",
-        title=plain(title or (f"{one}: which structural properties hold?" if one else TITLE), 200),
+        title=plain(title or usual, 200),
         version=__version__,
         # The style has no text of the files read, so it is the one text that is not escaped.
         style=Markup(style),
@@ -89,4 +86,5 @@ def fingerprint() -> str:
 
 
 def _version(record: dict[str, Any]) -> str:
+    """The version of sepv that made a report or a reproduction."""
     return plain(record.get("suite", record.get("reproduction", {})).get("version", "?"), 40)

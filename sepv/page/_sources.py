@@ -10,14 +10,14 @@ from typing import Any
 from sepv.errors import UsageError
 from sepv.files import read_json, require_schema
 
-# A key that tells a file's kind: a report on a scheme, a reproduction, a comparison or a benchmark.
+# The commands that write files for the page, by a key that only their files have; and the schema of each.
 KINDS = {"suite": "verify", "reproduction": "reproduce", "times_to_error": "compare", "records": "bench"}
 SCHEMA_OF = {"verify": "report", "compare": "comparison", "reproduce": "reproduction", "bench": "bench"}
 
 
 @dataclass
 class Sources:
-    """The files that were read, by kind, in their order."""
+    """The contents of the JSON files of a page by the command that wrote them, each kind in the order of reading."""
 
     verify: list[dict[str, Any]] = field(default_factory=list)
     compare: list[dict[str, Any]] = field(default_factory=list)

@@ -7,13 +7,13 @@ import unicodedata
 
 # The most characters of names and messages; the JSON file has them in full.
 NAME, MESSAGE = 60, 1500
-_KEPT = "\n\t"
+_WHITE = "\n\t"
 
 
 def plain(text: object, limit: int = MESSAGE) -> str:
     """Text without control and formatting characters, right-to-left overrides among them, and not too long."""
     shown = "".join(
-        c if c in _KEPT or unicodedata.category(c) not in ("Cc", "Cf", "Cs", "Co", "Cn") else "�"
+        c if c in _WHITE or unicodedata.category(c) not in ("Cc", "Cf", "Cs", "Co", "Cn") else "�"
         for c in str(text)[: limit + 1]
     )
     return shown if len(shown) <= limit else f"{shown[:limit]}… ({len(str(text))} characters)"

@@ -17,8 +17,8 @@ from sepv.page._views import View, again, cell, words_of
 from sepv.studies import power
 from sepv.verification import LAWS, Verdict, has_words, load_laws, same_error, verdict_text
 
-# Characters of counterexamples on a page; the JSON files have them all. A page of up to FEW schemes has room for more
-# of them, and for their pictures.
+# The most characters of all counterexamples on a page, and on one of up to FEW schemes, which has their pictures too.
+# The JSON files have them all.
 BUDGET, ROOMY, FEW = 17_000, 100_000, 4
 # Decades of the scale of defects: from 10⁻³ of the bound to 10³ or further, with a tick for every third one.
 LEAST, MOST, EVERY = -3, 15, 3
@@ -42,9 +42,9 @@ def _scheme(report: View, laws: list[str], budget: int, *, drawn: bool) -> View:
     counts = ", ".join(Verdict(k).of(n) for k, n in report["counts"].items() if n)
     shown, left = _counterexamples(report["laws"], _target(report["scheme"]), budget, drawn=drawn)
     at = {law: n for n, entry in enumerate(shown, 1) for law in entry["laws"]}
-    own_name, place, ticks = name(report["scheme"]["name"]), *_scale(report["laws"])
+    scheme, place, ticks = name(report["scheme"]["name"]), *_scale(report["laws"])
     return {
-        "name": own_name,
+        "name": scheme,
         "source": plain(report["scheme"]["source"], 200),
         "cells": [
             cell(by_law[law]["verdict"], by_law[law]["claimed"]) if law in by_law else cell("absent")
@@ -55,14 +55,14 @@ def _scheme(report: View, laws: list[str], budget: int, *, drawn: bool) -> View:
         "counterexamples": shown,
         "left_out": left,
         "unsettled": _unsettled(report["laws"]),
-        "summary": f"{counted(len(report['laws']), 'law')}: {counts}{_found(report)}",
+        "summary": f"{counted(len(report['laws']), 'law')}: {counts}{_profiles(report)}",
         "made": _made(report),
-        "command": again(report, f"the report of {own_name}"),
+        "command": again(report, f"the report of {scheme}"),
     }
 
 
-def _found(report: View) -> str:
-    """The profiles that a report found, those that it lacks, and what was waived; an older report says so."""
+def _profiles(report: View) -> str:
+    """The profiles of a report in words: those found, those required and not found, and what was waived."""
     profiles = report.get("profiles")
     if profiles is None:
         return "; it was written before sepv knew profiles: measure again for them"
@@ -74,18 +74,20 @@ def _found(report: View) -> str:
 
 
 def _made(report: View) -> str:
-    """The versions and the effort behind a report."""
+    """The versions and the effort with which a report was made, in words."""
     made, suite = report.get("made", {}), report["suite"]
-    known = [
-        f"{key} {made[key]}" for key in ("python", "numpy", "scipy", "hypothesis", "mpmath") if key in made
-    ]
-    on = [str(made["platform"])] if "platform" in made else []
+    packages = [key for key in ("python", "numpy", "scipy", "hypothesis", "mpmath") if key in made]
+    versions = [f"sepv {suite['version']}", *(f"{key} {made[key]}" for key in packages)]
+    versions += [str(made["platform"])] if "platform" in made else []
     effort = [f"seed {suite['seed']}", f"{suite['examples']} examples", f"{suite['paths']} paths at most"]
-    return plain(", ".join([f"sepv {suite['version']}", *known, *on]) + "; " + ", ".join(effort), 400)
+    return plain(", ".join(versions) + "; " + ", ".join(effort), 400)
 
 
 def _scale(laws: list[View]) -> tuple[Any, list[tuple[str, str]]]:
-    """The place of a finding on the axis, in per cent of its width, and the ticks of the axis with their words."""
+    """The axis of defects for the laws of a report: a function that places a law, and the ticks with their words.
+
+    Places are in per cent of the width.
+    """
     ratios = [r for r in map(_ratio, laws) if r is not None and 0 < r < math.inf]
     top = math.ceil(math.log10(max([*ratios, 1.0])) / EVERY) * EVERY
     high = min(MOST, max(EVERY, top))
@@ -105,9 +107,9 @@ def _scale(laws: list[View]) -> tuple[Any, list[tuple[str, str]]]:
 
 
 def _ratio(law: View) -> float | None:
-    """Defect over bound, or bound over defect for a lower bound: more than 1 is on the wrong side.
+    """The ratio of a law's defect to its bound, or of a lower bound to the defect: more than 1 is a violation.
 
-    None where nothing was measured, ∞ for a defect that is not finite or a bound of zero that is missed.
+    It is None where nothing was measured, and ∞ for a defect that is not finite or a bound of zero that is missed.
     """
     defect, bound = law["defect"], law["bound"]
     if bound is None or (defect is None and law["verdict"] != "violated"):
@@ -120,6 +122,7 @@ def _ratio(law: View) -> float | None:
 
 
 def _row(law: View, place: Any) -> View:
+    """The row of a law in a scheme's table, with its place on the axis of defects."""
     bound = "" if law["bound"] is None else f"{'≥' if law['at_least'] else '≤'} {number(law['bound'])}"
     claimed = "expected to fail" if law["expected"] is not None else "claimed" if law["claimed"] else ""
     shown = cell(law["verdict"], law["claimed"])
@@ -138,15 +141,15 @@ def _row(law: View, place: Any) -> View:
 
 
 def _counterexamples(laws: list[View], target: str, budget: int, *, drawn: bool) -> tuple[list[View], int]:
-    """Choose counterexamples within the budget of characters, claimed laws first; return the number left out.
+    """The counterexamples that fit into a budget of characters, claimed laws first, and the number of the others.
 
-    One error of many laws is one entry.
+    An error that many laws share is one entry.
     """
-    open_ = [law for law in laws if law["verdict"] in ("violated", "error") and law["message"]]
+    failures = [law for law in laws if law["verdict"] in ("violated", "error") and law["message"]]
     shown: list[View] = []
     shown_once: dict[str, View] = {}
     left = 0
-    for law in sorted(open_, key=lambda v: not v["claimed"]):
+    for law in sorted(failures, key=lambda v: not v["claimed"]):
         error = same_error(law["message"]) if law["verdict"] == "error" else ""
         if error in shown_once:
             shown_once[error]["laws"].append(law["law"])
@@ -171,9 +174,9 @@ def _counterexamples(laws: list[View], target: str, budget: int, *, drawn: bool)
 
 
 def _course(course: View) -> View | None:
-    """Two pictures of a course: two components of the path, and the change of an invariant; with their words.
+    """Two pictures of a course, the repeated step of a counterexample: two components of y, and an invariant's change.
 
-    None for a file of somebody else's with nothing to draw.
+    It is None if a file has nothing to draw.
     """
     steps, conserved = len(course["drift"]) - 1, course["kept"]
     names = [f"component {i} of y" for i in course["components"]]
@@ -200,17 +203,17 @@ def _course(course: View) -> View | None:
 def _panel(curve: list[Any], beside: list[Any], names: list[str], least: float) -> View | None:
     """A curve and a dashed one beside it, as paths of SVG, with the ends of both axes in words.
 
-    None without two points; beyond 1e300 a frame around them would overflow.
+    It is None without two points. Beyond 1e300 a frame around them would overflow.
     """
-    own_curve, other = (
-        [p for p in zip(*c, strict=False) if all(v is not None and abs(v) < 1e300 for v in p)]
-        if len(c) == 2
-        else []
-        for c in (curve, beside)
-    )
-    if len(own_curve) < 2:
+
+    def drawable(coordinates: list[Any]) -> list[Any]:
+        pairs = zip(*coordinates, strict=False) if len(coordinates) == 2 else ()
+        return [p for p in pairs if all(v is not None and abs(v) < 1e300 for v in p)]
+
+    main, other = drawable(curve), drawable(beside)
+    if len(main) < 2:
         return None
-    (left, right), (low, high) = ((min(v), max(v)) for v in zip(*own_curve, *other, strict=True))
+    (left, right), (low, high) = ((min(v), max(v)) for v in zip(*main, *other, strict=True))
     if high - low < least:
         low, high = (low + high - least) / 2, (low + high + least) / 2
 
@@ -222,7 +225,7 @@ def _panel(curve: list[Any], beside: list[Any], names: list[str], least: float) 
         begin, end, top, bottom = FRAME
         return [f"{at(a, left, right, begin, end):.1f} {at(b, low, high, bottom, top):.1f}" for a, b in pairs]
 
-    dots = points(own_curve)
+    dots = points(main)
     ends = [(v, right - left) for v in (left, right)] + [(v, high - low) for v in (low, high)]
     return {
         "line": "M" + "L".join(dots), "dots": "".join(f"M{p}h0" for p in dots), "first": "M" + "L".join(dots[:2]),
@@ -234,7 +237,7 @@ def _panel(curve: list[Any], beside: list[Any], names: list[str], least: float) 
 
 
 def _unsettled(laws: list[View]) -> list[str]:
-    """Explain each inconclusive law: the measurement, and possible reasons for its wide interval."""
+    """A sentence for each inconclusive law: the measurement, and possible reasons for its wide interval."""
     unsettled = []
     for law in laws:
         if law["verdict"] == "inconclusive":
@@ -252,7 +255,7 @@ _RMS = re.compile(r"rms error ([\d.e+-]+), ([\d.e+-]+), ([\d.e+-]+)")
 
 
 def _runs_away(*errors: str) -> bool:
-    """True if the coarsest error is more than four times the one that the next two lead to expect."""
+    """True if the first of three errors is more than four times the one that the next two lead to expect."""
     try:
         first, second, third = map(float, errors)
     except ValueError:  # a file by somebody else
@@ -277,22 +280,17 @@ def headline(reports: list[View]) -> str:
     claimed = [(r, law) for r in reports for law in r["laws"] if law["claimed"] and law["expected"] is None]
     claimed = [(r, law) for r, law in claimed if law["verdict"] != "not_applicable"]
     broken = [(r, law) for r, law in claimed if law["verdict"] != "holds"]
+    if not claimed and len(reports) > 1:
+        return f"{counted(len(reports), 'scheme')}, of which nothing is claimed."
     if not claimed:
-        several = len(reports) > 1
-        return (
-            f"{counted(len(reports), 'scheme')}, of which nothing is claimed."
-            if several
-            else "Nothing is claimed."
-        )
+        return "Nothing is claimed."
     # A scheme without claims keeps none.
     claiming = [r for r in reports if any(r is c for c, _ in claimed)]
     holding = sum(not any(r is b for b, _ in broken) for r in claiming)
     silent = len(reports) - len(claiming)
     held = len(claimed) - len(broken)
-    hold, keep = (
-        "hold" + "s" * (1 in (held, len(claimed))),
-        "keeps all that it claims" if holding == 1 else "keep all that they claim",
-    )
+    hold = "holds" if 1 in (held, len(claimed)) else "hold"
+    keep = "keeps all that it claims" if holding == 1 else "keep all that they claim"
     text = f"{held} of {counted(len(claimed), 'claimed law')} {hold}"
     text += f"; {holding} of {counted(len(claiming), 'scheme')} {keep}." if len(reports) > 1 else "."
     if silent:

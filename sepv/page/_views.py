@@ -48,19 +48,19 @@ def words_of(command: str) -> list[str]:
 
 
 def cell(verdict: str, claimed: bool = False) -> View:
-    """One verdict of the matrix."""
+    """A cell of the matrix of verdicts: sign, words, and whether the law is claimed."""
     sign, words = WORDS[verdict]
     return {"kind": verdict, "sign": sign, "words": words, "claimed": claimed}
 
 
 def step_size(h: float) -> str:
-    """A step size: a power of two as one, else three digits."""
+    """The text of a step size: as a power of two if it is one, else with three digits."""
     exponent = math.log2(h) if h > 0 else 0.5
     return power(h, 2) if exponent == int(exponent) and exponent < -1 else number(h)
 
 
 def priced(points: list[View]) -> list[View]:
-    """The points from where steps dominate the time: twice the steps cost at least half as much again.
+    """The points of a method in whose times the steps dominate: twice the steps cost at least half as much again.
 
     Before them a call's overhead dominates. The last two points always stay.
     """
@@ -77,7 +77,7 @@ def priced(points: list[View]) -> list[View]:
 
 
 def drawn(sources: Sources) -> tuple[list[str], dict[str, Look]]:
-    """The schemes in pictures, and the looks that their files state."""
+    """The names of all schemes that a page draws, and the looks that its files state for them."""
     methods = [m for c in sources.compare for m in c["methods"]]
     names = [m["name"] for m in methods]
     names += [s["scheme"] for r in sources.reproduce for p in r["panels"] for s in p["series"]]
@@ -125,6 +125,7 @@ def comparison(data: View, pictures: Pictures) -> View:
 
 
 def _point(p: View, micro: float) -> View:
+    """The row of a table for one method and step size; `micro` is its time of a path in µs."""
     error = p["strong_error"]
     return {
         "method": name(p["method"]),
@@ -140,15 +141,15 @@ def _point(p: View, micro: float) -> View:
 
 
 def _times(times: list[View], methods: list[str]) -> list[tuple[str, list[str]]]:
+    """The rows of the table of times to given errors: a method, and its time to each error."""
     wanted = sorted({t["error"] for t in times}, reverse=True)
     words = {"between": "", "beyond": " (extrapolated)", "coarsest": " (at the coarsest step)"}
     rows = []
     for m in methods:
         by_error = {t["error"]: t for t in times if t["method"] == m}
-        known = {e: t for e, t in by_error.items() if t["microseconds"] is not None}
-        times_of = {e: number(t["microseconds"]) + words.get(t["how"], "") for e, t in known.items()}
-        cells = [times_of.get(e, "never") for e in wanted]
-        rows.append((name(m), cells))
+        reached = {e: t for e, t in by_error.items() if t["microseconds"] is not None}
+        times_of = {e: number(t["microseconds"]) + words.get(t["how"], "") for e, t in reached.items()}
+        rows.append((name(m), [times_of.get(e, "never") for e in wanted]))
     return rows
 
 

@@ -12,14 +12,14 @@ from sepv.statistics._quantiles import students_t
 
 Array = NDArray[np.float64]
 
-# Groups of paths for the jackknife: enough for a t-quantile with 31 degrees of freedom, few enough that the mean square
-# over a group is nearly normal.
+# The number of groups of paths for the jackknife: enough for a t-quantile with 31 degrees of freedom, few enough that
+# the mean square over a group is nearly normal.
 GROUPS = 32
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """value ± half-width: a two-sided interval that misses with probability alpha."""
+    """An estimate with a two-sided interval, value ± half, which misses the truth with probability alpha."""
 
     value: float
     half: float
@@ -37,7 +37,10 @@ class Estimate:
 
 
 def jackknife(samples: Array, statistic: Callable[[Array], float], alpha: float) -> Estimate:
-    """statistic(mean over paths) with a delete-one-group interval, Student's t with GROUPS − 1 degrees."""
+    """Estimate a statistic of means over paths, for samples (n, paths), with an interval by the jackknife.
+
+    The interval leaves out one of GROUPS groups of paths at a time, and uses Student's t with GROUPS − 1 degrees.
+    """
     parts = np.array_split(samples, GROUPS, axis=1)
     groups = np.stack([part.sum(axis=1) for part in parts])
     sizes = np.array([part.shape[1] for part in parts], dtype=np.float64)

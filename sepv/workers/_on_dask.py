@@ -1,4 +1,4 @@
-"""Tasks on Dask: chunks as futures of a `distributed.Client`, at most a few for each thread of the cluster.
+"""Tasks on Dask: chunks of paths as futures of a `distributed.Client`, at most a few for each thread of the cluster.
 
 Dask moves a chunk whose worker died to another one, and tries a chunk that raised again elsewhere. This module checks
 that a worker has the versions of this process, or the bits would differ. It ends with a message, and does not hang,
@@ -42,12 +42,12 @@ class TaskRaised(Exception):
 
 
 class Unfit(str):
-    """A requirement of the task that a worker lacks."""
+    """The result of a task on a worker with other versions than this process, in words."""
 
 
 @dataclass(frozen=True)
 class OnWorker:
-    """The function, with a check of versions before it on the worker."""
+    """A function for a worker, which checks the versions there before it runs the function on a task."""
 
     function: Callable[[Any], Any]
     wanted: dict[str, str]
@@ -69,14 +69,14 @@ class OnWorker:
 
 @cache
 def versions(alike: tuple[str, ...]) -> dict[str, str]:
-    """The versions that bits depend on; "none" for a package that is not installed."""
+    """The versions on which the bits of results depend: of sepv and of some packages, "none" if not installed."""
     installed = {name: metadata.version(name) if find_spec(name) is not None else "none" for name in alike}
     return {"sepv": __version__, **installed}
 
 
 @contextmanager
 def dask_crew(workers: Any, function: Callable[[Any], Any], alike: tuple[str, ...]) -> Iterator[DaskCrew]:
-    """The crew of a client, of a cluster, or of the scheduler at an address.
+    """A context with the crew of a Dask client, of a cluster, or of the scheduler at an address.
 
     Raises UsageError without Dask, with no scheduler at the address, or for an asynchronous client.
     """
@@ -107,7 +107,7 @@ def dask_crew(workers: Any, function: Callable[[Any], Any], alike: tuple[str, ..
 
 
 class DaskCrew(Futures):
-    """A crew of a client's futures."""
+    """A crew that computes tasks on the cluster of a Dask client."""
 
     def __init__(self, client: Any, function: Callable[[Any], Any], alike: tuple[str, ...]) -> None:
         super().__init__(None, OnWorker(function, versions(alike)))
@@ -166,6 +166,7 @@ class DaskCrew(Futures):
             return {}
 
     def _outcomes(self, number: int, fetched: dict[int, Any]) -> list[Outcome]:
+        """The outcome of a finished task, from `fetched` or from its worker; none if it must be computed again."""
         from distributed import KilledWorker
 
         future = self.running.pop(number)
@@ -237,6 +238,7 @@ class DaskCrew(Futures):
             )
 
     def _gone(self, why: Any) -> ClusterFailure:
+        """The error for a scheduler that does not answer, or has forgotten the tasks."""
         text = why if isinstance(why, str) else f"{type(why).__name__}: {why}"
         return ClusterFailure(
             f"The scheduler at {self.address} is gone, or has forgotten this run ({text}).",

@@ -14,14 +14,14 @@ from typing import Any, NamedTuple
 
 from sepv.errors import UsageError
 
-# Chunks on their way for each worker: the one in work, and others so that it never waits.
+# The number of tasks submitted at a time for each worker: the one in work, and others so that it never waits.
 AHEAD = 4
 # The assumed number of workers of an executor that does not tell it.
 UNKNOWN = 16
 
 
 class Outcome(NamedTuple):
-    """The outcome of a task: its result if it is `ok`, else the reason for its failure."""
+    """The outcome of a numbered task: its result if it is `ok`, else the reason for its failure."""
 
     number: int
     ok: bool
@@ -43,7 +43,7 @@ def halted() -> bool:
 
 
 class Futures:
-    """The crew of an executor, or of anything whose futures have `add_done_callback`."""
+    """A crew that computes tasks on an executor, or on anything whose futures have `add_done_callback`."""
 
     def __init__(self, executor: Any, function: Callable[[Any], Any]) -> None:
         self.executor, self.function = executor, function
@@ -71,7 +71,7 @@ class Futures:
             self.watch(number, future)
 
     def watch(self, number: int, future: Any) -> None:
-        """Record the future when it is done."""
+        """Remember a running task, and note its number when it is done."""
         self.running[number] = future
         future.add_done_callback(lambda _: self.done.put(number))
 
@@ -95,6 +95,7 @@ class Futures:
 
 @contextmanager
 def crew_of_threads(count: int, function: Callable[[Any], Any]) -> Iterator[Futures]:
+    """A context with a crew of threads; an exception that leaves it stops their chunks at the next piece."""
     event = threading.Event()
 
     def begin() -> None:
@@ -109,7 +110,7 @@ def crew_of_threads(count: int, function: Callable[[Any], Any]) -> Iterator[Futu
 
 
 def _serve_quietly() -> None:
-    """Silence Ctrl-C, which reaches the processes of a pool too. They end with their parent."""
+    """Prepare a process of a pool: Ctrl-C ends it without a traceback, and it ends with its parent."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
@@ -123,6 +124,7 @@ def _end_with_parent() -> None:
 
 @contextmanager
 def crew_of_processes(count: int, function: Callable[[Any], Any]) -> Iterator[Futures]:
+    """A context with a crew of processes, which end with it even if they still compute."""
     before = set(multiprocessing.active_children())
     with ProcessPoolExecutor(count, initializer=_serve_quietly) as pool:
         crew = _Processes(pool, function)
@@ -136,7 +138,7 @@ def crew_of_processes(count: int, function: Callable[[Any], Any]) -> Iterator[Fu
 
 @contextmanager
 def ended_at_once(pool: ProcessPoolExecutor) -> Iterator[ProcessPoolExecutor]:
-    """The pool for a block; if an exception such as Ctrl-C leaves the block, its processes are not waited for."""
+    """A context with a pool of processes, which are killed if an exception such as Ctrl-C leaves it."""
     before = set(multiprocessing.active_children())
     with pool:
         try:

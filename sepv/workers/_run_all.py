@@ -18,12 +18,12 @@ from sepv.workers._pool import Futures, cannot_travel, crew_of_processes, crew_o
 T = TypeVar("T")
 R = TypeVar("R")
 
-# Chunks in one call of a map, if results must not pile up.
+# The number of chunks in one call of a map, if results must not pile up.
 LOT = 64
 
 
 def check(workers: Any) -> None:
-    """Refuse objects that cannot be workers, by a UsageError that lists those that can."""
+    """Raise a UsageError for an object that cannot be workers; it lists those that can."""
     fits = (
         (isinstance(workers, int) and not isinstance(workers, bool) and workers >= 1)
         or callable(workers)
@@ -39,7 +39,7 @@ def check(workers: Any) -> None:
 
 
 def count(workers: Any) -> int:
-    """The number of tasks computed at a time; 0 if it is unknown."""
+    """The number of tasks that workers compute at a time; 0 if it is unknown."""
     if isinstance(workers, int):
         return workers
     if hasattr(_dask(workers), "nthreads"):
@@ -57,7 +57,7 @@ def run_all(
     bounded: bool = True,
     alike: tuple[str, ...] = ("numpy", "numba"),
 ) -> int:
-    """Run function on every task; `receive` gets the number and the result of each, in any order.
+    """Compute function(task) for every task on workers; `receive` gets the number and the result of each, in any order.
 
     Returns the number of tasks that had to be computed again here; their errors are raised here. A cluster that is
     gone, or unfit for the work, raises ClusterFailure, and nothing is computed here.
@@ -99,6 +99,7 @@ def run_all(
 def _flow(
     crew: Futures, function: Callable[[T], R], tasks: Sequence[T], receive: Callable[[int, R], bool | None]
 ) -> int:
+    """Compute all tasks on a crew, a limited number at a time, and return how many were computed again here."""
     first = sent = again = 0
     done: set[int] = set()
     try:
@@ -134,6 +135,7 @@ def _guarded(function: Callable[[Any], Any], numbered: tuple[int, Any]) -> tuple
 def _map(
     mapper: Any, function: Callable[[T], R], tasks: Sequence[T], receive: Callable[[int, R], bool | None], lot: int
 ) -> int:  # fmt: skip
+    """Compute all tasks by a map-like callable, `lot` in each call, and return how many were computed again here."""
     again = 0
     for first in range(0, len(tasks), lot):
         numbered = [(n, tasks[n]) for n in range(first, min(first + lot, len(tasks)))]
@@ -159,12 +161,12 @@ def _mapped(
         return
     while True:
         try:
-            one = next(results)
+            outcome = next(results)
         except Exception:  # the end of the map, by whatever error
             return
         # Other values that a map returns count as missing, and are computed here.
-        if isinstance(one, tuple) and len(one) == 3 and one[1]:
-            yield one[0], one[2]
+        if isinstance(outcome, tuple) and len(outcome) == 3 and outcome[1]:
+            yield outcome[0], outcome[2]
 
 
 def _dask(workers: Any) -> Any:
