@@ -1,4 +1,4 @@
-"""A chunk of paths in the compiled engine: the arrays that its kernel works on, and their meaning."""
+"""A chunk of paths in the compiled engine: the arrays that its kernel reads and writes, and what they mean."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from sepv.solve import Status
 
 
 def aligned(shape: tuple[int, ...], dtype: Any = np.float64) -> np.ndarray:
-    """An empty array that starts at a cache line, so that no register of 512 bits crosses two."""
+    """An array of zeros that starts at a cache line, so that no register of 512 bits crosses two."""
     size = math.prod(shape) * np.dtype(dtype).itemsize
-    room = np.empty(size + layout.CACHE_LINE, np.uint8)
+    room = np.zeros(size + layout.CACHE_LINE, np.uint8)
     first = -room.ctypes.data % layout.CACHE_LINE
     return room[first : first + size].view(dtype).reshape(shape)
 
 
-# The C signature of the callback for lanes left over: addresses of a block's arrays and increments, and a row length.
+# The C signature of `Chunk._solve`: three addresses and the length of a row of increments.
 LEFT_OVER = ctypes.CFUNCTYPE(*[ctypes.c_int64] * 5)
 
 
@@ -38,7 +38,7 @@ def _at(address: int, count: int, dtype: Any = np.float64) -> np.ndarray:
 
 
 class Chunk:
-    """The state of a chunk between two calls of its kernel; `advance` continues from there."""
+    """A chunk of paths at some step; `advance` takes further steps by the compiled kernel."""
 
     def __init__(self, task: Task, problem: Problem) -> None:
         from sepv.simulate._compiled.store import ordinary
@@ -52,16 +52,11 @@ class Chunk:
         self.lanes = lanes
         self.start = np.zeros(module.SIZE)
         self.start[: problem.dimension * lanes] = np.repeat(np.asarray(task.y0, dtype=np.float64), lanes)
-        module.start(
-            self.start,
-            np.zeros(4 * lanes + layout.NUMBERS, np.int64),
-            np.zeros((1, 1, 1)),
-            self.kernel.parameters,
-        )
+        integers = np.zeros(4 * lanes + layout.NUMBERS, np.int64)
+        module.start(self.start, integers, np.zeros((1, 1, 1)), self.kernel.parameters)
         self.S = aligned((blocks, module.SIZE))
         self.I = aligned((blocks, 4 * lanes + layout.NUMBERS), np.int64)
         self.W = aligned((blocks, m, lanes))
-        self.I[:, 4 * lanes :] = 0
         self.grid = wiener.grid(task.steps, task.refine)
         drawn = task.dW is None and m > 0
         self.words = wiener.stream_words(task.seed, self.grid) if drawn else np.empty((0, 3), np.uint64)
@@ -76,9 +71,10 @@ class Chunk:
         self._run(self.done + steps)
 
     def _solve(self, S: int, I: int, increments: int, width: int) -> int:
-        """Step every busy lane of the block at these addresses, by the scheme's own solve.
+        """Solve a step in Python, by the scheme's own solver, for the lanes that compiled code has not solved.
 
-        increments : those of this step, (m, width); the first lanes are the block's
+        S, I : addresses of the block's floats and integers
+        increments : address of the step's increments (m, width), of which the first columns are the block's lanes
         """
         L, d, m, module = self.lanes, self.problem.dimension, self.problem.noises, self.kernel.module
         state = _at(S, module.SIZE).reshape(-1, L)
@@ -91,9 +87,7 @@ class Chunk:
             try:
                 found = solve(self.problem, state[:d, busy], self.task.h, dW)
                 break
-            except (
-                KeyboardInterrupt
-            ) as error:  # raised again later, so that the chunk stops between two pieces
+            except KeyboardInterrupt as error:  # raised again between two pieces; this solve is repeated
                 self.raised = error
             except BaseException as error:
                 self.raised = error
@@ -124,12 +118,11 @@ class Chunk:
             aligned((n, m, L)) for n in (piece, piece * (self.values.size > 0), len(self.top[0]) // 2)
         )
         scratch = aligned((L,), np.uint64), aligned((-(-L // 64) * 64,), np.uint8)
-        scratch[1][:] = 0
         left_over = LEFT_OVER(self._solve)
         # Not `ctypes.cast`, whose references go round: the arrays of a chunk would wait for the garbage collector.
         address = ctypes.c_void_p.from_buffer(left_over).value
         self.driver.run(
-            self.driver.BEGINNING, self.driver.FILLING, module.ADVANCING, address,
+            self.driver.BEGINNING, self.driver.FILLING, self.driver.DRAWING, module.ADVANCING, address,
             self.S, self.I, self.W, self.start, self.task.count, self.words, self.task.first, self.rng, self.stack,
             self.top, self.spreads, self.grid.base, self.grid.top, self.given, self.task.place, self.done, goal,
             self.task.h, self.bound, self.thresholds, self.values, self.kernel.parameters, buffer, points, halves,
@@ -145,7 +138,7 @@ class Chunk:
         return int(self.I[-1, 4 * self.lanes + layout.DONE])
 
     def _settle(self) -> None:
-        """Set the blocks up; otherwise the first step does that."""
+        """Set the blocks to the initial state, if no step has done so."""
         if self.done == 0:
             self._run(0)
 
@@ -158,12 +151,12 @@ class Chunk:
         return self.I[:, row * self.lanes : (row + 1) * self.lanes]
 
     def _paths(self, rows: np.ndarray) -> np.ndarray:
-        """Convert rows (blocks, n, L) to (n, M)."""
+        """Rearrange numbers of all lanes, (blocks, n, L), as those of the paths, (n, M)."""
         blocks, n, lanes = rows.shape
         return rows.transpose(1, 0, 2).reshape(n, blocks * lanes)[:, : self.task.count].copy()
 
     def _rows(self, of: np.ndarray, first: int, count: int) -> np.ndarray:
-        """Rows of S or of I, (blocks, count, L)."""
+        """Rows of the floats S or the integers I of all blocks, as (blocks, count, L)."""
         L = self.lanes
         return of[:, first * L : (first + count) * L].reshape(-1, count, L)
 
@@ -173,14 +166,11 @@ class Chunk:
         return self._paths(self._rows(self.S, 0, self.problem.dimension))
 
     def result(self, kept: Array) -> Ensemble:
-        """The ends so far as an ensemble."""
+        """The ensemble of the present states; `kept` are the states at the chosen times, (K, d, M)."""
         module, L, y = self.kernel.module, self.lanes, self.states()
         sums = self.I[:, 4 * L :].sum(axis=0).tolist()
-        gradients, structures, iterations = (
-            sums[layout.EVALUATIONS],
-            sums[layout.STRUCTURES],
-            sums[layout.WORK],
-        )
+        gradients, structures = sums[layout.EVALUATIONS], sums[layout.STRUCTURES]
+        iterations = sums[layout.WORK]
         ends = self._paths(self._rows(self.I, layout.STATUS, 2))
         energy, casimir = self._rows(self.S, module.ENERGY, 1), self._rows(self.S, module.CASIMIR, 1)
         return Ensemble(

@@ -14,11 +14,11 @@ from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, populate_array
 
 from sepv.simulate._compiled.functions import select
-from sepv.simulate._compiled.lanes import begin, fill
+from sepv.simulate._compiled.lanes import begin, fill, normals
 from sepv.simulate._compiled.layout import ALIVE, DONE, FAILED, LANES, LIVING
-from sepv.simulate._compiled.signatures import RUN, address, call_advance, call_begin, call_fill
+from sepv.simulate._compiled.signatures import OPTIONS, RUN, address, call_advance, call_begin, call_fill
 
-BEGINNING, FILLING = address(begin), address(fill)
+BEGINNING, FILLING, DRAWING = address(begin), address(fill), address(normals)
 
 
 # Inlined by numba, so that they are compiled once, with `run`.
@@ -48,11 +48,10 @@ def _from(typingctx: Any, array: Any, first: Any, lane: Any) -> Any:  # noqa: AR
 def _copy(given: Any, first: int, count: int, lane: int, out: Any) -> None:
     """Copy the steps first … first + count − 1 of lanes `lane` and on of `given`, zero beyond its end."""
     width = given.shape[2] - lane
-    out[:count] = 0.0
     for i in range(count):
         for j in range(out.shape[1]):
-            for k in range(width):
-                out[i, j, k] = given[first + i, j, lane + k]
+            for k in range(out.shape[2]):
+                out[i, j, k] = given[first + i, j, lane + k] if k < width else 0.0
 
 
 @_kernel
@@ -85,51 +84,50 @@ def _to_points(increments: Any, count: int, thresholds: Any, values: Any, out: A
 
 
 @_kernel
-def _settle(S: Any, I: Any, W: Any, start: Any, count: int, b: int) -> None:
-    """Set the state of block b at the start."""
-    lanes = W.shape[2]
+def _settle(S: Any, I: Any, lanes: int, start: Any, count: int, b: int) -> None:
+    """Set the state of block b at the start; its integers I and the sums of its increments are zero already."""
     living = min(lanes, count - b * lanes)
     for i in range(start.shape[0]):
         S[b, i] = start[i]
-    I[b] = 0
     for k in range(lanes):
         I[b, FAILED * lanes + k] = -1
         I[b, ALIVE * lanes + k] = select(k < living, 1, 0)
     I[b, 4 * lanes + LIVING] = living
-    W[b] = 0.0
 
 
-@njit(RUN, error_model="numpy", nogil=True, cache=True)
+@njit(RUN, **OPTIONS)
 def run(
-    beginning: int, filling: int, advance: Any, left_over: Any, S: Any, I: Any, W: Any, start: Any, living: int,
-    words: Any, path: int, rng: Any, stack: Any, top: Any, factors: Any, base: int, halvings: int, given: Any,
-    place: int, n0: int, n1: int, h: float, bound: float, thresholds: Any, values: Any, P: Any,
+    beginning: int, filling: int, drawing: int, advance: Any, left_over: Any, S: Any, I: Any, W: Any, start: Any,
+    living: int, words: Any, path: int, rng: Any, stack: Any, top: Any, factors: Any, base: int, halvings: int,
+    given: Any, place: int, n0: int, n1: int, h: float, bound: float, thresholds: Any, values: Any, P: Any,
     buffer: Any, points: Any, halves: Any, scratch: Any,
 ) -> None:  # fmt: skip
-    """Run steps n0 … n1 − 1 of a chunk of blocks; S, I, W, rng, stack and top are its state, set up where n0 = 0.
+    """Run steps n0 … n1 − 1 of a chunk of blocks.
 
-    Blocks that run to the end at once share one set of the last three. Paths are numbered from `path`.
+    The state of the chunk is S, I, W, rng, stack and top; it is set up if n0 = 0. Blocks that run to the end at once
+    share one set of the last three. The first path has the number `path`.
 
-    Increments are drawn, or those of lanes `place` and on of `given` (N, m, M) if that is not empty; if there are
-    `values`, the scheme gets the one between whose thresholds the increment lies. `advance` calls `left_over` for lanes
-    that are not done. The last four are room for increments, points, `coarse` and `normals`.
+    Increments are those of lanes `place` and on of `given` (N, m, M), or are drawn if that is empty. If there are
+    `values`, each increment is replaced by the value between whose thresholds it lies. `advance` calls `left_over` for
+    lanes that it has not solved. The last four arguments are scratch space of this function, `begin` and `normals`.
     """
     piece, lanes = buffer.shape[0], W.shape[2]
     for b in range(S.shape[0]):
         alive, own = True, min(b, rng.shape[0] - 1)
+        streams, waiting, coarse = rng[own], stack[own], top[own]
         if n0 == 0:  # one block at a time, so that its data are in the cache when they are used
-            _settle(S, I, W, start, living, b)
+            _settle(S, I, lanes, start, living, b)
         if n0 == 0 and rng.shape[1] > 0:
-            drawing = (rng[own], top[own], words, path + b * lanes, factors, base, halvings, halves, scratch)
-            call_begin(beginning, drawing)
+            number = path + b * lanes
+            begun = drawing, streams, coarse, words, number, factors, base, halvings, halves, scratch
+            call_begin(beginning, begun)
         for n in range(n0, n1, piece):
             count = min(piece, n1 - n)
             lane = place + b * lanes
             increments = buffer
             if given.shape[0] == 0:
-                call_fill(
-                    filling, (buffer, n, count, rng[own], stack[own], top[own], factors, halvings, scratch)
-                )
+                rows = drawing, buffer, n, count, streams, waiting, coarse, factors, halvings, scratch
+                call_fill(filling, rows)
             elif lane + lanes > given.shape[2]:
                 _copy(given, n, count, lane, buffer)
             else:

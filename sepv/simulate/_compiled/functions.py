@@ -20,7 +20,7 @@ from numba.np.arrayobj import make_array
 
 from sepv._patches import add_attribute
 
-_inline: Any = njit(error_model="numpy", forceinline=True, cache=True)
+_inline: Any = njit(error_model="numpy", forceinline=True, cache=True, _nrt=False)
 
 # π/2 in three parts of 22, 22 and 53 bits: k·part is exact for |k| < 2³¹.
 _PART_1 = float.fromhex("0x1.921fb0p+0")
@@ -109,6 +109,22 @@ def marked(typingctx: Any, array: Any, first: Any) -> Any:  # noqa: ARG001 - num
         return builder.bitcast(builder.icmp_signed("!=", bytes_, ir.Constant(kind, None)), ir.IntType(64))
 
     return types.uint64(array, types.int64), code
+
+
+@intrinsic
+def sfc64(typingctx: Any, a: Any, b: Any, c: Any, counter: Any) -> Any:  # noqa: ARG001 - numba's signature
+    """The next 64 bits of the generator SFC64 in the state (a, b, c, counter), followed by its next state."""
+    kind = types.UniTuple(types.uint64, 5)
+
+    def code(context: Any, builder: Any, signature: Any, state: Any) -> Any:  # noqa: ARG001 - numba's
+        (a, b, c, counter), bits = state, ir.IntType(64)
+        out = builder.add(builder.add(a, b), counter)
+        turned = builder.or_(builder.shl(c, bits(24)), builder.lshr(c, bits(40)))
+        a, b = builder.xor(b, builder.lshr(b, bits(11))), builder.add(c, builder.shl(c, bits(3)))
+        following = a, b, builder.add(turned, out), builder.add(counter, bits(1))
+        return context.make_tuple(builder, kind, [out, *following])
+
+    return kind(*[types.uint64] * 4), code
 
 
 @intrinsic

@@ -15,7 +15,7 @@ from typing import Any
 from numba import njit
 
 from sepv.simulate._compiled.functions import prefer_512_bit, prefetch
-from sepv.simulate._compiled.signatures import call_left_over
+from sepv.simulate._compiled.signatures import OPTIONS, call_left_over
 
 # Placeholders for names that a generated module defines; the values here are never used.
 _made: Any = None
@@ -35,8 +35,6 @@ loaded = loaded_node = _made
 # Pieces f(S, I, buffer, n, k, first, h, bound, q) for lane k in step n; each returns a number that is added up.
 first_steps = iteration = blind = check = clear = add_node = quick = masked = invariants = _made
 
-_OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True, "cache": True}
-
 
 def compiled(
     function: Callable[..., Any], names: dict[str, Any], signature: Any = None, inline: bool = False
@@ -47,8 +45,7 @@ def compiled(
     """
     code = function.__code__.replace(co_filename=names["__file__"])
     own = FunctionType(code, names, function.__name__)
-    options = _OPTIONS | ({"forceinline": True} if inline else {})
-    return njit(signature, **options)(own)
+    return njit(inline="always")(own) if inline else njit(signature, **OPTIONS)(own)
 
 
 def start(S: Any, I: Any, buffer: Any, P: Any) -> None:
@@ -66,7 +63,7 @@ def ahead(buffer: Any, n: int) -> None:
 
 
 def any_marked(I: Any, group: int, mark: int) -> bool:
-    """True if a lane of the group has this mark, 1, 2 or 4."""
+    """True if BUSY has the bit `mark` (1, 2 or 4) for a lane of the group that begins at lane `group`."""
     prefer_512_bit()
     found = 0
     for k in range(group, group + GROUP):
@@ -77,7 +74,9 @@ def any_marked(I: Any, group: int, mark: int) -> bool:
 def moved(
     S: Any, I: Any, buffer: Any, n: int, first: int, h: float, bound: float, q: Any, trouble: int
 ) -> bool:
-    """End the step: states, statuses, invariants; without masks if all lanes live and none was in trouble.
+    """End a step of all lanes: new states, statuses and defects of invariants.
+
+    trouble : the number of lanes whose step failed; if it is 0 and all lanes live, no lane needs a mask
 
     Return True if a lane lives on.
     """
@@ -94,7 +93,7 @@ def moved(
 
 
 def solved(S: Any, I: Any, buffer: Any, n: int, left_over: int) -> int:
-    """Solve every lane that is still busy by `sepv.solve`; return their number."""
+    """Solve the step of every lane that is still busy by a call of Python (`sepv.solve`); return their number."""
     trouble = 0
     for k in range(L):
         trouble += 1 if I[BUSY + k] != 0 else 0

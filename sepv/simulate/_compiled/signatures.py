@@ -14,6 +14,8 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
 
+# Options of compiled functions. They allocate no arrays, so that none need be counted, and C does not call them.
+OPTIONS: Any = {"error_model": "numpy", "nogil": True, "cache": True, "_nrt": False, "no_cfunc_wrapper": True}
 _vector, _matrix, _block = types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
 _integers, _int, _float = types.int64[::1], types.int64, types.float64
 # advance(S, I, increments, count, first, h, bound, P, left_over): take `count` steps of a block; 1 if none of its lanes
@@ -27,14 +29,12 @@ _scratch = types.Tuple((types.uint64[::1], types.uint8[::1]))
 _words = types.uint64[:, ::1]
 _streams, _stacks = types.uint64[:, :, :, ::1], types.float64[:, :, :, ::1]
 _states = types.uint64[:, :, ::1]
-MIX = types.void(_states, _int)
 ZIGGURAT = _float(_states, _int, _int, types.uint64)
-DRAW = types.void(_states, _int, _block, _int, _int, _scratch)
-COARSE = types.void(_states, _block, _vector, _int, _int, _block, _scratch)
-FILL = types.void(_block, _int, _int, _states, _block, _block, _vector, _int, _scratch)
-BEGIN = types.void(_states, _block, _words, _int, _vector, _int, _int, _block, _scratch)
+NORMALS = types.void(_states, _int, _block, _int, _int, _int, _scratch)
+FILL = types.void(_int, _block, _int, _int, _states, _block, _block, _vector, _int, _scratch)
+BEGIN = types.void(_int, _states, _block, _words, _int, _vector, _int, _int, _block, _scratch)
 RUN = types.void(
-    _int, _int, _int, _int, _matrix, types.int64[:, ::1], _block, _vector, _int, _words, _int, _streams, _stacks,
+    _int, _int, _int, _int, _int, _matrix, types.int64[:, ::1], _block, _vector, _int, _words, _int, _streams, _stacks,
     _stacks, _vector, _int, _int, _block, _int, _int, _int, _float, _float, _vector, _vector, _vector,
     _block, _block, _block, _scratch,
 )  # fmt: skip
@@ -70,7 +70,8 @@ def calling(signature: Any) -> Callable[..., Any]:
     return call
 
 
-call_advance, call_begin, call_fill = calling(ADVANCE), calling(BEGIN), calling(FILL)
+call_advance, call_begin = calling(ADVANCE), calling(BEGIN)
+call_fill, call_normals = calling(FILL), calling(NORMALS)
 
 
 @intrinsic

@@ -150,9 +150,7 @@ def ensemble(
     size = _chunk_size(whole, workers, chunk, fixed=store is not None or reduce is not None)
     empty = _empty(whole, problem, reason, _about(whole, problem, raw))
     total: Total
-    function: Callable[[Task], Any] = (
-        run if reduce is None else Reducing(dict(reduce), keep=store is not None)
-    )
+    function: Any = run if reduce is None else Reducing(dict(reduce), keep=store is not None)
     if store is not None:
         total = OnDisk(whole, empty, progress, store, size, reduce, until)
     elif reduce is not None:
