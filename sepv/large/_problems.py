@@ -81,7 +81,7 @@ def toda_chain(n: int, *, noise: tuple[float, ...] = (1.0,), seed: int = 0) -> L
     q, p = np.arange(0, d, 2), np.arange(1, d, 2)
 
     def forces(pull: Array) -> Array:
-        """∇H by q from the n − 1 averaged exponentials."""
+        """The gradient of H by q from the n − 1 exponentials of the links, averaged or not."""
         total = np.zeros(n)
         total[:-1] += pull
         total[1:] -= pull
@@ -127,10 +127,11 @@ def toda_chain(n: int, *, noise: tuple[float, ...] = (1.0,), seed: int = 0) -> L
 def nonlinear_schroedinger(
     n: int, *, spacing: float = 1.0, strength: float = 1.0, noise: tuple[float, ...] = (0.25,), seed: int = 0
 ) -> LargeProblem:
-    """i u′ = −(u_{j−1} − 2u_j + u_{j+1})/Δx² − κ|u_j|²u_j on n points, u = q + ip, y = (q₁, p₁, q₂, …), d = 2n.
+    """The discrete nonlinear Schrödinger equation on n points, i u_j′ = −(u_{j−1} − 2u_j + u_{j+1})/Δx² − κ|u_j|²u_j.
 
-    H = ½Σ|u_{j+1} − u_j|²/Δx² − ¼κΣ|u_j|⁴ with free ends, quartic: two Gauss nodes are exact. From a wave of
-    unit size with noise. The mass Σ|u_j|² is an invariant of H's symmetry and no Casimir: (2.1) does not keep it.
+    Here u = q + ip, y = (q₁, p₁, q₂, …) and d = 2n. H = ½Σ|u_{j+1} − u_j|²/Δx² − ¼κΣ|u_j|⁴ with free ends is quartic:
+    two Gauss nodes are exact. The initial state is a wave of unit size with noise. The mass Σ|u_j|² is an invariant of
+    H's symmetry and no Casimir: (2.1) does not keep it.
     """
     _at_least("n, the number of points", n, 2)
     if not (np.isfinite(spacing) and spacing > 0 and np.isfinite(strength)):

@@ -28,7 +28,7 @@ MAX_DEGREE = 1024
 
 @dataclass(frozen=True)
 class Polynomial:
-    """Σ_t coefficients[t] · Π_i y_i ** exponents[t][i], in canonical order, without zero terms.
+    """A polynomial Σ_t c_t Π_i y_i^(e_ti) with `terms` (e_t, c_t) in canonical order, without zero terms.
 
     Build one with `polynomial`, which sorts, merges and checks.
     """

@@ -81,7 +81,7 @@ class _Stages:
         return total, np.max(np.abs(gradients), axis=(0, 1)) * float(np.max(np.sum(np.abs(W), axis=1)))
 
     def evaluate(self, flat: Array, lanes: np.ndarray) -> Evaluation:
-        """Δ B(Y_i) g_i for the stages `flat` (d·s, M), and on demand its derivative by them."""
+        """The right side Δ B(Y_i) g_i at the stages `flat` (d·s, M), and on demand its derivative by them."""
         d, s = self.problem.dimension, self.stages
         z = flat.reshape(d, s, -1)
         Y = self.polynomial(z, lanes, self.A)

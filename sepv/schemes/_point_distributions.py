@@ -82,7 +82,7 @@ class PointLaw:
 
     @property
     def bound(self) -> float:
-        """The largest |ζ|."""
+        """The largest absolute value that ζ takes."""
         return max(abs(v) for v in self.values)
 
     @property

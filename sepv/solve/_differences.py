@@ -9,7 +9,10 @@ from sepv.solve._solution import Equations, IncrementFunction, Lanes
 
 
 def slopes(equations: Equations, z: Array, numbers: Lanes, base: Array) -> tuple[Array, int]:
-    """∂R/∂z (n, n, M) of the lanes `numbers` at z (n, M), where R is `base`, and the n evaluations that it took."""
+    """The derivative ∂R/∂z (n, n, M) of z = R(z) by differences, and the number of evaluations of R that it took.
+
+    It is taken in the lanes `numbers` at z (n, M), where R is `base`.
+    """
     reach, domain = (equations.size[:, numbers] + np.abs(z)).max(axis=0), equations.inside
     inside = None if domain is None else lambda at, lanes: domain(at, numbers[lanes])
     R = lambda at, lanes: equations.evaluate(at, numbers[lanes]).right_side.value  # noqa: E731
@@ -19,7 +22,7 @@ def slopes(equations: Equations, z: Array, numbers: Lanes, base: Array) -> tuple
 def difference_jacobian(
     problem: Problem, y0: Array, y1: Array, step: Array, increment: IncrementFunction, base: Array
 ) -> Array:
-    """∂R/∂y1 (d, d, M) of y1 = y0 + R(y0, y1) at y1 (d, M), where R is `base`.
+    """The derivative ∂R/∂y1 (d, d, M) of y1 = y0 + R(y0, y1) by differences at y1 (d, M), where R is `base`.
 
     The differences have an error of about √eps, which costs Newton's method an iteration and no accuracy. Their width
     follows the largest of y0, y1 and R: it would be zero for y0 = 0 otherwise.

@@ -36,43 +36,43 @@ class Fields(Protocol):
     problem: Problem
 
     def structure(self, y: Any) -> Any:
-        """B(y), (d, d, ...)."""
+        """The structure matrix B(y), (d, d, ...)."""
 
     def combined(self, y: Any, step: Any) -> Any:
-        """h B(y) + Σ c_jΔW_j G_j(y), (d, d, ...), for `step` holding h and the c_jΔW_j."""
+        """The structure of a step, h B(y) + Σ c_jΔW_j G_j(y), (d, d, ...); `step` holds h and the c_jΔW_j."""
 
     def apply(self, y: Any, v: Any) -> Any:
-        """B(y)v, (d, ...)."""
+        """The product B(y)v, (d, ...)."""
         return matvec(self.structure(y), v)
 
     def apply_combined(self, y: Any, step: Any, v: Any) -> Any:
-        """[h B(y) + Σ c_jΔW_j G_j(y)]v, (d, ...)."""
+        """The product [h B(y) + Σ c_jΔW_j G_j(y)]v, (d, ...); `step` holds h and the c_jΔW_j."""
         return matvec(self.combined(y, step), v)
 
     def gradient(self, y: Any) -> Any:
-        """∇H(y), (d, ...)."""
+        """The gradient ∇H(y), (d, ...)."""
 
     def combined_gradient(self, y: Any, step: Any) -> Any:
-        """h∇H_0(y) + Σ c_jΔW_j∇H_j(y), (d, ...), for `step` holding h and the c_jΔW_j."""
+        """The gradient of a step, h∇H_0(y) + Σ c_jΔW_j∇H_j(y), (d, ...); `step` holds h and the c_jΔW_j."""
 
     def field(self, y: Any) -> Any:
-        """f(y) = B(y)∇H(y), (d, ...)."""
+        """The field f(y) = B(y)∇H(y), (d, ...)."""
         return self.apply(y, self.gradient(y))
 
     def derivative_along(self, y: Any, v: Any) -> Any:
-        """f′(y)v, (d, ...)."""
+        """The derivative of the field f in the direction v, f′(y)v, (d, ...)."""
 
     def mean_gradient(self, y: Any, z: Any) -> Any:
-        """∫₀¹∇H(y + τz)dτ, (d, ...)."""
+        """The average of ∇H along the segment from y to y + z, ∫₀¹∇H(y + τz)dτ, (d, ...)."""
 
     def edge_means(self, starts: Any, z: Any) -> Any:
-        """The means of ∂_iH from column i of `starts` (d, d, ...) over z_i along the i-th axis, (d, ...)."""
+        """The averages of ∂_iH along edges, (d, ...): edge i goes by z_i along axis i from column i of `starts`."""
 
     def factor(self, y: Any) -> Any:
         """The factor g(y) in B(y)v = g(y)(v × ∇C(y)), (...)."""
 
     def mean_casimir_gradient(self, y: Any, z: Any) -> Any:
-        """∫₀¹∇C(y + τz)dτ, (3, ...)."""
+        """The average of ∇C along the segment from y to y + z, ∫₀¹∇C(y + τz)dτ, (3, ...)."""
 
 
 Formula = Callable[[Fields, Any, Any, Any], Any]
@@ -115,7 +115,7 @@ class CountedFields(Fields):
         return combined_gradient(self.problem, y, step)
 
     def derivative_along(self, y: Array, v: Array) -> Array:
-        """f′(y)v, which is not counted."""
+        """The derivative f′(y)v of the field, which is not counted."""
         return derivative_along(self.problem, y, v)
 
     def mean_gradient(self, y: Array, z: Array) -> Array:  # noqa: ARG002 - y0 and y1 − y0, which y1 is not rounded from
@@ -140,7 +140,7 @@ class CountedFields(Fields):
         return self._value_of(average)
 
     def _means(self, y0: Array, y1: Array) -> Array:
-        """∇H averaged along segments (d, M), or several (d, n, M) for each lane."""
+        """The averages of ∇H along segments from y0 to y1 (d, M), or along n segments (d, n, M) for each lane."""
         average = average_gradient(self.problem, y0, y1)
         self.gradients = self.gradients + average.evaluations.sum(axis=tuple(range(y0.ndim - 2)))
         return self._value_of(average)

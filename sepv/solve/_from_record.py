@@ -45,7 +45,10 @@ class Corrections(NamedTuple):
     step: Array
 
     def of_lanes(self, z: Array, lanes: Lanes) -> tuple[Array, Array, Flags]:
-        """z − R(z) and the correction (d, n), and True where z less it is in the domain (n,), for n of the M lanes."""
+        """The residual z − R(z) and the correction, (d, n), for n of the M lanes, and a test of the domain, (n,).
+
+        The test is True where z less the correction is in the domain.
+        """
         y, step = self.y0, self.step
         if lanes.size < y.shape[1]:
             y, step = y.take(lanes, axis=1), step.take(lanes, axis=1)

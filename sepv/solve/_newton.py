@@ -255,7 +255,7 @@ def _corrections(
 def _moved(
     equations: Equations, recorded: bool, z: Array, correction: Array, lanes: Lanes, stays: Flags
 ) -> tuple[Array, Flags]:
-    """z less the correction, and True where it is in the domain; elsewhere z and False.
+    """The next z, z less the correction, and True where that is in the domain; elsewhere the old z and False.
 
     A correction that leaves the domain is shortened, except one by a record.
     """
@@ -284,7 +284,7 @@ def _relative_move(moves: Array, magnitude: Array, move: Array, scale: Array, ne
 
 
 def _unless_hidden(last: Flags, moves: Array, magnitude: Array, outgrown: Flags) -> Flags:
-    """`last`, but False where a component that has outgrown y0 hides a large relative move of another one.
+    """The flags `last`, but False where a component that has outgrown y0 hides a large relative move of another one.
 
     `last` is True where nothing but rounding is left once the correction is applied.
     """
@@ -418,7 +418,7 @@ def _is_rounding(
 
 
 def into_domain(equations: Equations, z: Array, correction: Array, lanes: Lanes) -> tuple[Array, Flags]:
-    """z − λ·correction with the largest λ = 2⁻ⁿ for which it is in the domain, and True where there is one."""
+    """The next z, z − λ·correction with the largest λ = 2⁻ⁿ that keeps it inside, and True where there is one."""
     moved = z - correction
     inside = np.ones(z.shape[1], dtype=bool)
     if equations.inside is None or not z.shape[1]:

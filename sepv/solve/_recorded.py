@@ -91,7 +91,7 @@ class Recorded:
 
     @cached_property
     def noise_slopes(self) -> list[Any]:
-        """∇H_1, …, ∇H_m; for (1.1), m times ∇H."""
+        """The gradients ∇H_1, …, ∇H_m of the noise Hamiltonians in symbols; for (1.1), m times ∇H."""
         if not isinstance(self.problem, HamiltoniansProblem):
             return [self.slope] * self.problem.noises
         return [gradient(self.tape.symbol(H(self.y)), self.y) for H in self.problem.noise_hamiltonians]
