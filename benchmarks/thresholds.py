@@ -31,7 +31,7 @@ def wrong(noise: float, drift: float) -> Scheme:
 
 
 def verdict(law: str, of: str, size: float) -> Verdict:
-    """What a law says of an error of this size in the noise or in the drift."""
+    """The verdict of a law on an error of this size in the noise or in the drift."""
     scheme = wrong(size, 0.0) if of == "noise" else wrong(0.0, size)
     return verify(scheme, laws=[law], effort=Effort(shrink_checks=0)).findings[0].verdict
 

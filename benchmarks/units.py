@@ -132,13 +132,13 @@ def scaled(problem: Problem, scale: Scale) -> Problem:
 def findings(
     scheme: Scheme, problem: Problem, effort: Effort, laws: tuple[str, ...] = LAWS
 ) -> tuple[Finding, ...]:
-    """What the laws that the scheme claims say of it, where it is for this problem."""
+    """The findings of the laws that a scheme claims, if the scheme can take this problem."""
     claimed = [law for law in laws if law in scheme.claims]
     return verify(replace(scheme, problems=(problem,)), laws=claimed, effort=effort).findings
 
 
 def wrong(found: Finding) -> bool:
-    """Whether a claim of a right scheme is called wrong or left open; *not applicable* must say why."""
+    """True if a finding on a right scheme is violated or left open, or "not applicable" without a reason."""
     if found.verdict is Verdict.NOT_APPLICABLE:
         return not found.message
     return found.verdict is not Verdict.HOLDS

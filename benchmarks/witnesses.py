@@ -78,7 +78,7 @@ def _of_class(law: Law, systems: Systems) -> list[dict[str, Any]]:
 
 
 def _shows_alone(law: str, systems: Systems, name: str, case: Case) -> bool:
-    """Whether a process that asks nothing else sees it: what a scheme remembers may come from another case."""
+    """True if a new process that runs nothing else finds the violation too: a scheme may remember another case."""
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as fresh:
         return fresh.submit(_accused_by_name, law, systems, name, to_json(case)).result()
 
@@ -89,7 +89,7 @@ def _accused_by_name(name: str, systems: Systems, scheme: str, case: dict[str, A
 
 
 def accused(law: Law, scheme: Scheme, case: Case) -> bool:
-    """Whether the law finds this case alone to violate."""
+    """True if the law finds a violation in this case alone."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:

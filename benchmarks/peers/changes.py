@@ -59,7 +59,7 @@ def _between(before: Record, after: Record) -> Iterator[Change]:
 
 
 def _besides(before: Record, after: Record) -> Iterator[str]:
-    """What is not the library itself and differs."""
+    """The differences between two records that are not of the library itself, such as versions of its companions."""
     old, new = before.data, after.data
     if old["suite"]["laws_version"] != new["suite"]["laws_version"]:
         yield f"suite {old['suite']['laws_version']} → {new['suite']['laws_version']}"
@@ -102,7 +102,7 @@ class Deviation:
 
 
 def deviations(records: Sequence[Record]) -> list[Deviation]:
-    """What the scripts showed, over the last record of each version."""
+    """The `Deviation` of each script over the last record of each version."""
     titles: dict[str, str] = {}
     states: dict[str, list[tuple[str, bool | None]]] = {}
     for record in latest(records):

@@ -83,7 +83,7 @@ def _library(records: Sequence[Record]) -> Iterator[str]:
 
 
 def _falls_slowly(entry: dict[str, Any]) -> bool:
-    """Whether a violated right limit may be but the lower order that *mean-square-order* found, well above 0."""
+    """True if a violated right limit may only show the lower order, well above 0, that *mean-square-order* found."""
     limit, order = (entry["laws"].get(law) for law in ("right-limit", "mean-square-order"))
     both = limit and order and limit["verdict"] == order["verdict"] == Verdict.VIOLATED.value
     return bool(both and order["defect"] is not None and order["defect"] > LEAST_SLOPE)

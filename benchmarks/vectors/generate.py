@@ -89,7 +89,7 @@ def _on_the_branch(equation: Equation, candidate: Candidate) -> tuple[Vector | N
 
 
 def _fits_binary64(equation: Equation, candidate: Candidate) -> bool:
-    """Whether no intermediate result of an explicit formula overflows."""
+    """True if no intermediate result of an explicit formula overflows."""
     problem = binary64_problem(candidate.problem)
     try:
         step = make_step(problem, candidate.h, candidate.dW)
@@ -219,7 +219,7 @@ def named_candidates(scheme: str) -> list[tuple[str, Candidate]]:
 
 
 def source_of(scheme: str) -> str:
-    """What the file says of the equation."""
+    """The description of a scheme's equation that stands at the head of its file of vectors."""
     return "y' = B(y) grad H(y) at time theta" if scheme == FLOW else find_equation(scheme).source
 
 
