@@ -1,6 +1,8 @@
 """Scripts that show, in a library's own terms and without sepv, where a measurement differs from its documentation.
 
-``python -m benchmarks.peers.deviations --out docs/deviations.md`` runs them and makes the page.
+``python -m benchmarks.peers.deviations --out docs`` runs them and makes two pages: deviations.md has solvers of
+stochastic equations, integrator-deviations.md integrators without noise.
+
 A script is a file of the folder ``docs/peers``. Its docstring begins with the solver, "library name", a colon and the
 statement. Its list NOTES quotes what the library itself says of the matter, (place, date, quotation) each: README,
 docstring, source and issues were read, and nothing is published without them. It ends with exit code 1 while the
@@ -23,7 +25,9 @@ import click
 from sepv.errors import UsageError
 from sepv.files import write_atomically
 
-COMMAND = "python -m benchmarks.peers.deviations"
+COMMAND = "python -m benchmarks.peers.deviations --out docs"
+# Libraries of solvers of stochastic equations; those of all others are integrators without noise.
+STOCHASTIC = ("diffrax", "sdeint", "torchsde")
 
 
 class Note(NamedTuple):
@@ -86,6 +90,11 @@ class Deviation:
         """The heading of the section."""
         return self.text.partition("\n")[0].removeprefix("### ")
 
+    @property
+    def page(self) -> str:
+        """The file of the page that has the section."""
+        return "deviations.md" if self.solver.split()[0] in STOCHASTIC else "integrator-deviations.md"
+
 
 def deviations_shown_by(folder: Path, libraries: Collection[str] = ()) -> list[Deviation]:
     """The docstring and the output of every script that still shows its deviation."""
@@ -107,26 +116,36 @@ def section(script: Shown, folder: str) -> str:
 
 def linked(deviations: Sequence[Deviation]) -> str:
     """A list of the deviations, for pages that have their numbers."""
-    return "\n".join(f"- {d.title.removesuffix('.')} ([shown](deviations.md))." for d in deviations)
+    return "\n".join(f"- {d.title.removesuffix('.')} ([shown]({d.page}))." for d in deviations)
 
 
-def document(deviations: Sequence[Deviation], command: str) -> str:
-    """The page, in Markdown."""
+# The heading of each page.
+TITLES = {
+    "deviations.md": "# Solvers of stochastic equations that differ from their documentation",
+    "integrator-deviations.md": "# Integrators that differ from their documentation",
+}
+
+
+def document(page: str, deviations: Sequence[Deviation]) -> str:
+    """One of the two pages, in Markdown."""
     head = (
-        "# Where a measurement differs from a library's documentation\n\n"
-        "This page lets you check each difference without sepv. Each section quotes the library, whose README, "
-        "docstrings, source and issues were read first, and shows what a script of its own terms prints. "
-        f"Made by `{command}`; not edited by hand."
+        "Each section quotes a library and shows what a script in its own terms prints, so that you can check the "
+        "difference without sepv. README, docstrings, source and issues were read first. "
+        f"Made by `{COMMAND}`; not edited by hand."
     )
-    return "\n\n".join([head, *(d.text.removeprefix("#") for d in deviations)]) + "\n"
+    sections = [d.text.removeprefix("#") for d in deviations if d.page == page]
+    return "\n\n".join([TITLES[page], head, *sections]) + "\n"
 
 
 @click.command()
-@click.option("--out", type=click.Path(dir_okay=False, path_type=Path), required=True, help="The page.")
+@click.option(
+    "--out", type=click.Path(file_okay=False, path_type=Path), required=True, help="The folder of pages."
+)
 def main(out: Path) -> None:
-    """Run the scripts of the folder ``peers`` beside the output, and write the page."""
-    shown = deviations_shown_by(out.parent / "peers")
-    write_atomically(str(out), document(shown, f"{COMMAND} --out {out}"))
+    """Run the scripts of the folder ``peers`` in the output, and write the pages."""
+    shown = deviations_shown_by(out / "peers")
+    for page in TITLES:
+        write_atomically(str(out / page), document(page, shown))
 
 
 def _notes(script: str, tree: ast.Module) -> tuple[Note, ...]:

@@ -1,9 +1,8 @@
 """desolver ABAs5o6HSolver: of order 4, as its companion BABs9o7HSolver, where 6 and 7 are stated.
 
 Errors at t = 2 in 4, 8 and 16 steps, against 512 steps: for V = q⁴/4 they come to fall by 16 where h is halved, for
-V = q²/2 by 64 and more. The paper that both docstrings cite has the order in its title: "Efficient fourth order
-symplectic integrators for near-harmonic separable Hamiltonian systems". Both are symplectic and symmetric. The class
-SymplecticEulerSolver, with the order 1, is the leapfrog, of order 2.
+V = q²/2 by 64 and more. The paper that both docstrings cite has the order in its title. Both are symplectic and
+symmetric. The class SymplecticEulerSolver, with the order 1, is the leapfrog, of order 2.
 
 Exit code 1 while this is so, 0 where the errors on the quartic fall as stated.
 """

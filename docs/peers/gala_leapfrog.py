@@ -1,8 +1,7 @@
 """gala LeapfrogIntegrator: a linear system's energy is not conserved exactly, but within h²/4 of itself.
 
 The example of its own docstring, H = (p² + q²)/2 from (1, 0) with dt = 0.1: the leapfrog keeps q²(1 − h²/4) + p², to
-rounding, and H sways by a quarter of h². No energy is gained or lost over long times; it is the word "exactly" alone
-that is off.
+rounding, and H sways by a quarter of h². No energy is gained or lost over long times. Only the word "exactly" is off.
 
 Exit code 1 while this is so, 0 where the energy is constant to rounding.
 """

@@ -38,6 +38,7 @@ ELSEWHERE = {
     "protocol": "test_examples.py",
     "vectors": "test_vectors.py",
     "deviations": "test_compliance.py",
+    "integrator-deviations": "test_compliance.py",
     "integrators": "test_integrators.py",
     "trend": "test_versions.py",
     "profiles": "test_profiles.py",

@@ -136,4 +136,4 @@ def test_the_page_names_claims_defects_and_scripts() -> None:
     assert "lib verlet (2) †" in text
     assert "- lib verlet, defects against bounds: symplecticity 30 against 2" in text
     assert 'its manual: "symplectic"' in text
-    assert "- lib verlet: no ([shown](deviations.md))." in text
+    assert "- lib verlet: no ([shown](integrator-deviations.md))." in text
