@@ -47,7 +47,7 @@ def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "from sepv.problems._kepler",
         "from sepv.problems._heisenberg import heisenberg as heisenberg\n",
     )
-    add(problems, "    kepler,\n", "    heisenberg,\n")
+    add(problems, "    figure_eight, harmonic_trap,", "    heisenberg,\n")
 
     # A law: its file, and one line.
     (package / "properties" / "test_noise_scale.py").write_text(block('name="noise-scale"'))
