@@ -29,7 +29,7 @@ from sepv.schemes import Scheme, SchemeCrash, ask, check_answer, raw_answer, req
 from sepv.verification import Case, Effort, Finding, Law, Measurement, Run, Verdict, require, searched
 from sepv.verification._cases.case import taken_by, to_json, to_token
 from sepv.verification._cases.users_problems import may_ask
-from sepv.verification._search import Check
+from sepv.verification._search_log import Check
 
 # States in a batch: more than one, and few, because the law "reproducibility" has larger batches.
 BATCH = 3

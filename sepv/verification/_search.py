@@ -13,8 +13,7 @@ import warnings
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import partial
-from itertools import chain, pairwise
+from itertools import chain
 from random import Random
 from typing import Any
 
@@ -24,24 +23,18 @@ from hypothesis.errors import Unsatisfiable
 
 from sepv._journal import note_case, note_violation
 from sepv._patches import without_local_constants
-from sepv.console import counted
 from sepv.errors import SchemeFault, SepvError, Skipped, StepFailure, UsageError
-from sepv.problem import PolynomialSystem
-from sepv.record import EPS
 from sepv.schemes import Scheme, takes
 from sepv.verification import _corpus as corpus
 from sepv.verification._cases import case as cases_of
 from sepv.verification._cases.case import Case
-from sepv.verification._cases.ends import beyond, in_other_units, is_long
+from sepv.verification._cases.ends import beyond, is_long
 from sepv.verification._cases.fixed_cases import may_be_refused
 from sepv.verification._cases.of_law import EVERYTHING, Cases, Question
 from sepv.verification._cases.shrink import shrunk
 from sepv.verification._cases.users_problems import objects_of, sources
 from sepv.verification._law import Effort, Finding, Law, Measurement, Run, Verdict, in_units
-from sepv.verification._share_of_defect import largest_share
-
-Check = Callable[[Scheme, Case], Measurement]
-
+from sepv.verification._search_log import Check, SearchLog, conclude
 
 # Reasons to leave out a state of extreme size.
 FAR = "a step from a state larger or smaller than 2^±21"
@@ -61,11 +54,6 @@ MOST_SKIPPED = 20
 MOST_SECONDS = 100.0
 # The number of cases that cannot be measured before a design is given up: each may take as long as a call may.
 MOST_FAULTS = 4
-# The share of a law's cases that must be measured of a scheme that states its longest step. One that skips problems
-# says what it is for, and may be for few of them.
-LEAST_SHARE = 0.25
-# Smaller relative defects may come from a solver's tolerance: eight times √eps, the default of many.
-MOST_TOLERANCE = 2.0**-23
 
 
 class _Violation(Exception):
@@ -78,37 +66,6 @@ class _Fault(Exception):
 
 class _Crash(_Fault):
     """Raised inside a search: the scheme crashed. Hypothesis simplifies it apart from other faults."""
-
-
-class _Log:
-    """The log of a search."""
-
-    def __init__(self) -> None:
-        self.checks = 0
-        self.worst: Measurement | None = None
-        self.violation: tuple[Case, Measurement] | None = None
-        self.largest = 0.0  # defect of the violation, before simplification
-        self.fault: tuple[Case, Exception] | None = None
-        self.crash: tuple[Case, Exception] | None = None  # a fault that no violation may hide
-        self.skipped: dict[str, int] = {}
-        self.lacking = 0  # skipped cases that every scheme for the class is to take
-        self.share: float | None = None  # of the design that was measured, where cases were lacking
-
-    @property
-    def failed(self) -> bool:
-        """True if a case violated or could not be measured."""
-        return self.violation is not None or self.fault is not None
-
-    @property
-    def refused(self) -> int:
-        """The number of cases that the scheme refused."""
-        return sum(self.skipped.values())
-
-    def skip(self, reason: str, *, may: bool = False) -> None:
-        """A case that was not taken is no check; `may` where a right scheme may refuse it."""
-        self.checks -= 1
-        self.lacking += not may
-        self.skipped[reason] = self.skipped.get(reason, 0) + 1
 
 
 class _Budget:
@@ -179,7 +136,7 @@ def searched(
         )
 
     def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
-        log, case = _Log(), cases_of.from_json(witness, objects_of(scheme))
+        log, case = SearchLog(), cases_of.from_json(witness, objects_of(scheme))
         if not cases.admits(case):
             raise UsageError(
                 expected=f"a witness of the law {name}, which says: {statement}",
@@ -188,13 +145,13 @@ def searched(
             )
         with suppress(_Violation, _Fault, Skipped):
             _measure(log, scheme, case, check, faults_violate)
-        return in_units(scheme, _conclude(law, scheme, log, check))
+        return in_units(scheme, conclude(law, scheme, log, check))
 
     return Law(name, statement, source, unit, run, replay, always_claimed, cost, steps, cases)
 
 
 def _search(law: Law, scheme: Scheme, effort: Effort, question: _Question) -> Finding:
-    log, start = _Log(), time.perf_counter()
+    log, start = SearchLog(), time.perf_counter()
     known = question.known if effort.corpus else ()
     fixed = question.where.fixed
     visited = chain.from_iterable(_designed(question.where, effort.seed, n) for n in range(effort.designs))
@@ -209,7 +166,7 @@ def _search(law: Law, scheme: Scheme, effort: Effort, question: _Question) -> Fi
             _explore(log, scheme, effort, question)
         if (log.violation or log.fault) in (violation, fault) and log.failed:
             _simplify(log, scheme, effort, question)
-    return replace(_conclude(law, scheme, log, question.check), seconds=time.perf_counter() - start)
+    return replace(conclude(law, scheme, log, question.check), seconds=time.perf_counter() - start)
 
 
 def _designed(where: Question, seed: int, repeat: int) -> list[Case]:
@@ -219,7 +176,7 @@ def _designed(where: Question, seed: int, repeat: int) -> list[Case]:
     return drawn
 
 
-def _explore(log: _Log, scheme: Scheme, effort: Effort, question: _Question) -> None:
+def _explore(log: SearchLog, scheme: Scheme, effort: Effort, question: _Question) -> None:
     """Search random cases, driven towards large defects relative to the bound; shrink the first violation."""
     measured_before = log.checks
     simplifying: _Budget | None = None
@@ -271,7 +228,7 @@ def _explore(log: _Log, scheme: Scheme, effort: Effort, question: _Question) -> 
             raise  # a defect of this suite, not of the scheme, which must be seen
 
 
-def _visit(log: _Log, scheme: Scheme, visited: Iterable[Case], question: _Question) -> None:
+def _visit(log: SearchLog, scheme: Scheme, visited: Iterable[Case], question: _Question) -> None:
     """Measure cases in turn, up to the first violation, or up to a few that cannot be measured."""
     faults: list[tuple[Case, Exception]] = []
     with warnings.catch_warnings(), suppress(_Violation):
@@ -287,7 +244,7 @@ def _visit(log: _Log, scheme: Scheme, visited: Iterable[Case], question: _Questi
     log.fault = faults[0] if faults else None
 
 
-def _simplify(log: _Log, scheme: Scheme, effort: Effort, question: _Question) -> None:
+def _simplify(log: SearchLog, scheme: Scheme, effort: Effort, question: _Question) -> None:
     """Replace the violation or fault by the simplest case that shows it."""
     case, _ = log.violation or log.fault or (None, None)
     assert case is not None
@@ -300,7 +257,7 @@ def _simplify(log: _Log, scheme: Scheme, effort: Effort, question: _Question) ->
             return False
         if not budget.spend():
             return None
-        trial = _Log()
+        trial = SearchLog()
         with warnings.catch_warnings(), suppress(_Violation, _Fault, Skipped):
             warnings.simplefilter("ignore")
             _measure(trial, scheme, candidate, question.check, question.faults_violate)
@@ -316,7 +273,7 @@ def _simplify(log: _Log, scheme: Scheme, effort: Effort, question: _Question) ->
     log.checks = max(checks, log.checks)
 
 
-def _measure(log: _Log, scheme: Scheme, case: Case, check: Check, faults_violate: bool) -> Measurement:
+def _measure(log: SearchLog, scheme: Scheme, case: Case, check: Check, faults_violate: bool) -> Measurement:
     """Measure and log one case; raise _Violation or _Fault, each from its own place."""
     log.checks += 1
     note_case(lambda: cases_of.to_json(case))
@@ -369,108 +326,3 @@ def _measure(log: _Log, scheme: Scheme, case: Case, check: Check, faults_violate
         note_violation(lambda: cases_of.to_json(case))
         raise _Violation
     return measured
-
-
-def _may_be_a_tolerance(
-    law: Law, scheme: Scheme, check: Check, case: Case, measured: Measurement, largest: float
-) -> str:
-    """The advice to state a tolerance, if all defects are as small as a solver's, and no power of Δ."""
-    small = law.unit.startswith("ulp") and measured.bound > 0 and largest * EPS < MOST_TOLERANCE
-    if not small or scheme.solver_tolerance or _is_a_power(scheme, check, case, measured.defect):
-        return ""
-    size = f"the defect is {measured.defect * EPS:.1e}{law.unit.removeprefix('ulp')}"
-    return (
-        f"\n{size}; if the step solves its equation to a tolerance, state it: Scheme(…, solver_tolerance=…)"
-    )
-
-
-def _has_a_unit(scheme: Scheme, check: Check, case: Case) -> str:
-    """The reason why a step at an extreme |y| violates, if it does not in units in which |y| is near 1."""
-    if not beyond(case) or not isinstance(case.problem, PolynomialSystem):
-        return ""
-    near = in_other_units(case, -round(math.log2(max(map(abs, case.y)))))
-    again = _measured_again(scheme, check, near)
-    if again is None or again.violates:
-        return ""
-    return (
-        "\nin units in which |y| is near 1 the same step obeys the law: a number of the scheme has a unit, as a "
-        "threshold or an absolute tolerance has; if it is its solver's, state it, Scheme(…, solver_tolerance=…), and "
-        "no such state is asked"
-    )
-
-
-def _is_a_power(scheme: Scheme, check: Check, case: Case, defect: float) -> bool:
-    """True if the defect is that of a method of some order: c Δ^p with p ≥ 2, at Δ, Δ/2 and Δ/4.
-
-    Both slopes are then p up to the next term, which is less than half of the first at a short step; 1.5 and 1 leave
-    room for it. An iteration that ends at a tolerance takes fewer turns at a shorter step: its slopes differ.
-    """
-    defects = [defect]
-    for share in (0.5, 0.25):
-        shorter = replace(case, h=share * case.h, dW=tuple(share * w for w in case.dW))
-        again = _measured_again(scheme, check, shorter)
-        if again is None:
-            return False
-        defects.append(again.defect)
-    if not 0 < min(defects) <= max(defects) < math.inf:
-        return False
-    slopes = [math.log2(long / short) for long, short in pairwise(defects)]
-    return min(slopes) > 1.5 and abs(slopes[0] - slopes[1]) < 1
-
-
-def _measured_again(scheme: Scheme, check: Check, case: Case) -> Measurement | None:
-    """The measurement of another case, for advice; None where it cannot be made."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        try:
-            return check(scheme, case)
-        except (SepvError, ArithmeticError):
-            return None
-
-
-def _conclude(law: Law, scheme: Scheme, log: _Log, check: Check) -> Finding:
-    seen: dict[str, Any] = {"checks": log.checks}
-    # A witness has its own size; the defect before it was simplified may be larger.
-    measured = log.worst if log.violation is None else log.violation[1]
-    if measured:
-        seen |= {"defect": measured.defect, "bound": measured.bound}
-    if log.violation is not None:
-        case, measured = log.violation
-        advice = _has_a_unit(scheme, check, case)
-        advice = advice or _may_be_a_tolerance(law, scheme, check, case, measured, log.largest)
-        if law.unit.startswith("ulp"):
-            advice = largest_share(case, partial(_measured_again, scheme, check)) + advice
-        message = f"{case.describe()}\n{measured.detail}{advice}"
-        if log.crash is None:
-            return law.finding(Verdict.VIOLATED, message=message, **_witness(law, case), **seen)
-        # The crash decides the verdict: a scheme that does not always return was not measured completely.
-        dead, error = log.crash
-        again = _witness(law, dead)["replay"]
-        message = (
-            f"crashed:\n{dead.describe()}\n{error}\nIts replay: {again}\nviolated, elsewhere:\n{message}"
-        )
-        seen["traceback"] = getattr(error, "traceback", "")
-        return law.finding(Verdict.ERROR, message=message, **_witness(law, case), **seen)
-    if log.fault is not None:
-        case, error = log.fault
-        kind = "not solved" if isinstance(error, StepFailure) else "not measured"
-        seen |= {
-            "message": f"{kind}:\n{case.describe()}\n{error}",
-            "traceback": getattr(error, "traceback", ""),
-        }
-        return law.finding(Verdict.ERROR, **_witness(law, case), **seen)
-    skipped = "\n".join(f"{counted(n, 'case')} skipped: {reason}" for reason, n in log.skipped.items())
-    if not log.checks:
-        verdict = Verdict.NOT_APPLICABLE if skipped else Verdict.ERROR
-        return law.finding(verdict, message=skipped or "no case was measured", skipped=log.refused)
-    verdict = Verdict.HOLDS
-    if log.share is not None and log.share < LEAST_SHARE and scheme.longest_step is not None:
-        verdict = Verdict.INCONCLUSIVE
-        few = f"only {100 * log.share:.0f} % of the cases were measured"
-        skipped = f"{few}: a law holds on {100 * LEAST_SHARE:.0f} % at least\n{skipped}"
-    return law.finding(verdict, message=skipped, skipped=log.refused, share=log.share, **seen)
-
-
-def _witness(law: Law, case: Case) -> dict[str, Any]:
-    replay = f"--law {law.name} --replay {cases_of.to_token(case)}"
-    return {"witness": cases_of.to_json(case), "replay": replay}

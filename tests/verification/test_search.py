@@ -58,7 +58,7 @@ def test_without_the_target_it_is_missed(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_a_defect_that_is_not_a_number_is_no_tolerance() -> None:
-    log, case = search._Log(), Case(problems.rigid_body().data, (0.8, 0.6, 0.0), 0.125, (0.25,))
+    log, case = search.SearchLog(), Case(problems.rigid_body().data, (0.8, 0.6, 0.0), 0.125, (0.25,))
 
     def check(*_: object) -> Measurement:
         return Measurement(float("nan"), 1.0)
@@ -66,7 +66,7 @@ def test_a_defect_that_is_not_a_number_is_no_tolerance() -> None:
     with pytest.raises(search._Violation):
         search._measure(log, schemes.midpoint, case, check, False)
     (energy,) = load_laws(["energy"])
-    assert "tolerance" not in search._conclude(energy, schemes.midpoint, log, check).message
+    assert "tolerance" not in search.conclude(energy, schemes.midpoint, log, check).message
 
 
 @pytest.mark.parametrize("checks", [0, 3, 10, 30])

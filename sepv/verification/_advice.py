@@ -1,0 +1,132 @@
+"""Advice in the report of a violation: the part of the step that makes the defect, a unit, or a solver's tolerance."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import combinations, pairwise
+
+import numpy as np
+
+from sepv import problems
+from sepv.problem import PolynomialSystem
+from sepv.record import EPS
+from sepv.schemes import Scheme
+from sepv.verification._cases.case import Case
+from sepv.verification._cases.ends import beyond, in_other_units
+from sepv.verification._law import Law, Measurement
+
+Parts = dict[int, float]
+# The measurement of another case by the same law; None where it cannot be made.
+MeasuredAgain = Callable[[Case], Measurement | None]
+# Smaller relative defects may come from a solver's tolerance: eight times √eps, the default of many.
+MOST_TOLERANCE = 2.0**-23
+
+# A term is named where it makes this share of all defects of single parts; a product where single parts make less than
+# the second share of it, and where half of a part leaves half of it, to a tenth.
+MOST, LEAST, HALF = 0.95, 1e-3, (0.45, 0.55)
+# The most parts of a step of which pairs are asked.
+PARTS = 5
+
+
+def advice(
+    law: Law, scheme: Scheme, case: Case, measured: Measurement, largest: float, again: MeasuredAgain
+) -> str:
+    """The lines of advice on a violation; empty where nothing is clear.
+
+    `measured` is the law's measurement of `case`, the simplest counterexample. `largest` is the largest defect before
+    simplification.
+    """
+    share = _largest_share(case, again) if law.unit.startswith("ulp") else ""
+    return share + (
+        _has_a_unit(case, again) or _may_be_a_tolerance(law, scheme, case, measured, largest, again)
+    )
+
+
+def _may_be_a_tolerance(
+    law: Law, scheme: Scheme, case: Case, measured: Measurement, largest: float, again: MeasuredAgain
+) -> str:
+    """The advice to state a tolerance, if all defects are as small as a solver's, and no power of Δ."""
+    small = law.unit.startswith("ulp") and measured.bound > 0 and largest * EPS < MOST_TOLERANCE
+    if not small or scheme.solver_tolerance or _is_a_power(case, measured.defect, again):
+        return ""
+    size = f"the defect is {measured.defect * EPS:.1e}{law.unit.removeprefix('ulp')}"
+    return (
+        f"\n{size}; if the step solves its equation to a tolerance, state it: Scheme(…, solver_tolerance=…)"
+    )
+
+
+def _has_a_unit(case: Case, again: MeasuredAgain) -> str:
+    """The reason why a step at an extreme |y| violates, if it does not in units in which |y| is near 1."""
+    if not beyond(case) or not isinstance(case.problem, PolynomialSystem):
+        return ""
+    measured = again(in_other_units(case, -round(math.log2(max(map(abs, case.y))))))
+    if measured is None or measured.violates:
+        return ""
+    return (
+        "\nin units in which |y| is near 1 the same step obeys the law: a number of the scheme has a unit, as a "
+        "threshold or an absolute tolerance has; if it is its solver's, state it, Scheme(…, solver_tolerance=…), and "
+        "no such state is asked"
+    )
+
+
+def _is_a_power(case: Case, defect: float, again: MeasuredAgain) -> bool:
+    """True if the defect is that of a method of some order: c Δ^p with p ≥ 2, at Δ, Δ/2 and Δ/4.
+
+    Both slopes are then p up to the next term, which is less than half of the first at a short step; 1.5 and 1 leave
+    room for it. An iteration that ends at a tolerance takes fewer turns at a shorter step: its slopes differ.
+    """
+    defects = [defect]
+    for share in (0.5, 0.25):
+        shorter = replace(case, h=share * case.h, dW=tuple(share * w for w in case.dW))
+        measured = again(shorter)
+        if measured is None:
+            return False
+        defects.append(measured.defect)
+    if not 0 < min(defects) <= max(defects) < math.inf:
+        return False
+    slopes = [math.log2(long / short) for long, short in pairwise(defects)]
+    return min(slopes) > 1.5 and abs(slopes[0] - slopes[1]) < 1
+
+
+def _largest_share(case: Case, again: MeasuredAgain) -> str:
+    """The line that names the part of the step that makes most of the defect; empty where no part clearly does.
+
+    Each part of the step is measured alone, all with the same size, and so is each pair: the term in h, and each
+    c_jΔW_j. A fault of one term shows with that part alone. A fault of a product shows with its pair alone, and halves
+    with each of the two.
+    """
+    c = problems.build(case.problem).c
+    loud: list[int] = [0, *(np.flatnonzero(c) + 1).tolist()] if case.h else []
+    if not 2 <= len(loud) <= PARTS:
+        return ""
+    size = float(min(abs(case.h), *np.abs(c * case.dW)[c != 0])) or abs(case.h) / len(loud)
+
+    def of_parts(parts: Parts) -> Measurement:
+        dW = tuple(parts.get(j + 1, 0.0) * size / cj if cj else 0.0 for j, cj in enumerate(c))
+        other = again(replace(case, h=float(np.copysign(parts.get(0, 0.0) * size, case.h)), dW=dW))
+        return Measurement(float("nan"), 0.0) if other is None else other
+
+    alone = {j: of_parts({j: 1.0}) for j in loud}
+    total = sum(m.defect for m in alone.values())
+    first = max(alone, key=lambda j: alone[j].defect)
+    if alone[first].violates and alone[first].defect >= MOST * total:
+        return f"\nnearly all of it is in {_name(first)}: alone it makes {_defects(alone)}"
+    for j, k in combinations(loud, 2):
+        both = of_parts({j: 1.0, k: 1.0})
+        halves = [
+            of_parts({j: a, k: b}).defect / both.defect for a, b in ((0.5, 1.0), (1.0, 0.5)) if both.defect
+        ]
+        least = max(alone[j].defect, alone[k].defect) <= LEAST * both.defect
+        if both.violates and least and halves and all(HALF[0] <= share <= HALF[1] for share in halves):
+            return f"\nnearly all of it is in the product of {_name(j)} and {_name(k)}, each of which alone makes none"
+    return ""
+
+
+def _name(j: int) -> str:
+    return "h" if j == 0 else f"c{j} ΔW{j}"
+
+
+def _defects(alone: dict[int, Measurement]) -> str:
+    return ", ".join(f"{m.defect:.2g} with {_name(j)}" for j, m in alone.items())

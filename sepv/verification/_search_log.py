@@ -1,0 +1,108 @@
+"""The log of a search over single steps, and the finding that it comes to."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from sepv.console import counted
+from sepv.errors import SepvError, StepFailure
+from sepv.schemes import Scheme
+from sepv.verification._advice import advice
+from sepv.verification._cases import case as cases_of
+from sepv.verification._cases.case import Case
+from sepv.verification._law import Finding, Law, Measurement, Verdict
+
+Check = Callable[[Scheme, Case], Measurement]
+# The share of a law's cases that must be measured of a scheme that states its longest step. One that skips problems
+# says what it is for, and may be for few of them.
+LEAST_SHARE = 0.25
+
+
+class SearchLog:
+    """The checks of a law about single steps: their number, the worst one, a violation or fault, and skipped cases."""
+
+    def __init__(self) -> None:
+        self.checks = 0
+        self.worst: Measurement | None = None
+        self.violation: tuple[Case, Measurement] | None = None
+        self.largest = 0.0  # defect of the violation, before simplification
+        self.fault: tuple[Case, Exception] | None = None
+        self.crash: tuple[Case, Exception] | None = None  # a fault that no violation may hide
+        self.skipped: dict[str, int] = {}
+        self.lacking = 0  # skipped cases that every scheme for the class is to take
+        self.share: float | None = None  # of the design that was measured, where cases were lacking
+
+    @property
+    def failed(self) -> bool:
+        """True if a case violated or could not be measured."""
+        return self.violation is not None or self.fault is not None
+
+    @property
+    def refused(self) -> int:
+        """The number of cases that the scheme refused."""
+        return sum(self.skipped.values())
+
+    def skip(self, reason: str, *, may: bool = False) -> None:
+        """A case that was not taken is no check; `may` where a right scheme may refuse it."""
+        self.checks -= 1
+        self.lacking += not may
+        self.skipped[reason] = self.skipped.get(reason, 0) + 1
+
+
+def conclude(law: Law, scheme: Scheme, log: SearchLog, check: Check) -> Finding:
+    """The finding that follows from a finished log; a violation gets advice, for which the law measures other cases."""
+    seen: dict[str, Any] = {"checks": log.checks}
+    # A witness has its own size; the defect before it was simplified may be larger.
+    measured = log.worst if log.violation is None else log.violation[1]
+    if measured:
+        seen |= {"defect": measured.defect, "bound": measured.bound}
+    if log.violation is not None:
+        case, measured = log.violation
+        hints = advice(law, scheme, case, measured, log.largest, partial(_measured_again, scheme, check))
+        message = f"{case.describe()}\n{measured.detail}{hints}"
+        if log.crash is None:
+            return law.finding(Verdict.VIOLATED, message=message, **_witness(law, case), **seen)
+        # The crash decides the verdict: a scheme that does not always return was not measured completely.
+        dead, error = log.crash
+        again = _witness(law, dead)["replay"]
+        message = (
+            f"crashed:\n{dead.describe()}\n{error}\nIts replay: {again}\nviolated, elsewhere:\n{message}"
+        )
+        seen["traceback"] = getattr(error, "traceback", "")
+        return law.finding(Verdict.ERROR, message=message, **_witness(law, case), **seen)
+    if log.fault is not None:
+        case, error = log.fault
+        kind = "not solved" if isinstance(error, StepFailure) else "not measured"
+        seen |= {
+            "message": f"{kind}:\n{case.describe()}\n{error}",
+            "traceback": getattr(error, "traceback", ""),
+        }
+        return law.finding(Verdict.ERROR, **_witness(law, case), **seen)
+    skipped = "\n".join(f"{counted(n, 'case')} skipped: {reason}" for reason, n in log.skipped.items())
+    if not log.checks:
+        verdict = Verdict.NOT_APPLICABLE if skipped else Verdict.ERROR
+        return law.finding(verdict, message=skipped or "no case was measured", skipped=log.refused)
+    verdict = Verdict.HOLDS
+    if log.share is not None and log.share < LEAST_SHARE and scheme.longest_step is not None:
+        verdict = Verdict.INCONCLUSIVE
+        few = f"only {100 * log.share:.0f} % of the cases were measured"
+        skipped = f"{few}: a law holds on {100 * LEAST_SHARE:.0f} % at least\n{skipped}"
+    return law.finding(verdict, message=skipped, skipped=log.refused, share=log.share, **seen)
+
+
+def _witness(law: Law, case: Case) -> dict[str, Any]:
+    replay = f"--law {law.name} --replay {cases_of.to_token(case)}"
+    return {"witness": cases_of.to_json(case), "replay": replay}
+
+
+def _measured_again(scheme: Scheme, check: Check, case: Case) -> Measurement | None:
+    """The measurement of another case, for advice; None where it cannot be made."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            return check(scheme, case)
+        except (SepvError, ArithmeticError):
+            return None
