@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 import pytest
 from drawn import J, by_hand
+from sepv.reference import hard
 
 import sepv
 from sepv import problems, schemes
 from sepv.errors import SepvError, StepFailure
-from sepv.problems import hard
 from sepv.record import _polynomial as poly
 from sepv.schemes import Scheme
 from sepv.simulate import _wiener as wiener

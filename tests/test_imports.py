@@ -54,8 +54,13 @@ def imports(path: Path) -> set[str]:
     return {n for n in names if n.startswith("sepv")}
 
 
-# They stand beside the references, which judge schemes and import none of them, and are made of schemes themselves.
-MADE_OF_SCHEMES = ("sepv.reference.faults", "sepv.reference.paper", "sepv.reference.peers")
+# They stand beside the references, which judge schemes and import none of them, and are made of schemes and problems.
+MADE_OF_SCHEMES = (
+    "sepv.reference.faults",
+    "sepv.reference.hard",
+    "sepv.reference.paper",
+    "sepv.reference.peers",
+)
 
 
 def below(module: str, packages: tuple[str, ...]) -> str | None:

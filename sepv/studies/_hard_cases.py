@@ -15,8 +15,8 @@ import numpy as np
 
 from sepv.errors import SepvError, StepFailure
 from sepv.problem import Array, Description, GivenProblem, Problem, matvec
-from sepv.problems.hard import CATALOGUE, HardCase, Sample
 from sepv.reference.exact_energy import exact_energy
+from sepv.reference.hard import CATALOGUE, HardCase, Sample
 from sepv.reference.problem import exact_problem
 from sepv.schemes import Scheme
 from sepv.schemes import gauss_amplification as amplification

@@ -14,7 +14,7 @@ import numpy as np
 from sepv.exact import exact_flow
 from sepv.problem import Array, Problem
 from sepv.problems import EXTENSIONS
-from sepv.problems.hard import Sample
+from sepv.reference.hard import Sample
 from sepv.reference.problem import exact_problem
 from sepv.schemes import Scheme
 from sepv.simulate import truncation as bounded

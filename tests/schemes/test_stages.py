@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from sepv.reference import hard
 
 import sepv
 from sepv import problems, schemes
-from sepv.problems import hard
 from sepv.schemes._collocation import _Stages, solve_stages
 from sepv.schemes._tableaux import exact_nodes
 from sepv.solve import Status

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from doors import command, obeys
+from sepv.reference import hard
 
 from sepv import schemes
 from sepv.errors import ProblemError, StepFailure
 from sepv.problem import Problem
-from sepv.problems import hard
 from sepv.schemes import Scheme
 from sepv.solve import Status
 from sepv.solve._solution import Solution

@@ -5,10 +5,11 @@
 
 from __future__ import annotations
 
+from sepv.reference.hard import _fields, _mechanics, _scales, _steps
+from sepv.reference.hard._hard_case import HardCase as HardCase
+from sepv.reference.hard._hard_case import Sample as Sample
+
 from sepv.errors import UsageError
-from sepv.problems.hard import _fields, _mechanics, _scales, _steps
-from sepv.problems.hard._hard_case import HardCase as HardCase
-from sepv.problems.hard._hard_case import Sample as Sample
 
 CATALOGUE: tuple[HardCase, ...] = (*_steps.CASES, *_mechanics.CASES, *_scales.CASES, *_fields.CASES)
 

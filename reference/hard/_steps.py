@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+from sepv.reference.hard._hard_case import HardCase, Sample, sizes
 
 from sepv.problem import NamedProblem, PolynomialSystem
-from sepv.problems._common import UNIT3, canonical, hat
-from sepv.problems.hard._hard_case import HardCase, Sample, sizes
+from sepv.problems import UNIT3, canonical, hat
 from sepv.record import polynomial, squares
 
 _QUARTIC = polynomial(2, {(2, 0): 0.5, (0, 4): 0.25, (0, 2): -0.5, (1, 3): 0.125})

@@ -5,10 +5,10 @@ from __future__ import annotations
 from math import comb
 
 import numpy as np
+from sepv.reference.hard._hard_case import HardCase, box, sizes, steps
 
 from sepv.problem import PolynomialSystem
-from sepv.problems._common import canonical
-from sepv.problems.hard._hard_case import HardCase, box, sizes, steps
+from sepv.problems import canonical
 from sepv.record import polynomial, squares
 
 # ½p² + (q − 1)^10, expanded: coefficients up to 252 that cancel to nothing at q = 1.

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+from sepv.reference.hard._hard_case import HardCase, box, sizes, steps
 
 from sepv.problem import Array, PolynomialSystem
-from sepv.problems._common import UNIT3, canonical, hat
-from sepv.problems.hard._hard_case import HardCase, box, sizes, steps
+from sepv.problems import UNIT3, canonical, hat
 from sepv.record import poly
 
 _RESTING = PolynomialSystem(

@@ -6,10 +6,10 @@ The last ones are Lotka-Volterra (§4.4) next to the axes, and steps for which n
 from __future__ import annotations
 
 import numpy as np
+from sepv.reference.hard._hard_case import REFUSALS, HardCase, sizes, steps
 
 from sepv.problem import Array, NamedProblem, PolynomialSystem
-from sepv.problems._common import canonical
-from sepv.problems.hard._hard_case import REFUSALS, HardCase, sizes, steps
+from sepv.problems import canonical
 from sepv.record import add_polynomials as add
 from sepv.record import polynomial, squares
 
