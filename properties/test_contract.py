@@ -20,11 +20,18 @@ from typing import Any
 
 import numpy as np
 from sepv.properties._states_of_a_path import keeps_states
+from sepv.properties._without_memory import (
+    APART,
+    again,
+    forgets_problems,
+    refuses_again,
+    repeats,
+    tells_apart,
+)
 from sepv.properties._without_solution import MADE, made, proof
 
 from sepv.errors import SchemeFault, SepvError, StepFailure
 from sepv.problem import Array, PolynomialSystem, Problem
-from sepv.problems.shown_to_schemes import shown
 from sepv.schemes import Scheme, SchemeCrash, ask, check_answer, raw_answer, require_unchanged, takes
 from sepv.verification import Case, Effort, Finding, Law, Measurement, Run, Verdict, require, searched
 from sepv.verification._cases.case import taken_by, to_json, to_token
@@ -33,23 +40,15 @@ from sepv.verification._search_log import Check
 
 # States in a batch: more than one, and few, because the law "reproducibility" has larger batches.
 BATCH = 3
-# The least distance of states, as a share of the result: closer ones may have one result by rounding.
-APART = 2.0**-20
 # Roundings by which a sum in another order may differ, in single precision more than APART.
 OTHERWISE = 64
 # A state so near that the digits of a key, or single precision, do not tell it; and 256 roundings of the result.
 NEAR, LEAST_APART = 1 + 2.0**-40, 2.0**-44
-# Steps without a solution that are asked twice, and the share of each that is asked in between.
-REFUSED, SHORT_OF_FOLD = 2, 2.0**-10
+# Steps without a solution that are asked twice.
+REFUSED = 2
 # Calls for the last case: a fault with a shorter period is met for certain. They take a quarter of a second of (2.1).
 # For a step of 200 µs a state, the sampled laws make a hundred times as many calls.
 TIMES = 1024
-# … and for a scheme that takes batches as many states in each: ten thousand steps, in less than twice the time.
-LANES = 10
-# Records built in turn until one has the address of its predecessor; and until an address is new.
-ADDRESSES, FRESH = 16, 64
-# A step of more than 30 ms is repeated only as often as fits in this many seconds.
-MOST_SECONDS = 30.0
 # Timing of a step: a share of the last case, because long steps take more iterations; for this many seconds or calls;
 # and for a scheme that takes batches, as one state of this many.
 SHORT, TIMING, MANY = 0.125, 0.25, 256
@@ -58,17 +57,17 @@ SHORT, TIMING, MANY = 0.125, 0.25, 256
 def check(scheme: Scheme, case: Case) -> Measurement:
     """Step one state, and a small batch where the scheme takes batches: some errors show only there."""
     if case.times:
-        _repeats(scheme, case)
+        repeats(scheme, case)
         return Measurement(0.0, 0.0)
     if proof(case) is not None:
-        _refuses_again(scheme, case)
+        refuses_again(scheme, case)
         return Measurement(0.0, 0.0)
     problem, y, h, dW = _as_seen(scheme, case)
     first = _keeps(scheme, problem, y, h, dW, (0.75, 0.5))
     keeps_states(scheme, problem, y, h / 8, dW / 8, APART)
     # Only a third of the cases, for time.
     if (np.any(problem.c * dW) or not problem.noises) and case.given == "bare functions":
-        _forgets_problems(scheme, problem, y, h, dW, first)
+        forgets_problems(scheme, problem, y, h, dW, first)
     if scheme.batched:
         # Nearer to 0 and with less noise than the state itself, so that these steps have solutions too.
         factors = 1 - np.arange(BATCH) / 128
@@ -84,33 +83,6 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 def _as_seen(scheme: Scheme, case: Case) -> tuple[Problem, Array, float, Array]:
     problem, y, h, dW = case.build()
     return problem, scheme.numbers(y), h, scheme.numbers(dW)
-
-
-def _repeats(scheme: Scheme, case: Case) -> None:
-    """Repeat one step and compare the bits.
-
-    Raises
-    ------
-    SchemeFault
-    """
-    problem, y, h, dW = case.build()
-    if scheme.batched:
-        y, dW = (np.repeat(a[:, None], LANES, axis=1) for a in (y, dW))
-    first, end = ask(scheme, problem, y, h, dW), time.monotonic() + MOST_SECONDS
-    for n in range(2, case.times + 1):
-        try:
-            answer: Array | str = ask(scheme, problem, y, h, dW)
-        except StepFailure as error:
-            answer = str(error)
-        if isinstance(answer, str) or not np.array_equal(first, answer):
-            raise SchemeFault(
-                expected="one answer for one question, however often it is asked",
-                received=f"{first.tolist()}, and then, asked for the {n}th time, "
-                f"{answer if isinstance(answer, str) else answer.tolist()}",
-                remedy="remove counters, caches and random numbers from the step",
-            )
-        if time.monotonic() > end:
-            break
 
 
 def _keeps(
@@ -138,12 +110,12 @@ def _keeps(
     first = answer.copy()
     _takes_any_layout(scheme, problem, y, h, dW, first)
     if max(scheme.solver_tolerance, scheme.eps) <= LEAST_APART and may_ask(scheme, problem, NEAR * y):
-        _tells_apart(y, NEAR * y, first, ask(scheme, problem, NEAR * y, h, dW), LEAST_APART)
+        tells_apart(y, NEAR * y, first, ask(scheme, problem, NEAR * y, h, dW), LEAST_APART)
     # Zero components move a little in between, which shows a step that starts from its last result.
     moved = np.where(y == 0, np.max(np.abs(y)) / 64, y)
     for factor in between:
         if may_ask(scheme, problem, factor * moved):
-            _tells_apart(y, factor * moved, first, ask(scheme, problem, factor * moved, h, dW), APART)
+            tells_apart(y, factor * moved, first, ask(scheme, problem, factor * moved, h, dW), APART)
         else:
             ask(scheme, problem, y, factor * h, factor * dW)
         if not np.array_equal(answer, first):
@@ -199,97 +171,6 @@ def _spread(a: Array) -> Array:
     """A view with the same numbers, which skips every other one of its memory."""
     spread: Array = np.repeat(a, 2, axis=-1)[..., ::2]
     return spread
-
-
-def _refuses_again(scheme: Scheme, case: Case) -> None:
-    """A step without a solution asked twice, and a short one from there before, in between and at the end.
-
-    Raises
-    ------
-    SchemeFault
-    """
-    problem, y, h, dW = case.build()
-
-    def outcome(share: float) -> Array | None:
-        try:
-            return ask(scheme, problem, y, share * h, share * dW)
-        except SepvError:  # NaN, or a system that it does not take, is no state either
-            return None
-
-    seen = [outcome(share) for share in (SHORT_OF_FOLD, 1.0, SHORT_OF_FOLD, 1.0, SHORT_OF_FOLD)]
-    for first, again in ((seen[0], seen[2]), (seen[1], seen[3]), (seen[0], seen[4])):
-        same = first is again if first is None or again is None else np.array_equal(first, again)
-        if not same:
-            answers = ["a refusal" if v is None else str(v.tolist()) for v in (first, again)]
-            raise SchemeFault(
-                expected="one answer for one question, a refusal too, and what it leaves behind changes no other",
-                received=f"{answers[0]} and then {answers[1]}",
-                remedy="begin each step anew: keep no iterate, step size or flag of one that failed",
-            )
-
-
-def _tells_apart(y: Array, other: Array, answer: Array, to_other: Array, least: float) -> None:
-    """Check that two states have two results: a memory by h and dW alone passes every repetition.
-
-    Inside the radius where the equation is a contraction with factor κ, a step leaves two states apart by at least
-    (1 − κ)/(1 + κ) of their distance. Distances that the rounding of the result may hide are not judged.
-
-    Raises
-    ------
-    SchemeFault
-    """
-    apart = np.max(np.abs(other - y), axis=0)
-    lane = np.all(answer == to_other, axis=0) & (apart > least * np.max(np.abs(answer), axis=0))
-    if np.any(lane):
-        raise SchemeFault(
-            expected="another answer for another state",
-            received=f"{answer.tolist()} from y = {y.tolist()} and from y = {other.tolist()}",
-            remedy="what is remembered of a step must be remembered by y too, with all its bits",
-        )
-
-
-def _forgets_problems(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, first: Array) -> None:
-    """Step the same problem in a new record, at the address where one with half the noise has just been.
-
-    Python mostly gives a freed record's memory to the next one of its size. A memory by `id` then returns the wrong
-    problem's result. Where the address differs, other addresses are tried.
-    """
-    if np.array_equal(first, y):  # a rest point: half the noise gives the same
-        return
-    whole, missed = shown(problem), 0
-    elsewhere: list[Problem] = []
-    while missed < ADDRESSES and len(elsewhere) < FRESH:
-        half = _as_others(whole, 0.5)
-        address, to_half = id(half), ask(scheme, half, y, h, dW)
-        del half
-        twin = _as_others(whole, 1.0)
-        answer = ask(scheme, twin, y, h, dW)
-        if not np.array_equal(first, answer):
-            raise SchemeFault(
-                expected="one answer for one question, whichever record holds the problem",
-                received=f"{answer.tolist()} from an equal record, {first.tolist()} before",
-                remedy="remember nothing of a problem by its id or name: another may have it later",
-            )
-        # If the memory already held the whole noise, half the noise gets its result, and this comparison is blind.
-        if id(twin) == address and not np.array_equal(first, to_half):
-            return
-        missed += id(twin) != address
-        elsewhere.append(twin)
-
-
-def _as_others(problem: Problem, factor: float) -> Problem:
-    """The problem with so much of its noises, H and ∇H, behind functions of their own."""
-
-    def times(function: Any) -> Any:
-        return function and (lambda y: factor * function(y))
-
-    return replace(
-        problem,
-        noise=factor * problem.c,
-        hamiltonian=times(problem.hamiltonian),
-        gradient=times(problem.gradient),
-        check=False,
-    )
 
 
 def _watched(scheme: Scheme, handling: dict[str, str]) -> Scheme:
@@ -384,7 +265,7 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
         warnings.simplefilter("ignore")  # the scheme's own warnings are not findings
         simplest = _simplest(scheme, [case for case, _ in measured])
         more: list[partial[Any]] = [
-            partial(_again, scheme, case, answer) for case, answer in reversed(measured)
+            partial(again, scheme, case, answer) for case, answer in reversed(measured)
         ]
         more += [partial(check, scheme, case) for case in _refused(scheme, this_run.effort.seed)]
         if not any(case.times for case, _ in measured):
@@ -396,16 +277,6 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
                 return _violated(law, finding, question.args[1], fault)
         seconds = _step_seconds(scheme, simplest)
     return replace(finding, checks=finding.checks + len(more), step_seconds=seconds)
-
-
-def _again(scheme: Scheme, case: Case, before: Array | None) -> None:
-    """Ask a case once more, after all others."""
-    if before is not None and not np.array_equal(before, answer := ask(scheme, *case.build())):
-        raise SchemeFault(
-            expected="one answer for one question, in whichever order questions come",
-            received=f"{before.tolist()}, and {answer.tolist()} after others",
-            remedy="remove state, caches and random numbers from the step",
-        )
 
 
 def _refused(scheme: Scheme, seed: int) -> list[Case]:

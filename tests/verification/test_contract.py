@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from doors import finding
-from sepv.properties import test_contract
+from sepv.properties import _without_memory
 from sepv.reference.faults.saboteurs import SABOTEURS
 
 from sepv import StepFailure, schemes
@@ -144,7 +144,7 @@ def test_the_witness_of_a_seldom_fault_is_found_again() -> None:
 def test_a_scheme_too_slow_to_be_asked_so_often_is_asked_as_often_as_time_allows(
     monkeypatch,
 ):
-    monkeypatch.setattr(test_contract, "MOST_SECONDS", 0.0)
+    monkeypatch.setattr(_without_memory, "MOST_SECONDS", 0.0)
     asked = [0]
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
@@ -184,5 +184,5 @@ def test_several_structures_summed_in_any_order_keep_noise_sum() -> None:
 def test_a_state_that_is_lost_in_the_rounding_of_the_answer_is_no_second_question(size, accused):
     y, answer = np.array([size, 0.0]), np.array([0.5, 0.25])
     with pytest.raises(SchemeFault) if accused else nullcontext() as caught:
-        test_contract._tells_apart(y, 0.75 * y, answer, answer.copy(), test_contract.APART)
+        _without_memory.tells_apart(y, 0.75 * y, answer, answer.copy(), _without_memory.APART)
     assert (caught is not None) is accused
