@@ -174,7 +174,7 @@ def test_only_scripts_that_still_show_a_deviation_are_quoted(tmp_path: Path) -> 
 
 @pytest.mark.parametrize("script", sorted((DOCS / "peers").glob("*.py")), ids=lambda p: p.stem)
 def test_every_script_is_quoted_on_the_page(script: Path) -> None:
-    """Its statement, what the library itself says, and then the measurement."""
+    """Its statement, the library's own words, the measurement: on deviations.md or on integrator-deviations.md."""
     pages = {name: (DOCS / name).read_text("utf-8") for name in deviations.TITLES}
     (name,) = (name for name, text in pages.items() if f"peers/{script.name}) prints" in text)
     page = pages[name]
