@@ -161,10 +161,14 @@ def main() -> None:
     parser.add_argument("--problem", action="append", choices=list(PROBLEMS))
     parser.add_argument("--scheme", action="append", help=f"by default {', '.join(SCHEMES)}")
     parser.add_argument("--law", action="append", help=f"by default {', '.join(LAWS)}")
+    parser.add_argument(
+        "--corners", action="store_true", help="only where rate, noise and size are all extreme"
+    )
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     laws = tuple(options.law or LAWS)
-    print(f"{len(SCALES)} scales: rate, noise and size from {min(VALUES):g} to {max(VALUES):g}\n")
+    scales = tuple(s for s in SCALES if 1.0 not in s) if options.corners else SCALES
+    print(f"{len(scales)} scales: rate, noise and size from {min(VALUES):g} to {max(VALUES):g}\n")
     print(
         "| problem | scheme | verdicts | hold | not applicable | wrong |\n|---|---|--:|--:|--:|--:|",
         flush=True,
@@ -177,7 +181,7 @@ def main() -> None:
         print(f"| {at[0]} | {at[1]} | {held + outside + bad} | {held} | {outside} | {bad} |", flush=True)
 
     names, chosen = options.problem or list(PROBLEMS), options.scheme or list(SCHEMES)
-    asked = judged(names, chosen, SCALES, laws, Effort(seed=options.seed))
+    asked = judged(names, chosen, scales, laws, Effort(seed=options.seed))
     for name, scheme, scale, found in asked:
         if shown not in (None, (name, scheme)):
             row(shown)
