@@ -3,7 +3,7 @@
 Every installed peer's integrators of mechanical systems (`Peer.integrators`), on random ones. Scripts show, without
 sepv, why a claim is not found to hold: those in the folder ``peers`` beside the page where a library's
 documentation says otherwise (`benchmarks.peers.deviations`), those in the folder ``integrators`` where it is a
-matter of rounding.
+matter of rounding. The latter are quoted on a page beside it, integrator-rounding.md.
 """
 
 from __future__ import annotations
@@ -24,11 +24,14 @@ from benchmarks.peers.kept_measurements import Cell, measured
 from benchmarks.peers.options import measuring, page_options, put
 from sepv._version import __version__
 from sepv.console import Shown, markdown
+from sepv.files import write_atomically
 from sepv.schemes import Scheme
 from sepv.verification import Effort, Verdict, load_laws
 from sepv.verification._report import MARKS
 
 COMMAND = "python -m benchmarks.peers.integrators"
+ROUNDING = "integrator-rounding.md"
+LEGEND = "holds · – violated · ? open · n/a not applicable · error · + claimed · † see below"
 ASKED = ("contract", "symplecticity", "volume", "symmetry", "reversibility", "deterministic-order", "energy")
 
 
@@ -84,18 +87,28 @@ def document(
         f"Made by `{command}` with sepv {__version__} and {', '.join(versions)}; not edited by hand.",
         INTRODUCTION,
         markdown(heads, lines),
-        "holds · – violated · ? inconclusive · n/a not applicable · error: not measured · + claimed · † see below",
+        LEGEND,
         "\n".join(_reasons(found)),
         "## What is claimed",
-        "\n".join(dict.fromkeys(f"- {row.scheme.source}" for row in found)),
+        "\n".join(dict.fromkeys(f"- {row.scheme.source}" for row in found if ":" in row.scheme.source)),
         "## Where a measurement differs from a library's documentation",
         linked(differing) or "Nothing found that reproduces in the library's own terms.",
         "## Kept, but not to rounding" if rounded else "",
-        *(d.text for d in rounded),
+        "\n".join(f"- {d.title.removesuffix('.')} ([shown]({ROUNDING}))." for d in rounded),
         "## What was read",
         READ,
     ]
     return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def rounding(rounded: Sequence[Deviation], command: str) -> str:
+    """The page of integrators that keep an invariant to a tolerance or to larger roundings, in Markdown."""
+    head = (
+        "# Integrators that keep invariants, but not to rounding\n\n"
+        "Nothing here differs from a library's documentation. Each section quotes the library, and shows what a script "
+        f"in its own terms prints. Made by `{command}`; not edited by hand."
+    )
+    return "\n\n".join([head, *(d.text.removeprefix("#") for d in rounded)]) + "\n"
 
 
 def _name(row: Row, marked: Collection[str]) -> str:
@@ -124,14 +137,12 @@ def _reasons(found: Sequence[Row]) -> Iterator[str]:
 
 
 INTRODUCTION = """\
-Samplers, molecular dynamics and astronomy integrate H = ½pᵀM⁻¹p + V(q) by the million. Here each integrator runs
-through its own library's code, in float64, on random systems of that form with up to three degrees of freedom: its
-verdict is that of `sepv verify LIBRARY-NAME`, such as `sepv verify mici-leapfrog`. No options are set but those in
-a name. A law that is violated without being claimed is no fault. Libraries of particles have one mass for each, so
-that systems with a full M are left out. Steps lie inside a proved contraction radius, where an explicit method of
-order 8 errs by roundings: there it holds what it loses in longer steps. REBOUND's integrators of planetary systems,
-WHFAST to EOS, run on the problem `planets`, a star and two planets. The extras `samplers` and `simulators`
-install the libraries."""
+Each integrator runs through its own library's code, in float64, on random systems H = ½pᵀM⁻¹p + V(q) with up to three
+degrees of freedom. Only the options in its name are set. A law that is violated without being claimed is no fault.
+Libraries of particles have one mass for each, so systems with a full M are left out.
+
+Steps lie inside a proved contraction radius. There an explicit method of order 8 errs by roundings, and holds what it
+loses in longer steps. REBOUND's integrators of planetary systems, WHFAST to EOS, run on `planets`."""
 
 
 # Issues: as far as a search of public threads finds them.
@@ -157,6 +168,8 @@ def main(out: Path | None, keep: Path | None, libraries: tuple[str, ...], seed: 
         own = {row.library for row in found}
         differing, rounded = (deviations_shown_by(docs / name, own) for name in ("peers", "integrators"))
     put(out, lambda arguments: document(found, differing, rounded, f"{COMMAND}{arguments}"), libraries, seed)
+    if out and not libraries:
+        write_atomically(str(docs / ROUNDING), rounding(rounded, f"{COMMAND} --out {out}"))
 
 
 if __name__ == "__main__":

@@ -39,7 +39,7 @@ ELSEWHERE = {
     "vectors": "test_vectors.py",
     "deviations": "test_compliance.py",
     "integrator-deviations": "test_compliance.py",
-    "integrators": "test_integrators.py",
+    "integrator-rounding": "test_integrators.py",
     "trend": "test_versions.py",
     "profiles": "test_profiles.py",
     "index": "test_site.py",  # the first page of the site, whose example is measured as it is built

@@ -137,3 +137,6 @@ def test_the_page_names_claims_defects_and_scripts() -> None:
     assert "- lib verlet, defects against bounds: symplecticity 30 against 2" in text
     assert 'its manual: "symplectic"' in text
     assert "- lib verlet: no ([shown](integrator-deviations.md))." in text
+    text = page.document([page.Row("lib", "1.0", scheme, found)], [], here, "the command")
+    assert "- lib verlet: no ([shown](integrator-rounding.md))." in text
+    assert "\n## lib verlet: no." in page.rounding(here, "the command")
