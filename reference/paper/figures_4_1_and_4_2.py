@@ -169,7 +169,7 @@ def growth_per_step(name: str, h: float) -> tuple[float, float]:
 
 
 def _growth(run: runs.Run) -> Statement:
-    """The mean of ln H over all samples against the growth that the formula of the scheme has."""
+    """Compare the mean of ln H over all samples with E[ln H], computed from the formula of the scheme."""
     mean, variance = growth_per_step(run.scheme, run.h)
     logs: Array = np.log(run.energies[-1] / run.energy[0])
     expected, spread = mean * run.steps, np.sqrt(variance * run.steps / logs.size)

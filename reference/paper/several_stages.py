@@ -34,7 +34,10 @@ def step_with_stages(problem: Problem, stages: int, y: Array, h: float, dW: Arra
 
 
 def problem_of_step(problem: Problem, parts: Array) -> Problem:
-    """The problem y′ = P(y)∇H without noise whose solution at time 1 is one step; `parts` are h and the c_jΔW_j."""
+    """The problem y′ = P(y)∇H without noise, where P = h B + Σ c_jΔW_j G_j and `parts` are h and the c_jΔW_j.
+
+    One step of length 1 of a method on it is the method's step with noise.
+    """
     slope: Any = partial(combined_slope, problem, parts=parts)
     given = combined_slope(problem, np.array(problem.initial)[:, None], parts[:, None]) is not None
     return Problem(

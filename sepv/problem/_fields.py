@@ -139,7 +139,7 @@ def hessian(problem: Problem, y: Array) -> Array:
 def differences(problem: Problem, function: OfLanes, y: Array) -> Array:
     """The derivative of a function at states y (d, ...) of a problem, (n, d, ...), by forward differences.
 
-    The function is called with states (d, M), and with the numbers of those states among the flattened y.
+    The function is called with states (d, M), and with the index in the flattened y of the state that each belongs to.
     """
     flat, domain = y.reshape(len(y), -1), problem.domain
     inside = None if domain is None else lambda at, _: domain(at)

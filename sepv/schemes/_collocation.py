@@ -97,7 +97,7 @@ class _Stages:
         return Evaluation(right, lambda: (self.jacobian(z, lanes, Y, g), 0))
 
     def jacobian(self, z: Array, lanes: np.ndarray, Y: Array, g: Array) -> Array:
-        """Newton's matrix, the derivative of Δ B(Y_i) g_i by z_j, as (d·s, d·s, M).
+        """The derivative of the right sides Δ B(Y_i) g_i by z_j, as (d·s, d·s, M); Newton solves with 1 minus it.
 
         It is Δ(a_ij B′(Y_i)[·]g_i + B(Y_i) b_i⁻¹∫ℓ_i A_j H″(u)), where A_j is the integral of ℓ_j. The average of H″
         takes a few nodes only, which changes the speed of convergence and not its limit.

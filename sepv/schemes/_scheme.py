@@ -59,8 +59,8 @@ class Scheme:
         y of shape (d,) with dW of shape (m,); a step that sets `batched` also takes a batch, (d, M) with
         (m, M). Pure: the same bits for the same arguments, nothing changed in place.
     claims : iterable of law names
-        Laws that it claims to obey. Other laws are measured and printed too. With "reference"
-        the law "refusal" is claimed.
+        Laws that it claims to obey. Other laws are measured and printed too. A claim of
+        "reference" is one of "refusal" as well.
     source : str
         The source of the formula.
     mean_square_order, weak_order : float or `sepv.schemes.Orders`, optional
@@ -99,7 +99,7 @@ class Scheme:
         (Cohen and Hairer), those that compare with the midpoint rule with the s-stage Gauss method.
     longest_step : float or callable (problem, y, h, dW) -> bool, optional
         The steps that it takes: |h| + Σ|c_j ΔW_j| up to a number, or those of which a function says so. Laws about
-        single steps leave out the others; one of which less than a quarter of the cases are left does not hold.
+        single steps leave out the others. A law is inconclusive if less than a quarter of its cases are left.
     dtype : "float64" or "float32"
         The numbers of the step: y and dW come, and y_next is expected, in them. With float32 the laws' bounds are
         those of its roundings, and defects and bounds are in units of 2⁻²³; what the suite evaluates stays in float64.

@@ -41,7 +41,7 @@ def impossible(space: Space) -> dict[str, list[str]]:
 
 
 def show(laws: Iterable[Law], systems: Systems, out: Console) -> None:
-    """Print the tables for these laws and this class of systems."""
+    """Print how many cases of each stratum these laws ask of a scheme for this class of systems."""
     chosen = {law.name: law.cases.space(systems) if law.cases else None for law in laws}
     spaces = {name: space for name, space in chosen.items() if space is not None}
     order = list(spaces)

@@ -30,16 +30,16 @@ class Report:
     interrupted : bool
         True if some laws were not measured.
     pinned : frozenset of str or None
-        The laws that held when the run's pin was written (`sepv.verification._expected_failures`): every violation must
-        be claimed or listed there. None without a pin.
+        The laws that held when the run's pin was written (`sepv.verification._expected_failures`). With a pin the run
+        fails at each violation that the pin does not list. None without a pin.
     pins : bool
         True if the command writes a pin of this report.
     gaps : tuple of str
         Sentences about laws that the pin does not contain, or that it guards and that were not measured now.
     target : str
-        The words for the scheme and its problems in a command; empty if there are none.
+        The arguments that name the scheme and its problems on a command line; empty if there are none.
     required : tuple of Requirement
-        The profiles that must be found.
+        The profiles, named sets of laws, that the scheme must have.
     """
 
     scheme: Scheme
