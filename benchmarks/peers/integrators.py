@@ -139,7 +139,7 @@ def _reasons(found: Sequence[Row]) -> Iterator[str]:
 INTRODUCTION = """\
 Each integrator runs through its own library's code, in float64, on random systems H = ½pᵀM⁻¹p + V(q) with up to three
 degrees of freedom. Only the options in its name are set. A law that is violated without being claimed is no fault.
-Libraries of particles have one mass for each, so systems with a full M are left out.
+Libraries of particles have one mass for each, so a full M is left out.
 
 Steps lie inside a proved contraction radius. There an explicit method of order 8 errs by roundings, and holds what it
 loses in longer steps. REBOUND's integrators of planetary systems, WHFAST to EOS, run on `planets`."""
