@@ -14,7 +14,7 @@ from sepv.verification import Law, load_laws
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 # Parts of a page that are written by hand, in their order; each begins a paragraph.
-PARTS = ("Why", "Asked", "Bound", "Broken by", "A violation")
+PARTS = ("Why", "Measured", "Bound", "Broken by", "A violation")
 
 
 def page_of(law: Law) -> Path:
@@ -25,7 +25,7 @@ def page_of(law: Law) -> Path:
 def head(law: Law) -> str:
     """The lines of a page up to its formula: the statement, and the facts of the record."""
     file = f"test_{law.name.replace('-', '_')}.py"
-    facts = f"Source: {law.source}. Unit: {law.unit}. [{file}](../../properties/{file})."
+    facts = f"Source: {law.source}. Unit: {law.unit}. [{file}](../../properties/{file}). [Terms](../laws.md#terms)."
     facts += " Every scheme claims it." if law.always_claimed else ""
     text = law.statement
     text = (
