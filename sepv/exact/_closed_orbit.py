@@ -45,9 +45,12 @@ def closed_orbit(problem: Problem, y0: Array) -> Orbit | None:
         ahead, near = f @ moved, np.linalg.norm(moved, axis=0) < 0.25 * size
         back = np.flatnonzero((ahead[1:-1] < 0) & (ahead[2:] >= 0) & near[2:])
         if back.size:
-            period = brentq(
-                lambda t: float(f @ (exact_flow(problem, t, y0).y.reshape(-1) - y0)),
-                *times[back[0] + 1 : back[0] + 3],
+            first = back[0] + 1
+            begun, start = float(times[first]), y0 + moved[:, first]
+            period = begun + brentq(
+                lambda t: float(f @ (exact_flow(problem, t, start).y.reshape(-1) - y0)),
+                0.0,
+                times[first + 1] - begun,
             )
             return Orbit(period, exact_flow(problem, period * np.arange(PHASES) / PHASES, y0).y)
         reach *= 2

@@ -146,10 +146,10 @@ def translated(problem: Problem, y: Array, h: float, dW: Array) -> Iterator[None
         raise SchemeCrash(error, y.shape, f", called with {given}") from error
 
 
-def check_answer(answer: Any, y: Array, dtype: str = "float64") -> Array:
+def check_answer(answer: Any, y: Array, dtype: str = "float64", *, finite: bool = True) -> Array:
     """The result of a step from y, if it obeys the contract: a finite NumPy array of y's shape and this dtype.
 
-    Raises SchemeFault for anything else.
+    Raises SchemeFault for anything else, but for NaN and infinity only if `finite`.
     """
     if type(answer) is not np.ndarray:  # no subclass: masked arrays and matrices compute differently
         raise SchemeFault(
@@ -173,7 +173,7 @@ def check_answer(answer: Any, y: Array, dtype: str = "float64") -> Array:
             else "return y's dtype: constants and matrices of float64 raise it; or leave out dtype='float32'; "
             "a complex value hints at a square root or logarithm out of range",
         )
-    if not np.all(np.isfinite(answer)):
+    if finite and not np.all(np.isfinite(answer)):
         raise SchemeFault(
             expected="finite values",
             received=f"{answer.tolist()!r:.200}",
@@ -199,8 +199,7 @@ def guarded(scheme: Scheme) -> Scheme:
         with translated(problem, y, h, noise):
             y1, state = carry(scheme, shown(problem), given, state, h, noise, any_path=True)
         require_unchanged(y=(scheme.numbers(y), given), dW=(increments, noise))
-        finite = np.nan_to_num(y1) if isinstance(y1, np.ndarray) else y1
-        check_answer(finite, y, scheme.dtype)
+        check_answer(y1, y, scheme.dtype, finite=False)
         return np.asarray(y1, dtype=np.float64), state
 
     rule = StatefulStep(lambda _, y: (y, None), carried, lambda path: path[0])
