@@ -46,9 +46,9 @@ def closed_orbit(problem: Problem, y0: Array) -> Orbit | None:
         back = np.flatnonzero((ahead[1:-1] < 0) & (ahead[2:] >= 0) & near[2:])
         if back.size:
             first = back[0] + 1
-            begun, start = float(times[first]), y0 + moved[:, first]
+            begun, state = float(times[first]), y0 + moved[:, first]
             period = begun + brentq(
-                lambda t: float(f @ (exact_flow(problem, t, start).y.reshape(-1) - y0)),
+                lambda t, start=state: float(f @ (exact_flow(problem, t, start).y.reshape(-1) - y0)),
                 0.0,
                 times[first + 1] - begun,
             )
