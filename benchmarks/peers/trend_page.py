@@ -13,19 +13,16 @@ from sepv.verification import Verdict
 # Half of the lowest order that a consistent scheme has, ½: an error that falls so has a limit of 0.
 LEAST_SLOPE = 0.25
 
-INTRODUCTION = """Read what each recorded version of a library was found to do, and when that changed. Its Stratonovich
-solvers ran through the library's own code, in a fresh environment. A solver claims the orders that its documentation
-states for noise that commutes ([all laws, of the newest versions](compliance.md)). A cell names those of *local-mean*,
-*local-mean-square*, *local-weak*, *mean-square-order* and *right-limit* that are not found to hold. The records,
-`results/LIBRARY/VERSION.json`, have every verdict, defect, seed and package; none is ever overwritten.
+INTRODUCTION = """This page shows what each recorded version of a library was found to do, and when that changed. Its
+Stratonovich solvers ran through the library's own code, in a fresh environment. A solver claims the orders that its
+documentation states for noise that commutes ([all laws, of the newest versions](compliance.md)). A cell names those
+of *local-mean*, *local-mean-square*, *local-weak*, *mean-square-order* and *right-limit* that are not found to hold.
+The records, `results/LIBRARY/VERSION.json`, have every verdict, defect, seed and package; none is ever overwritten.
 
 ```sh
-python -m benchmarks.peers.releases sdeint 0.2.4 0.3.0
-python -m benchmarks.peers.trend results --out docs/trend.md
-```
-
-The first measures versions and adds their records, the second makes this page. Where another package changed with the
-library, the page says so: the reason may be there."""
+python -m benchmarks.peers.releases sdeint 0.2.4 0.3.0       # measure versions, and add their records
+python -m benchmarks.peers.trend results --out docs/trend.md # make this page
+```"""
 
 
 def page(found: dict[str, list[Record]]) -> str:
@@ -51,7 +48,7 @@ def _library(records: Sequence[Record]) -> Iterator[str]:
             f"{', '.join(slow)}: *right-limit* extrapolates means by the order that is claimed. The error itself falls "
             "with h, by a lower order: the limit is not shown to be another one."
         )
-    yield "Measured with: " + "; ".join(_with(r) for r in last) + "."
+    yield _measured_with(last)
     found = changes(records)
     if found:
         yield "**What changed**"
@@ -89,11 +86,20 @@ def _falls_slowly(entry: dict[str, Any]) -> bool:
     return bool(both and order["defect"] is not None and order["defect"] > LEAST_SLOPE)
 
 
-def _with(record: Record) -> str:
-    """The companions that matter: what computes."""
+def _measured_with(records: Sequence[Record]) -> str:
+    """Name what computes: first what all records share, then what each version has besides."""
+    each = {record.version: _companions(record) for record in records}
+    shared = [name for name in next(iter(each.values())) if all(name in names for names in each.values())]
+    besides = {version: [n for n in names if n not in shared] for version, names in each.items()}
+    others = [f"{version} with {', '.join(names)}" for version, names in besides.items() if names]
+    return f"Measured with {'; '.join(filter(None, [', '.join(shared), *others]))}."
+
+
+def _companions(record: Record) -> list[str]:
+    """List Python, the packages that compute, and the date of a record."""
     packages, python = record.data["environment"]["packages"], record.data["environment"]["python"]
     named = [f"{n} {packages[n]}" for n in ("jax", "torch", "numpy", "scipy") if n in packages]
-    return f"{record.version} with Python {python}, {', '.join(named)}, {record.data['date']}"
+    return [f"Python {python}", *named, record.data["date"]]
 
 
 def _few(besides: Sequence[str]) -> str:
