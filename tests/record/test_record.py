@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sepv import problems
-from sepv.problem import field_jacobian
 from sepv.problem._fields import matvec
 from sepv.record import CannotRecord, NoClosedForm, Tape, degree, evaluator, gradient, jacobian, mean
 from sepv.record._derivative import reachable
@@ -165,26 +164,6 @@ def test_what_has_no_closed_mean_is_refused_and_says_why() -> None:
     for H, why in none:
         with pytest.raises(NoClosedForm, match=why):
             mean(H, y, z)
-
-
-@pytest.mark.parametrize("make", [problems.rigid_body, problems.pendulum, problems.lotka_volterra])
-def test_the_papers_problems_are_recorded_as_they_are(make) -> None:
-    problem = make()
-    tape, d = Tape(), problem.dimension
-    y = tape.vector(d)
-    B, H = tape.symbols(problem.structure(y)), problem.hamiltonian(y)
-    g = gradient(H, y)
-    f = matvec(B, g)
-    state = np.abs(np.random.default_rng(0).normal(size=(d, 7))) + 0.5
-    for recorded, hand, roundings in (
-        (g, problem.gradient(state), 8),
-        (jacobian(g, y), problem.hessian(state), 16),
-        (jacobian(f, y), field_jacobian(problem, state), 32),
-    ):
-        assert np.allclose(evaluator([y], recorded)(state), hand, rtol=roundings * EPS, atol=roundings * EPS)
-    one = evaluator([y], f)(state[:, 0])
-    assert one.shape == (d,)
-    assert np.array_equal(one, evaluator([y], f)(state)[:, 0])
 
 
 def test_a_record_of_the_scheme_is_as_short_as_by_hand() -> None:
