@@ -20,7 +20,7 @@ from sepv.verification._law import Law, Measurement
 Parts = dict[int, float]
 # The measurement of another case by the same law; None where it cannot be made.
 MeasuredAgain = Callable[[Case], Measurement | None]
-# Smaller relative defects may come from a solver's tolerance: eight times √eps, the default of many.
+# Relative defects below this may come from a solver's tolerance: eight times √eps, the default of many solvers.
 MOST_TOLERANCE = 2.0**-23
 
 # A term is named where it makes this share of all defects of single parts; a product where single parts make less than

@@ -1,7 +1,7 @@
 """Counterexamples replayed in a process that has made no other call of the scheme.
 
-A step that keeps state can violate a law after others and obey it alone: its reader is told so. One process replays all
-counterexamples of a run, and only of a scheme that it can import by name.
+A step that keeps state can violate a law after other calls, and obey it alone. The report then says so. One process
+replays all counterexamples of a run, and only of a scheme that it can import by name.
 """
 
 from __future__ import annotations

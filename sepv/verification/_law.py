@@ -35,7 +35,7 @@ class Verdict(Enum):
         return self.value.replace("_", " ")
 
     def of(self, number: int) -> str:
-        """A number of laws with this verdict: 1 holds, 2 hold, 3 violated, 2 errors."""
+        """The number of laws with this verdict, in words: 1 holds, 2 hold, 3 violated, 2 errors."""
         plural = {Verdict.HOLDS: "hold", Verdict.ERROR: "errors"}
         return f"{number} {self.text if number == 1 else plural.get(self, self.text)}"
 
@@ -129,7 +129,7 @@ class Finding:
 
 
 def verdict_text(verdict: Verdict, share: float | None, afresh: str) -> str:
-    """The verdict in words; holds on 71 %, if others were skipped; depends on earlier calls, if it holds alone."""
+    """The verdict in words, such as "holds on 71 %" if cases were skipped, or "depends on earlier calls"."""
     if verdict is Verdict.VIOLATED and afresh == Verdict.HOLDS.value:
         return "depends on earlier calls"
     return f"holds on {math.floor(100 * share)} %" if share and verdict is Verdict.HOLDS else verdict.text

@@ -55,7 +55,7 @@ SAMPLED = ("mean-square-order", "weak-order", "right-limit", "commutation")
 LOCAL = ("local-mean", "local-mean-square", "local-weak")
 # Asked before the others: they take half a second, and most faults show in them.
 SOON = ("identity", "energy", "casimir")
-# Laws that ask a scheme for more steps of one state come last, the dearest at the end.
+# Laws that ask for many steps of one state come last, the most expensive at the end.
 DEAR = 2000
 
 

@@ -162,7 +162,7 @@ class Report:
         """
         return str(
             import_module("sepv.page").of_report(self)
-        )  # the room above, which arranges what is measured here
+        )  # not at the top: `sepv.page` imports this package
 
     def _repr_html_(self) -> str:
         """The page in a notebook, in a frame of its own; the last line stands below it."""
@@ -201,7 +201,7 @@ EFFORT = ("seed", "examples", "paths", "designs", "shrink_checks", "corpus")
 
 
 def fails(f: Finding, pinned: frozenset[str] | None = None) -> bool:
-    """True if a finding makes the exit code 1; under a pin of these laws every violation must be listed."""
+    """True if a finding makes the exit code 1. Under a pin of these laws every violation must be listed."""
     if f.verdict in (Verdict.ERROR, Verdict.NOT_MEASURED):
         return False  # these have other exit codes
     if f.expected is not None:

@@ -1,7 +1,7 @@
 """Profiles: the properties that a scheme was found to have, claimed or not.
 
-A profile is found where each of its laws was measured and holds. A law that is not applicable, inconclusive or expected
-to fail makes none.
+A profile is found where each of its laws was measured and holds. It is not found where one of them is not applicable,
+inconclusive or expected to fail.
 
 An order is measured. Every law about orders says of each problem which order its errors show (`measured` in its
 witness): the largest one whose bound lies below what is sure of the slope. That is the lower end of the interval where

@@ -82,7 +82,7 @@ class _Budget:
 
 @dataclass(frozen=True)
 class _Question:
-    """The places where a law looks, and its measurement."""
+    """A question of a law to one scheme: where its cases come from, and its measurement of one case."""
 
     where: Question
     check: Check
@@ -193,7 +193,7 @@ def _explore(log: SearchLog, scheme: Scheme, effort: Effort, question: _Question
             measured = _measure(log, scheme, case, question.check, question.faults_violate)
         except Skipped as skipped:
             if not isinstance(skipped.__cause__, StepFailure):
-                reject()  # the budget is for cases that the program takes; a refused step has been tried
+                reject()  # Hypothesis then draws another example; a refused step counts as one
             return
         except (_Violation, _Fault):
             simplifying = simplifying or _Budget(effort.shrink_checks)
@@ -210,7 +210,7 @@ def _explore(log: SearchLog, scheme: Scheme, effort: Effort, question: _Question
         report_multiple_bugs=True,
         verbosity=Verbosity.quiet,
         phases=(Phase.generate, Phase.target, Phase.shrink),
-        # Cases are large by nature, and a slow scheme is not the strategy's fault.
+        # Hypothesis complains of large examples and of slow ones. Cases are large, and slowness is the scheme's.
         suppress_health_check=list(HealthCheck),
     )
     test = hypothesis_seed(effort.seed)(chosen(given(case=question.where.strategy)(body)))
@@ -274,7 +274,7 @@ def _simplify(log: SearchLog, scheme: Scheme, effort: Effort, question: _Questio
 
 
 def _measure(log: SearchLog, scheme: Scheme, case: Case, check: Check, faults_violate: bool) -> Measurement:
-    """Measure and log one case; raise _Violation or _Fault, each from its own place."""
+    """Measure and log one case; raise _Violation or _Fault, from different lines: Hypothesis tells them apart so."""
     log.checks += 1
     note_case(lambda: cases_of.to_json(case))
     try:
@@ -314,7 +314,7 @@ def _measure(log: SearchLog, scheme: Scheme, case: Case, check: Check, faults_vi
             log.worst = log.violation[1]
             raise _Violation from error
         log.fault = case, error
-        # A result that is not a state, or none, is a result. A dead program, or an exception, is not.
+        # A program that died, or raised an exception, gave no result. A refusal, or a result of a wrong kind, is one.
         if not isinstance(error, (SchemeFault, ArithmeticError)):
             log.crash = case, error
             raise _Crash from error

@@ -46,7 +46,7 @@ class SearchLog:
         return sum(self.skipped.values())
 
     def skip(self, reason: str, *, may: bool = False) -> None:
-        """A case that was not taken is no check; `may` where a right scheme may refuse it."""
+        """Log a case that the scheme did not take; with `may`, one that a right scheme may refuse."""
         self.checks -= 1
         self.lacking += not may
         self.skipped[reason] = self.skipped.get(reason, 0) + 1

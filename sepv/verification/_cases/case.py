@@ -1,4 +1,4 @@
-"""A case: a problem as data, a state, a step. It prints, shrinks, pins and travels."""
+"""A case, the input of a law about single steps: a problem as data, a state, a step, with its text forms."""
 
 from __future__ import annotations
 

@@ -58,8 +58,8 @@ def _space(make: strata.Make, *axes: Axis, **left: Strata) -> Space:
     return replace(whole, pool=whole.part(blind=_RIGHT))
 
 
-# Without a Δ no noise cancels h. With several Hamiltonians a step with h = 0 and ΔW ≠ 0 is that of no path: schemes for
-# them take areas or other increments whose size is that of h.
+# Two kinds of steps are left out for several fields. No noise cancels h there, as there is no Δ. And no path has a step
+# with h = 0 and ΔW ≠ 0: schemes for them take areas or other increments whose size is that of h.
 _OF_PATHS = tuple(kind.name for kind in (strata.UNEVEN, strata.NEAR, *strata.FAR))
 _OF_STRUCTURES = (strata.STILL.name, *_OF_PATHS)
 _NOISY = ("1", "2", "3–4", "5–20")

@@ -65,7 +65,7 @@ def only(holds: Callable[[Problem], object], *, data: bool = False) -> Adapt:
 
 @dataclass(frozen=True)
 class Question:
-    """The places where a law looks for a violation by one scheme."""
+    """The sources of a law's cases for one scheme: a design, a random search, and fixed cases."""
 
     design: Callable[[int], list[Case]]  # for a seed
     strategy: Strategy

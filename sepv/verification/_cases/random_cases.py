@@ -34,7 +34,7 @@ from sepv.verification._tolerance import gradient_majorant, structure_majorant
 
 # Draws until a rest point may be the origin, where monomials are too few for any other.
 ATTEMPTS = 30
-# The smallest B∇H relative to the sum of its terms' absolute values; smaller ones are left to the random search.
+# The smallest B∇H in a design, relative to the sum of its terms' absolute values. The random search has smaller ones.
 GENERIC = 1 / 64
 # Draws until a case is accepted in which some fault would not show.
 TRIES = 24

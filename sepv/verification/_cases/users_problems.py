@@ -50,7 +50,7 @@ class Item:
         return [*(case for _, case in whole.cases(seed)), *whole.further(seed).values()]
 
     def meets(self, adapted: Callable[[Case], Case | None], where: Mapping[str, Strata]) -> bool:
-        """True if a law applies to one of thirty cases; a search would draw hundreds."""
+        """True if a law applies to one of thirty drawn cases. Hypothesis would draw hundreds before it gave up."""
         if self.fixed is not None:
             return adapted(start_of(describe(self.fixed, self.text))) is not None
         if self.space is not None:
