@@ -75,38 +75,40 @@ CLAIMS = (
 )
 TITLE = """# Several Hamiltonians: what schemes claim, and what was found
 
-This page lets you choose a scheme for dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j) with {H_0, H_j} ≠ 0
+Choose a scheme for dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j) with {H_0, H_j} ≠ 0
 (`sepv.problem.HamiltoniansProblem`). For mean-square order 1 with any noises take *area-midpoint*, for a Poisson map
 *stochastic-splitting* or *isospectral-midpoint*, for positive species *darboux-lie*, for additive noise
 *drift-preserving*. `python -m benchmarks.hamiltonians` prints this page.
 """
-DIFFERENCES = """## How the verdicts stand to the papers
+DIFFERENCES = """## Verdicts compared with the papers
 
 *darboux-lie* is the midpoint rule in logarithms. It has mean-square order 1 for one noise (`lotka-volterra`), and order
-½ for three noises whose fields do not commute (`random-lotka-volterra`). No scheme that sees only increments can do
-better (J. Clark and R. Cameron 1980). Liu and Wang prove order 1 of an integrator of their own. Of their paper only the
-abstract and the introduction were read: nothing here is a verdict about it.
+½ for three noises whose fields do not commute (`random-lotka-volterra`). No scheme that uses only increments has a
+higher order (J. Clark and R. Cameron 1980). Liu and Wang prove order 1 of an integrator of their own. Only the
+abstract and the introduction of their paper were read: nothing here is a verdict about it.
 
-The statements of the other papers hold where they were measured. Both midpoint rules violate *poisson-map* and
-*energy-drift*, which neither claims. E[H] is right up to h³ a step for the midpoint rules, and up to h² for
-*isospectral-midpoint*. Laws about H judge *darboux-lie* on `lotka-volterra`, where all noises share one field.
+The statements of the other papers hold where they were measured. E[H] is right up to h³ a step for the midpoint rules,
+and up to h² for *isospectral-midpoint*. Laws about H measure *darboux-lie* on `lotka-volterra`, where all noises share
+one field.
 """
 ADDITIVE = """## Additive noise
 
 *drift-preserving* is for dy = B(y)∇H dt + Σ c_j g_j dW_j with constant vectors g_j. By the abstract of its paper it
 keeps the exact drift of the energy and of quadratic Casimirs. Abstract and introduction were read, not the experiments:
-`pushed-rigid-body` is a problem of our own. The table has the growth of its means per unit of time, to T = 1, by 10,000
+`pushed-rigid-body` is a problem of our own. The table shows by how much its means grow from t = 0 to T = 1, by 10,000
 pairs of paths, with standard errors (`python -m benchmarks.additive_noise`):
 
 """
 VERDICTS = """## Verdicts
 
-Every claimed law holds unless its line says “red or open”. The lists have the laws that hold or fail unclaimed.
+Every claimed law holds unless its line says “red or open”. The lists have the laws that hold or are violated without a
+claim.
 """
 SLOPES_TEXT = """## Slopes
 
-Each cell has the slopes of *local-mean-square* and of *local-weak* for one kind of noise. An order p needs p + ½ and
-p + 1. Where noises do not commute, the first reference is the log-ODE of step two, which shows no more than order 1.
+Each cell has the slopes of *local-mean-square* and of *local-weak* for one kind of noise. An order p needs the slopes
+p + ½ and p + 1. Where noises do not commute, the reference of the first law is the log-ODE of step two, which shows no
+more than order 1.
 """
 
 
@@ -165,9 +167,8 @@ def detections(names: Sequence[str], seeds: Sequence[int]) -> str:
         found = [fault_detection.detect(name, seed, [law], EXAMPLES) for seed in seeds]
         killed.append(sum(b.kills for each in found for b in each))
     listed = ", ".join(f"`{name}`" for name in names)
-    return f"""The suite has schemes of this class that are broken on purpose ([saboteurs](teeth.md)): {listed}.
-Each claims what the scheme that it imitates claims. The law that states its fault
-kills it with {min(killed)} of {len(seeds)} seeds."""
+    return f"""The [saboteurs](teeth.md) of this class are {listed}.
+The law that states the fault of a saboteur kills it with {min(killed)} of {len(seeds)} seeds."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
