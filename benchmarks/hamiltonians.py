@@ -1,8 +1,7 @@
 """Schemes for several Hamiltonians and their papers: ``python -m benchmarks.hamiltonians > docs/class.md``.
 
-It says what each scheme claims, which laws hold without a claim and which do not, the slopes of one step by quadrature,
-and how often the saboteurs of the class are found with ten seeds. Some six minutes of one
-core.
+It says what each scheme claims, which laws hold without a claim and which do not, and the slopes of one step by
+quadrature. Some six minutes of one core.
 """
 
 from __future__ import annotations
@@ -10,9 +9,6 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterable, Sequence
-
-from sepv.reference.faults import detection as fault_detection
-from sepv.reference.faults.saboteurs import SABOTEURS
 
 import sepv
 from benchmarks import additive_noise, over, start
@@ -31,9 +27,6 @@ SCHEMES = (
 )
 SLOPES = ("local-mean-square", "local-weak")
 KINDS = ("general", "commutative", "one", "additive")  # of noise
-SEEDS = tuple(range(10))
-# Random examples of a law beyond its design: the default budget.
-EXAMPLES = 12
 # (scheme, where it comes from, what is claimed there, what is claimed here beyond that)
 CLAIMS = (
     (
@@ -159,24 +152,11 @@ def slopes(reports: dict[str, Report]) -> str:
     return table(["scheme", *KINDS], rows)
 
 
-def detections(names: Sequence[str], seeds: Sequence[int]) -> str:
-    """Say how often the law that states the fault of a saboteur kills it."""
-    killed = []
-    for name in names:
-        law = SABOTEURS[name].caught_by[0]
-        found = [fault_detection.detect(name, seed, [law], EXAMPLES) for seed in seeds]
-        killed.append(sum(b.kills for each in found for b in each))
-    listed = ", ".join(f"`{name}`" for name in names)
-    return f"""The [saboteurs](teeth.md) of this class are {listed}.
-The law that states the fault of a saboteur kills it with {min(killed)} of {len(seeds)} seeds."""
-
-
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", nargs="*", default=list(SCHEMES), help="schemes")
     parser.add_argument("--laws", nargs="*", default=list(LAWS), help="laws")
-    parser.add_argument("--seeds", type=int, default=len(SEEDS), help="of the saboteurs")
     chosen = parser.parse_args(arguments)
     reports = {}
     for name in over(chosen.only):
@@ -191,8 +171,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if set(SLOPES) <= set(chosen.laws):
         print(SLOPES_TEXT)
         print(slopes(reports))
-    print("## Saboteurs\n")
-    print(detections([n for n, s in SABOTEURS.items() if s.family == "hamiltonians"], range(chosen.seeds)))
 
 
 if __name__ == "__main__":

@@ -9,7 +9,6 @@ import pytest
 from doors import doc
 from sepv.properties._trace_formula import mean_after
 from sepv.properties.test_energy_drift import quantity
-from sepv.reference.faults.saboteurs import SABOTEURS
 from sepv.reference.paper.remarks import _solvable
 
 import sepv
@@ -145,12 +144,8 @@ def test_the_page_has_the_text_of_the_command_and_all_names() -> None:
     assert DIFFERENCES in PAGE
     assert table(["scheme", "source", "claimed there", "claimed here besides"], CLAIMS) in PAGE
     assert set(SCHEMES) == set(schemes.HAMILTONIANS) == {row[0] for row in CLAIMS}
-    for saboteur in SABOTEURS.values():
-        if saboteur.family == "hamiltonians":
-            assert f"`{saboteur.name}`" in PAGE
     assert VERDICTS in PAGE
     assert SLOPES_TEXT in PAGE
-    assert "kills it with 10 of 10 seeds" in PAGE
 
 
 def test_the_page_says_what_is_measured_now() -> None:
