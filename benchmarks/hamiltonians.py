@@ -63,7 +63,7 @@ CLAIMS = (
         "drift-preserving",
         "Cohen and Vilmart 2022",
         "E[H] grows at the exact rate, quadratic Casimirs too; mean-square order 1, weak order 2",
-        "that, for additive noise in the image of B or not",
+        "the same where the noise is not in the image of B",
     ),
 )
 TITLE = """# Several Hamiltonians: what schemes claim, and what was found
@@ -81,8 +81,8 @@ higher order (J. Clark and R. Cameron 1980). Liu and Wang prove order 1 of an in
 abstract and the introduction of their paper were read: nothing here is a verdict about it.
 
 The statements of the other papers hold where they were measured. E[H] is right up to h³ a step for the midpoint rules,
-and up to h² for *isospectral-midpoint*. Laws about H measure *darboux-lie* on `lotka-volterra`, where all noises share
-one field.
+and up to h² for *isospectral-midpoint*. Laws about H measure *darboux-lie* on `lotka-volterra`, whose
+exact flow keeps H.
 """
 ADDITIVE = """## Additive noise
 
@@ -100,8 +100,8 @@ claim.
 SLOPES_TEXT = """## Slopes
 
 Each cell has the slopes of *local-mean-square* and of *local-weak* for one kind of noise. An order p needs the slopes
-p + ½ and p + 1. Where noises do not commute, the reference of the first law is the log-ODE of step two, which shows no
-more than order 1.
+p + ½ and p + 1. Where noises do not commute, the reference of the first law is the log-ODE with Lévy areas, which
+shows no more than order 1.
 """
 
 
