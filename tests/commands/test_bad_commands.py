@@ -219,12 +219,9 @@ CHECKS: dict[str, Check] = {
 
 @pytest.mark.usefixtures("alarm")
 @pytest.mark.parametrize("name", CHECKS)
-def test_bad_input_ends_in_an_error_of_ours_or_a_right_result(name, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "dont_write_bytecode", True)
-    monkeypatch.syspath_prepend(str(tmp_path))
+def test_bad_input_ends_in_an_error_of_ours_or_a_right_result(name, reader):
     with np.errstate():
-        CHECKS[name](tmp_path)
+        CHECKS[name](reader.folder)
     # What came in has an end: no time limit of sepv's is left to go off later, and nobody went to another folder.
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
-    assert Path.cwd() == tmp_path.resolve()
+    assert Path.cwd() == reader.folder.resolve()

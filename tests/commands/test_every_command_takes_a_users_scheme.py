@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from doors import ROOT, command, obeys, verdicts
 from drawn import by_hand
+from reader import Reader
 
 from sepv.problem import vector_field
 from sepv.schemes import load_scheme
@@ -57,11 +58,9 @@ def pendulum():
 
 
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    (tmp_path / "everywhere.py").write_text(MODULE)
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.syspath_prepend(str(tmp_path))
-    return tmp_path
+def folder(reader: Reader) -> Path:
+    (reader.folder / "everywhere.py").write_text(MODULE)
+    return reader.folder
 
 
 OWN, EXEC = "everywhere:step -p everywhere:pendulum", f"--exec {shlex.quote(PROGRAM)} -p pendulum"

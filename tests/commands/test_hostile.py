@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 import pytest
 from doors import command
+from reader import Reader
 
 import sepv
 from sepv import problems
@@ -136,14 +137,11 @@ def run(line: str, words: str, code: int = 2) -> str:
 
 
 @pytest.fixture(autouse=True)
-def canary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+def canary(reader: Reader) -> Any:
     """In a folder with a module that nobody may import."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.syspath_prepend(str(tmp_path))
-    monkeypatch.setattr(sys, "dont_write_bytecode", True)
-    (tmp_path / "canary.py").write_text(CANARY)
+    (reader.folder / "canary.py").write_text(CANARY)
     yield
-    ran = (tmp_path / "ran").exists()
+    ran = (reader.folder / "ran").exists()
     sys.modules.pop("canary", None)
     assert not ran, "a module was imported that nobody named"
 

@@ -40,9 +40,7 @@ def test_a_problem_in_another_namespace_is_the_same_problem(case: Case) -> None:
 @pytest.mark.parametrize("lanes", [(), (3,)])
 def test_a_named_problem_has_its_parts(name: str, lanes: tuple[int, ...]) -> None:
     problem = QUARTIC if name == "quartic" else sepv.problems.by_name(name)
-    start = (
-        np.array([0.5, 0.25, 2.0]) if problem is QUARTIC else np.asarray(problem.initial, dtype=np.float64)
-    )
+    start = np.array([0.5, 0.25, 2.0] if problem is QUARTIC else problem.initial)
     y = start if not lanes else start[:, None] * np.array([1.0, 1.1, 0.7])
     formulas, numbers = pose(problem)
     close = {"rtol": 1e-14, "atol": 1e-15}

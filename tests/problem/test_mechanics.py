@@ -12,16 +12,9 @@ from sepv.record import _polynomial as poly
 from sepv.verification._cases.classes import CLASSES
 
 NAMED = (
-    "henon-heiles",
-    "pendulum-chain",
-    "lennard-jones",
-    "planets",
-    "figure-eight",
-    "harmonic-trap",
-    "kepler",
-    "pendulum",
+    "henon-heiles", "pendulum-chain", "lennard-jones", "planets", "figure-eight", "harmonic-trap", "kepler", "pendulum",
     "toda",
-)
+)  # fmt: skip
 
 
 def agrees(problem: Problem, y: np.ndarray) -> None:

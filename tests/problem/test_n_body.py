@@ -33,7 +33,7 @@ WITH_MEANS = [*BODIES, problems.kepler(), problems.toda()]
 
 
 @pytest.mark.parametrize("problem", WITH_MEANS, ids=lambda problem: f"{problem.name}-{problem.dimension}")
-def test_the_mean_gradient_is_that_of_fine_quadrature_and_telescopes(problem: Problem) -> None:
+def test_the_mean_gradient_is_that_of_fine_quadrature(problem: Problem) -> None:
     rng = np.random.default_rng(3)
     y0 = np.asarray(problem.initial)[:, None] + 0.01 * rng.standard_normal((problem.dimension, 20))
     y1 = y0 + 0.02 * rng.standard_normal(y0.shape)
@@ -45,11 +45,6 @@ def test_the_mean_gradient_is_that_of_fine_quadrature_and_telescopes(problem: Pr
     mean = problem.mean_gradient(y0, y1)
     # Some dozens of roundings of the largest terms.
     assert np.abs(mean - fine).max() < 256 * EPS * np.abs(fine).max()
-    change = problem.hamiltonian(y1) - problem.hamiltonian(y0)
-    assert (
-        np.abs((mean * (y1 - y0)).sum(axis=0) - change).max()
-        < 256 * EPS * np.abs(problem.hamiltonian(y0)).max()
-    )
 
 
 def test_a_light_planet_of_axis_1_has_the_period_2_pi() -> None:

@@ -55,11 +55,8 @@ def test_averages_are_exact_up_to_the_degree_that_is_promised_and_not_beyond(s: 
 
 
 def test_what_averages_may_amplify_is_the_integral_of_a_lagrange_polynomial() -> None:
-    """b₁⁻¹∫|ℓ₁| for s = 2: ℓ₁ = (c₂ − τ)/(c₂ − c₁), so that it is (c₂² + (1 − c₂)²)/(c₂ − c₁)."""
-    c1, c2 = gauss_tableau(2).c
+    """The largest b_i⁻¹∫|ℓ_i|, by 64 nodes about kinks: an error of some 64⁻²."""
     assert amplification(1) == pytest.approx(1.0, rel=1e-15)
-    # 64 nodes about a kink: an error of some 64⁻².
-    assert amplification(2) == pytest.approx((c2**2 + (1 - c2) ** 2) / (c2 - c1), rel=1e-3)
     tau = (np.arange(100_000) + 0.5) / 100_000
     for s in STAGES:
         means = np.mean(np.abs(lagrange(s, tau)), axis=1) / gauss_tableau(s).b

@@ -23,13 +23,6 @@ def test_the_energy_preserving_scheme_stays_within_two_ulps(name: str) -> None:
         assert found.casimir_largest < 2
 
 
-def test_an_explicit_scheme_is_off_by_its_truncation_error() -> None:
-    problem = problems.harmonic_oscillator()
-    found = one_step(schemes.euler_heun, problem, steps=100)
-    # A relative change of H between h² and h: neither rounding nor nonsense.
-    assert found.h**2 < found.energy_median * 2.2e-16 < found.h
-
-
 def test_a_known_defect_has_a_known_size() -> None:
     """y moved by one part in 2⁴⁰ along itself changes H = |y|²/2 by 2·2⁻⁴⁰ H = eps|∇H||y| 2⁻⁴⁰/eps."""
     scheme = Scheme("stretched", lambda problem, y, h, dW: y * (1 + 2.0**-40))

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from engines import EP, same
+from engines import EP, backwards, same
 
 import sepv
 from sepv import problems, schemes
@@ -45,23 +45,6 @@ def test_any_constant_that_reaches_compiled_code_changes_its_name(monkeypatch) -
             store._machine.cache_clear()
             assert store.name_of(text) != name
     store._machine.cache_clear()
-
-
-def test_a_constant_that_changes_reaches_compiled_code(tmp_path, monkeypatch) -> None:
-    from sepv.simulate._compiled import store
-
-    monkeypatch.setenv("SEPV_CACHE_DIR", str(tmp_path))
-    text = (
-        "from numba import njit\nfrom sepv.simulate._wiener import MIXING\n\n\n"
-        "@njit('int64()', cache=True)\ndef rounds():\n    return MIXING\n"
-    )
-    for more in (0, 6):
-        monkeypatch.setattr(wiener, "MIXING", wiener.MIXING + more)
-        assert store.load.__wrapped__(text).rounds() == wiener.MIXING
-
-
-def backwards(function, tasks):
-    return [function(task) for task in reversed(tasks)]
 
 
 def test_workers_are_any_map_and_the_bits_stay() -> None:

@@ -216,12 +216,8 @@ def test_the_engine_takes_the_formula_of_any_scheme_and_nothing_that_is_around_o
 
     own = formula_of(energy_preserving)
     assert own is not None
-    for scheme in (
-        *schemes.PAPER.values(),
-        *schemes.EXTENSIONS.values(),
-        schemes.gauss(3),
-        schemes.collocation(2),
-    ):
+    families = schemes.gauss(3), schemes.collocation(2)
+    for scheme in (*schemes.PAPER.values(), *schemes.EXTENSIONS.values(), *families):
         taken = scheme.name not in ("splitting", "modified-weak-2")
         assert (formula_of(scheme) is not None) == taken, scheme.name
     assert formula_of(replace(EP, name="another")) == own
@@ -313,22 +309,12 @@ def test_a_problem_that_cannot_be_recorded_says_why() -> None:
         return np.stack([y[0], STIFFNESS * y[1]]) if np.all(y < 1e9) else y
 
     for changes, why in (
-        (
-            {"hamiltonian": lambda y: branches(y)[0] * y[0] / 2 + STIFFNESS * y[1] ** 2 / 2},
-            "branches on a value",
-        ),
+        ({"hamiltonian": lambda y: branches(y)[0] * y[0] / 2 + STIFFNESS * y[1] ** 2 / 2}, "branches on a value"),
         ({"hamiltonian": lambda y: (y[0] ** 2 + STIFFNESS * y[1] ** 2 + np.spacing(1.0)) / 2}, ""),
-        (
-            {
-                "hamiltonian": lambda y: y[0] ** 2 / 2 + np.cosh(y[0] * y[1]),
-                "gradient": lambda y: np.stack(
-                    [y[0] + y[1] * np.sinh(y[0] * y[1]), y[0] * np.sinh(y[0] * y[1])]
-                ),
-                "degree": None,
-            },
-            "no exact mean gradient: H contains cosh of what is not affine",
-        ),
-    ):
+        ({"hamiltonian": lambda y: y[0] ** 2 / 2 + np.cosh(y[0] * y[1]), "degree": None,
+          "gradient": lambda y: np.stack([y[0] + y[1] * np.sinh(y[0] * y[1]), y[0] * np.sinh(y[0] * y[1])])},
+         "no exact mean gradient: H contains cosh of what is not affine"),
+    ):  # fmt: skip
         result = sepv.ensemble(EP, spring(**changes), h=0.5, T=1.0, paths=2)
         assert result.engine == ("numpy" if why else "compiled")
         assert why in result.reason

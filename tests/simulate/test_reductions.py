@@ -5,21 +5,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from engines import EP, PENDULUM, backwards, position
 from hypothesis import given
 from hypothesis import strategies as st
 
 import sepv
-from sepv import problems, schemes
 from sepv.simulate._results.reductions import FEWEST, Summary, summary
 from sepv.simulate._results.sketch import ACCURACY, Sketch, sketch
 
-EP, PENDULUM = schemes.energy_preserving, problems.pendulum()
 SMALL: dict[str, Any] = {"h": 1 / 16, "T": 0.5, "paths": 3000, "chunk": 256, "seed": 5}
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
-
-
-def position(ends: Any) -> Any:
-    return ends.y[0]
 
 
 def energy(ends: Any) -> Any:
@@ -95,10 +90,6 @@ def test_an_ensemble_that_is_reduced_keeps_no_path_and_says_the_same() -> None:
 
 def test_the_bits_of_a_reduction_are_the_same_for_any_workers() -> None:
     one = sepv.ensemble(EP, PENDULUM, reduce=BOTH, **SMALL).reduced
-
-    def backwards(function: Any, tasks: Any) -> Any:
-        return [function(task) for task in reversed(tasks)]
-
     for workers in (2, map, backwards):
         other = sepv.ensemble(EP, PENDULUM, reduce=BOTH, workers=workers, **SMALL).reduced
         for name in BOTH:

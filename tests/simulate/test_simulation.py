@@ -216,14 +216,7 @@ def test_explicit_steps_that_overflow_are_marked_lane_by_lane_and_nothing_is_war
 def test_a_step_that_says_it_failed_is_no_overflow() -> None:
     def step(problem: sepv.Problem, y: np.ndarray, h: float, dW: np.ndarray) -> np.ndarray:
         if np.any(dW > 1):
-            raise sepv.StepFailure(
-                problem="mine",
-                y=y.reshape(-1)[:1],
-                delta=h,
-                residual=1.0,
-                status="no convergence",
-                iterations=1,
-            )
+            raise sepv.StepFailure("no convergence", y=y.reshape(-1)[:1], delta=h, residual=1.0, iterations=1)
         return y + dW
 
     for known in ({}, {"domain": lambda y: y[0] > 0}):

@@ -17,20 +17,9 @@ from sepv.solve._differences import difference_jacobian
 from sepv.solve._from_record import record
 from sepv.solve._solution import Solution
 
-NAMED = [
-    problems.rigid_body(),
-    problems.pendulum(),
-    problems.lotka_volterra(),
-    problems.harmonic_oscillator(),
-]
-SCHEMES = [
-    schemes.energy_preserving,
-    schemes.midpoint,
-    schemes.discrete_gradient,
-    schemes.gonzalez,
-    schemes.several_structures,
-    schemes.both_invariants,
-]
+NAMED = [make() for make in problems.PAPER.values()]
+RECORDED = "energy-preserving midpoint discrete-gradient gonzalez several-structures both-invariants"
+SCHEMES = [schemes.by_name(name) for name in RECORDED.split()]
 CASES = [(s, p) for s in SCHEMES for p in NAMED if s is not schemes.both_invariants or p.nambu is not None]
 
 

@@ -1,6 +1,8 @@
 """Newton's Jacobians are derivatives: a wrong one costs iterations, which no law about steps sees."""
 
 from dataclasses import replace
+from importlib import import_module
+from itertools import product
 
 import numpy as np
 import pytest
@@ -21,20 +23,11 @@ Y1 = Y0 + np.array([[0.2, 0.1], [-0.1, 0.3], [0.15, -0.2]])
 
 def generic(degree: int = 4) -> Problem:
     """Every monomial up to a degree in H, every entry of B quadratic: nothing vanishes by chance."""
-    exponents = [
-        (i, j, k)
-        for i in range(degree + 1)
-        for j in range(degree + 1 - i)
-        for k in range(degree + 1 - i - j)
-        if i + j + k
-    ]
+    exponents = [e for e in product(range(degree + 1), repeat=3) if 0 < sum(e) <= degree]
     H = poly.polynomial(3, {e: 1 / (3 + n) for n, e in enumerate(exponents)})
+    short = [(n, e) for n, e in enumerate(exponents, start=1) if sum(e) <= 2]
     entries = tuple(
-        (
-            i,
-            j,
-            poly.polynomial(3, {e: (1 + n + 2 * i - j) / 7 for n, e in enumerate(exponents) if sum(e) <= 2}),
-        )
+        (i, j, poly.polynomial(3, {e: (n + 2 * i - j) / 7 for n, e in short}))
         for i, j in ((0, 1), (0, 2), (1, 2))
     )
     other = tuple((i, j, poly.scale(-0.5, poly.add(p, poly.variable(3, i)))) for i, j, p in entries)
@@ -42,9 +35,7 @@ def generic(degree: int = 4) -> Problem:
 
 
 def module_of(name: str):
-    import importlib
-
-    return importlib.import_module(f"sepv.schemes._{name}").step
+    return import_module(f"sepv.schemes._{name}").step
 
 
 def known(name: str) -> np.ndarray:
@@ -128,15 +119,8 @@ def test_differences_stay_inside_the_domain(side: int) -> None:
     def gradient(y: np.ndarray) -> np.ndarray:
         return np.where(inside(y), base.gradient(y), np.nan)
 
-    problem = replace(
-        base,
-        domain=inside,
-        gradient=gradient,
-        hessian=None,
-        structure_derivative=None,
-        degree=None,
-        check=False,
-    )
+    without = dict.fromkeys(("hessian", "structure_derivative", "degree"))
+    problem = replace(base, domain=inside, gradient=gradient, check=False, **without)
     y = np.array([[side, 0.5], [0.6, 0.9], [0.1, -0.7]])
     assert np.max(np.abs(hessian(problem, y) - base.hessian(y))) <= 1e-6 * np.abs(base.hessian(y)).max()
     scheme, step = module_of("midpoint"), known("midpoint")

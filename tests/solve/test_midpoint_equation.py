@@ -7,7 +7,6 @@ import pytest
 
 import sepv
 from sepv import problems, schemes
-from sepv.record._arrays import evaluator
 from sepv.schemes import _energy_preserving, _midpoint
 from sepv.schemes._one_step import implicit
 from sepv.solve._recorded import Recorded
@@ -28,34 +27,22 @@ def with_a_square(fields: Any, y: Any, z: Any, step: Any) -> Any:
     return (step[0] + step[0] * step[0]) * fields.field(y + 0.5 * z)
 
 
-@pytest.mark.parametrize("formula", [_energy_preserving.formula, _midpoint.formula, longer])
-@pytest.mark.parametrize("name", ["rigid-body", "harmonic-oscillator"])
-def test_a_right_side_of_the_midpoint_is_multiplied_out(name: str, formula: Any) -> None:
-    recorded = Recorded(problems.by_name(name))
-    P = recorded.of_middle(formula)
-    assert P is not None
-    found = recorded.equation_of(formula, 1)
-    rng = np.random.default_rng(1)
-    y, z = rng.standard_normal((2, recorded.dimension))
-    R = evaluator([recorded.y, recorded.z, found.step], found.R)(y, z, np.array([0.3]))
-    powers = [sum(c * np.prod((y + z / 2) ** np.array(e)) for e, c in p.terms) for p in P]
-    assert np.allclose(R, 0.3 * np.array(powers), rtol=1e-14, atol=1e-15)
-
-
 @pytest.mark.parametrize(
-    ("name", "formula"),
+    ("name", "formula", "multiplied"),
     [
-        ("rigid-body", off_the_middle), ("rigid-body", with_a_square), ("pendulum", _energy_preserving.formula),
-        ("lotka-volterra", _energy_preserving.formula), ("kepler", _energy_preserving.formula),
+        ("rigid-body", _energy_preserving.formula, True), ("rigid-body", longer, True),
+        ("harmonic-oscillator", _midpoint.formula, True), ("rigid-body", off_the_middle, False),
+        ("rigid-body", with_a_square, False), ("pendulum", _energy_preserving.formula, False),
+        ("lotka-volterra", _energy_preserving.formula, False), ("kepler", _energy_preserving.formula, False),
     ],
 )  # fmt: skip
-def test_other_equations_are_not(name: str, formula: Any) -> None:
-    assert Recorded(problems.by_name(name)).of_middle(formula) is None
+def test_right_sides_of_the_midpoint_alone_are_multiplied_out(name, formula, multiplied) -> None:
+    assert (Recorded(problems.by_name(name)).of_middle(formula) is not None) == multiplied
 
 
-@pytest.mark.parametrize("formula", [longer, off_the_middle])
+@pytest.mark.parametrize("formula", [longer, off_the_middle, with_a_square])
 @pytest.mark.parametrize("h", [2.0**-7, 2.0**-2])
-def test_the_engines_agree_on_formulas_of_either_kind(formula: Any, h: float) -> None:
+def test_the_engines_agree_on_formulas_of_each_kind(formula: Any, h: float) -> None:
     pytest.importorskip("numba")
     scheme = sepv.Scheme("probe", implicit(formula))
     ends = [
