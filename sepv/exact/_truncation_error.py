@@ -53,8 +53,8 @@ def clipping_error(
     problem : a system (1.1)
     steps : int
         N = T/h.
-    As in Remark 2.1; None for increments without truncation, whose error is zero.
-        As in Remark 2.1; None for untruncated increments, which cost nothing.
+    k : int or None
+        As in Remark 2.1; None for untruncated increments, whose error is zero.
     y0 : (d,), optional
         By default the problem's initial state.
 
