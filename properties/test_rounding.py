@@ -18,6 +18,7 @@ below 1e-6 in all.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,9 +27,8 @@ from sepv.properties._orders.local_errors import two_noises
 from sepv.reference.problem import exact_problem
 
 from sepv import problems
-from sepv.errors import Skipped, UsageError
-from sepv.exact import FlowFailure, exact_flow
-from sepv.problem import Array, HamiltoniansProblem, Problem, damping_of
+from sepv.errors import Skipped
+from sepv.problem import Array, HamiltoniansProblem, Problem, damping_of, vector_field
 from sepv.record import EPS, TINY
 from sepv.schemes import Scheme, Systems, guarded
 from sepv.simulate import Carried, advance, wiener
@@ -195,14 +195,27 @@ def _fewer(runs: list[tuple[Problem, float, int]]) -> list[tuple[Problem, float,
     return list(last.values())
 
 
-def _spread(problem: Problem, y: Array, time: float) -> Array:
-    """The states (d, P), all equal, moved along the flow for up to SPREAD units of time; a little apart without one."""
-    share = np.arange(y.shape[1]) / y.shape[1]
-    try:
-        moved = exact_flow(problem, SPREAD * time * share, y[:, 0]).y
-    except (UsageError, FlowFailure):  # no one flow, or one that ends
-        moved = y * (1 + share / 1024)
-    return moved if problem.domain is None or np.all(problem.domain(moved)) else y
+@lru_cache(maxsize=16)
+def _spread(problem: Problem, paths: int) -> Array:
+    """States (d, P) along the drift's flow from the initial state, for up to SPREAD units of time, to six digits.
+
+    Where that flow ends before, or leaves the domain, the states are the initial one, moved a little apart.
+    """
+    from scipy.integrate import solve_ivp  # half a second, and only problems of a user are spread
+
+    start, end = np.array(problem.initial, dtype=np.float64), SPREAD * units_of(problem).time
+    share = np.arange(paths) / paths
+    near = 1e-6 * float(np.max(np.abs(start)))
+
+    def field(_: float, state: Array) -> Array:
+        return vector_field(problem, state)
+
+    with np.errstate(all="ignore"):
+        flow = solve_ivp(field, (0.0, end), start, "DOP853", end * share, rtol=1e-6, atol=near or 1e-6)
+    # A flow that ends has fewer states.
+    moved = flow.y if flow.y.shape[1] == paths else start[:, None] * (1 + share / 1024)
+    inside = problem.domain is None or np.all(problem.domain(moved))
+    return moved if inside else np.repeat(start[:, None], paths, axis=1)
 
 
 def energy_walk(
@@ -218,7 +231,7 @@ def energy_walk(
     y0 = np.array(problem.initial, dtype=np.float64)
     y = np.repeat(y0[:, None], paths, axis=1)
     if (scheme.problems or not problem.noises) and float(problem.c.sum()) < ALIKE * np.sqrt(h * steps):
-        y = _spread(problem, y, units_of(problem).time)
+        y = _spread(problem, paths).copy()
     H0, unit = [exact.hamiltonian(exact.state(start)) for start in y.T], float(energy_ulp(problem, y0, y0))
     rows: list[np.ndarray] = []
     carried = Carried(scheme)
