@@ -121,22 +121,10 @@ def verified(folder: Path, module: str, laws: str) -> subprocess.CompletedProces
 @pytest.mark.parametrize(
     ("library", "double", "single", "words", "laws"),
     [
-        (
-            "jax",
-            'jax.config.update("jax_enable_x64", True)',
-            "",
-            "jax_enable_x64",
-            "contract,casimir,symmetry",
-        ),
-        (
-            "torch",
-            "torch.as_tensor(y)",
-            "torch.as_tensor(y).float()",
-            "torch",
-            "contract,noise-sum,expansion",
-        ),
+        ("jax", 'jax.config.update("jax_enable_x64", True)', "", "jax_enable_x64", "contract,casimir,symmetry"),
+        ("torch", "torch.as_tensor(y)", "torch.as_tensor(y).float()", "torch", "contract,noise-sum,expansion"),
     ],
-)
+)  # fmt: skip
 def test_a_step_of_another_library_goes_from_refused_to_green(library, double, single, words, laws, tmp_path):
     body = program(library)
     (tmp_path / "single.py").write_text(body.replace(double, single))

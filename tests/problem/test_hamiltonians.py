@@ -307,14 +307,8 @@ def test_schemes_refuse_what_they_do_not_take() -> None:
         (schemes.stochastic_midpoint, problems.pushed_rigid_body(), np.ones(3), [none], "vectors"),
         (schemes.both_invariants, problems.pendulum(), np.ones(2), [none], "pendulum is not given as"),
         (schemes.leapfrog, problems.rigid_body(), np.ones(3), [np.zeros(1)], "not mechanical"),
-        (
-            schemes.splitting,
-            problems.kepler(),
-            np.ones(4),
-            [none[:1]],
-            "kepler gives no exact flows of parts of H",
-        ),
-    ):
+        (schemes.splitting, problems.kepler(), np.ones(4), [none[:1]], "kepler gives no exact flows of parts of H"),
+    ):  # fmt: skip
         with pytest.raises(Skipped, match=words):
             scheme.step(problem, state, 0.1, *noise)
 

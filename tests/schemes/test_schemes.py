@@ -39,14 +39,11 @@ def test_discrete_gradient_is_the_quotient_where_that_can_be_computed(case: Case
         corner = moved
 
 
-def test_discrete_gradient_counts_every_edge_and_trusts_none_that_is_rough() -> None:
-    """2d edges, along one of which ∇H has a kink: where y1 moves while y2 = 0, and not while y2 = 1."""
+def test_discrete_gradient_trusts_no_edge_that_is_rough() -> None:
+    """Along one edge ∇H has a kink: where y1 moves while y2 = 0, and not while y2 = 1."""
     y0, y1 = np.zeros((2, 2)), np.array([[1.0, 0.0], [1.0, 1.0]])
     smooth = problems.harmonic_oscillator()
-    found = discrete.increment(smooth, y0, y1, np.full((2, 2), 0.1))
-    assert found.gradients.tolist() == [4, 4]
-    assert found.structures.tolist() == [2, 2]
-    assert found.reliable.tolist() == [True, True]
+    assert discrete.increment(smooth, y0, y1, np.full((2, 2), 0.1)).reliable.tolist() == [True, True]
     rough = replace(
         smooth, mean_gradient=None, degree=None, hessian=None, structure_derivative=None, check=False,
         gradient=lambda y: np.stack([np.sign(y[0] - 0.123) * (1 - y[1]), y[1]]),
@@ -158,13 +155,8 @@ def stay(problem, y, h, dW):
 
 
 def test_claims_are_names_however_they_are_written() -> None:
-    for claims in (
-        "noise_sum",
-        ["noise-sum"],
-        ("noise-sum ", "noise_sum"),
-        {"noise-sum"},
-        iter(["noise-sum"]),
-    ):
+    written = "noise_sum", ["noise-sum"], ("noise-sum ", "noise_sum"), {"noise-sum"}, iter(["noise-sum"])
+    for claims in written:
         assert Scheme("mine", stay, claims=claims).claims == frozenset({"noise-sum"})
     assert Scheme("mine", stay).claims == frozenset()
 

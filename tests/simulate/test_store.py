@@ -169,14 +169,10 @@ def test_labelled_arrays_from_memory_and_from_disk_agree(tmp_path: Path) -> None
     assert one.states.dims == ("time", "component", "path")
     assert one.time.values.tolist() == [0.25, 0.5]
     for found in (one, other):
-        attrs = found.attrs
-        assert (attrs["problem"], attrs["scheme"], attrs["h"], attrs["seed"]) == (
-            "pendulum",
-            EP.name,
-            1 / 16,
-            5,
+        assert (
+            found.attrs.items() >= {"problem": "pendulum", "scheme": EP.name, "h": 1 / 16, "seed": 5}.items()
         )
-        assert attrs["sepv_version"] == sepv.__version__
+        assert found.attrs["sepv_version"] == sepv.__version__
     # What was written is plain Zarr, for any reader.
     plain = xarray.open_zarr(place, consolidated=False)
     assert np.array_equal(plain.y.values, one.y.values)

@@ -53,13 +53,8 @@ def equations(*, exact: bool) -> Equations:
         return Evaluation(Increment(R, count, 2 * count, reliable), slopes)
 
     size = np.array([[LANES[name][0] for name in NAMES], [0.0] * len(NAMES)])
-    return Equations(
-        size,
-        evaluate,
-        exact=exact,
-        inside=lambda z, _: z[0] < 1e7,
-        magnitude=lambda z, _: np.full(z.shape[1], 1e4),
-    )
+    magnitude = lambda z, _: np.full(z.shape[1], 1e4)  # noqa: E731
+    return Equations(size, evaluate, exact=exact, inside=lambda z, _: z[0] < 1e7, magnitude=magnitude)
 
 
 @pytest.mark.parametrize("differences", [False, True])
