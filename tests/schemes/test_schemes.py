@@ -138,7 +138,7 @@ KEPT = [
 def test_schemes_keep_what_they_claim_and_what_theory_denies_is_lost(name: str, kept: str, lost: str) -> None:
     claimed, denied = set(kept.split(",")), set(filter(None, lost.split(",")))
     assert claimed <= schemes.by_name(name).claims
-    found = verdicts(name, claimed | denied, examples=4, shrink_checks=0)
+    found = verdicts(name, claimed | denied, examples=1, shrink_checks=0)
     assert found == dict.fromkeys(claimed, "holds") | dict.fromkeys(denied, "violated")
 
 
