@@ -4,9 +4,7 @@ import re
 from pathlib import Path
 
 import pytest
-from doors import command
 
-from sepv.commands._cli import main
 from sepv.verification import LAWS
 
 
@@ -84,13 +82,6 @@ def test_a_name_that_a_module_lacks_is_answered_by_its_schemes_first(call) -> No
     code = "def helper(x):\n    return x\nright = sepv.Scheme('right', correct)\nsystem = sepv.problems.rigid_body()\n"
     said = " ".join(call("verify mine:nosuch", code).output.split())
     assert "a module with right, system, helper." in said
-
-
-def test_help_of_all_commands_has_one_word_for_a_file_and_one_for_a_folder() -> None:
-    for name in main.commands:
-        text = command(f"{name} --help").output
-        assert not re.search(r"--[\w-]+ (PATH|DIRECTORY|FILENAME)\b", text), name
-        assert not re.search(r"--(problem|scheme|h) TEXT\b", text), name
 
 
 def test_a_bare_function_claims_nothing_and_is_measured(call) -> None:

@@ -112,6 +112,9 @@ def test_every_help_fits_and_has_an_example(name: str) -> None:
     text = command(f"{name} --help", COLUMNS="80").output
     assert max(map(cell_len, text.splitlines())) <= 80
     assert re.search(rf"\n  sepv {name}\b", text)
+    # One word for a file, one for a folder, and a name for what an option takes.
+    assert not re.search(r"--[\w-]+ (PATH|DIRECTORY|FILENAME)\b", text)
+    assert not re.search(r"--(problem|scheme|h) TEXT\b", text)
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])

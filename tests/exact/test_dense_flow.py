@@ -87,17 +87,6 @@ def test_the_last_panel_ends_at_the_end_and_is_no_splinter() -> None:
             assert np.diff(edges).min() > 1e-9
 
 
-@pytest.mark.parametrize(("end", "stages"), [(150.0, 20), (-60.0, 20), (3.0, 8)])
-def test_hundreds_of_panels_cost_no_more_rounding_than_the_field(end: float, stages: int) -> None:
-    """A rotation at (cos θ, sin θ). Its phase errors add up to some eps·θ whatever one does; the radius stays."""
-    solution = solve_dense(rotation(1.0), np.array([1.0, 0.0]), end, stages)
-    t = np.linspace(0, end, 101)
-    y = solution(t)
-    # Each panel is off by the eps or two of a table of nodes, along the circle: eps·θ. Within a panel, as before.
-    assert np.max(np.abs(y - np.stack([np.cos(t), np.sin(t)]))) < EPS * (16 + abs(end))
-    assert np.max(np.abs(np.hypot(*y) - 1)) < EPS * (16 + abs(end))
-
-
 def reached(error: pytest.ExceptionInfo[FlowFailure]) -> float:
     found = re.search(r"θ = (\S+) of", str(error.value))
     assert found is not None

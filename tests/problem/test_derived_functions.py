@@ -98,16 +98,6 @@ def test_a_part_whose_flow_no_rule_knows_says_so() -> None:
             PartFlow(2, problems.pendulum().structure, part)(np.ones(2), np.array(0.1))
 
 
-def test_a_problem_of_b_and_h_keeps_its_energy() -> None:
-    """H with an exponential, which no rule of fixed size averages exactly."""
-    H = lambda y: 0.5 * y[0] ** 2 + np.exp(-2 * y[1]) - 2 * np.exp(-y[1])  # noqa: E731
-    morse = sepv.Problem(2, problems.pendulum().structure, H, initial=(0.5, 0.2), noise=(0.3, 0.2))
-    assert morse.mean_gradient is not None
-    path = sepv.integrate("energy-preserving", morse, h=1 / 32, T=4.0, seed=1)
-    # 128 steps; a step rounds energies of size 3 some ten times.
-    assert np.ptp(morse.hamiltonian(path.y)) < 10 * 3 * EPS * np.sqrt(128)
-
-
 def test_a_polynomial_h_has_its_degree_and_what_has_no_closed_mean_its_quadrature() -> None:
     structure = problems.pendulum().structure
     quartic = sepv.Problem(dimension=2, structure=structure, hamiltonian=lambda y: y[0] ** 4 + y[1] ** 2)

@@ -41,18 +41,18 @@ def shark(sign: float = 1.0) -> Scheme:
     )  # fmt: skip
 
 
+def near(samples: Array, expected: float) -> bool:
+    """True where a mean is within 6 standard errors: eleven statements here, false alarm below 1e-7."""
+    return bool(abs(samples.mean() - expected) < 6 * samples.std() / np.sqrt(samples.size))
+
+
 def test_they_have_their_law_and_are_independent_of_the_increments() -> None:
-    M, h = 20000, 0.25
-    path = areas.drawn(3, T=1.0, steps=4, noises=2, paths=M)
+    h, path = 0.25, areas.drawn(3, T=1.0, steps=4, noises=2, paths=20_000)
     H, dW, A = path.bridges[1], path.dW[1], path.areas[1, 0]
-    # Means and products of M normal numbers; 5 standard deviations: a false alarm once in 10⁶.
-    for value, mean, deviation in (
-        (np.mean(H[0] ** 2), h / 12, h / 12 * np.sqrt(2)),
-        (np.mean(H[0] * dW[0]), 0.0, h / np.sqrt(12)),
-        (np.mean(H[0] * H[1]), 0.0, h / 12),
-        (np.mean(A * H[0] * dW[1]), h * h / 12, h * h),
-    ):
-        assert abs(value - mean) < 5 * deviation / np.sqrt(M)
+    assert near(H[0] ** 2, h / 12)
+    assert near(H[0] * dW[0], 0.0)
+    assert near(H[0] * H[1], 0.0)
+    assert near(A * H[0] * dW[1], h * h / 12)
 
 
 def test_over_coarse_steps_they_are_those_of_the_path() -> None:
@@ -101,15 +101,8 @@ def test_order_three_halves_of_additive_noise_is_seen_and_missed() -> None:
 
 
 def test_areas_have_the_moments_of_levys() -> None:
-    """Each mean of M samples is within 6 standard errors: seven statements, false alarm below 1e-8."""
-    M = 20000
-    path = areas.drawn(1, T=1.0, steps=16, noises=3, paths=M)
-    whole = path.coarse(1)
+    whole = areas.drawn(1, T=1.0, steps=16, noises=3, paths=20_000).coarse(1)
     A, W = whole.areas[0], whole.dW[0]
-
-    def near(samples: Array, expected: float) -> bool:
-        return abs(samples.mean() - expected) < 6 * samples.std() / np.sqrt(M)
-
     assert near(A[0], 0.0)
     assert near(A[0] ** 2, 1 / 4)
     # E[A² | ΔW] = 1/12 + (ΔW_1² + ΔW_2²)/12, against a function of ΔW that is not constant.
