@@ -108,26 +108,25 @@ def document(found: Sequence[Row], deviations: Sequence[Deviation], command: str
     contradicted = {d.solver for d in deviations}
     own = ", ".join(s.problem for s in SETUPS)
     numbers = [
-        "solver",
+        "solvers",
         "claimed order, mean-square / weak",
         f"measured order, {own}",
         f"energy defect, {own}",
     ]
-    first = []
+    first: dict[tuple[str, ...], list[str]] = {}
     for r in found:
         mark = " †" if r.name.split(",")[0] in contradicted else ""
-        first.append(
-            (r.name, r.claimed + mark, ", ".join(o.partition(" [")[0] for o in r.orders), ", ".join(r.energy))
-        )
+        orders = ", ".join(o.partition(" [")[0] for o in r.orders)
+        first.setdefault((r.claimed + mark, orders, ", ".join(r.energy)), []).append(r.name)
     releases = dict.fromkeys(f"{r.library} {r.release}" for r in found)
     notes = _grouped((note.partition(": ")[2], note.partition(": ")[0]) for r in found for note in r.notes)
     sources = _grouped((r.source, r.name) for r in found if r.library != "sepv")
     parts = [
-        "# What other libraries' Stratonovich solvers keep, and with which order",
+        "# Laws and orders of other libraries' Stratonovich solvers",
         f"Made by `{command}` with sepv {__version__}; not edited by hand. Releases: {', '.join(releases)}.",
         _introduction(),
         "## Orders and energy",
-        markdown(numbers, first),
+        markdown(numbers, [(_listed(names), *cells) for cells, names in first.items()]),
         "† less than documented: [shown in the library's own terms](deviations.md)." if contradicted else "",
         "## Laws",
         _laws(found),
@@ -170,8 +169,8 @@ def _laws(found: Sequence[Row]) -> str:
         held = [law for law, mark in others.items() if mark == MARKS[Verdict.HOLDS]]
         lines.append((_listed(names), kept, ", ".join(held)))
     caption = (
-        f"{len(measured_laws)} laws were measured: {', '.join(measured_laws)}. Of whole paths, only those that are "
-        "claimed. A law that is in no column of a line is not claimed, and violated, open or not applicable."
+        f"{len(measured_laws)} laws were measured: {', '.join(measured_laws)}. Whole paths were measured only for "
+        "claimed laws. A law that a line does not name is not claimed, and violated, open or not applicable."
     )
     heading = ("solvers", "claimed laws that hold", "hold, not claimed")
     return f"{caption}\n\n{markdown(heading, lines)}"
@@ -181,19 +180,20 @@ def _introduction() -> str:
     setup = SETUPS[0]
     steps = ", ".join(map(str, setup.steps))
     return f"""\
-This page lets you see which laws these solvers keep on (1.1). None is made to keep energy or Casimirs: a violated law
-that is not claimed is no fault. Claimed are the contract of a step, and the order that the documentation or, where it
-is silent, theory states for noise that commutes: in (1.1) all noises drive one field. Each solver runs through its own
+This page shows which laws these solvers satisfy on dy = B(y)∇H(y)(dt + Σ_j c_j ∘dW_j). None is made to preserve energy
+or Casimirs, so a violated law that is not claimed is no fault. Two things are claimed for each solver: that a step
+depends on its arguments alone (*contract*), and the order for commutative noise that the documentation or, where it is
+silent, theory states. The noise is commutative because all noises drive one field. Each solver runs through its own
 library's code in float64, with the increment given.
 
-- **Orders**: slopes of the rms error against the exact flow over [0, {setup.T:g}] with {steps} steps; sepv's own
-  scheme begins with {setup.steps[0] // 2}. Solvers that take one state at a time get {FIRST_LOOK} paths, which leaves
-  more verdicts open. Verdicts follow intervals; nominal false-alarm rate of a run: {FALSE_ALARM:g}.
-- **Energy defects**: the largest |H(y_n) − H(y_0)| of {PATHS} paths over [0, 1] with {ENERGY_STEPS} steps, in
-  eps·|∇H|·|y|.
-- A solver that hands state from step to step is measured over whole paths, and by one step started afresh.
-- A space-time Lévy area is normal, from a stream whose key is the increment. Other Lévy areas are zero: the brackets of
-  the noise fields vanish here."""
+- **Orders** are slopes of the rms error against the exact flow over [0, {setup.T:g}] with {steps} steps; sepv's own
+  scheme begins with {setup.steps[0] // 2}. Solvers of one state at a time get {FIRST_LOOK} paths, which leaves more
+  verdicts open. Verdicts use confidence intervals; the nominal false-alarm rate of a run is {FALSE_ALARM:g}.
+- **Energy defects** are the largest |H(y_n) − H(y_0)| of {PATHS} paths over [0, 1] with {ENERGY_STEPS} steps, in units
+  of eps·|∇H|·|y|.
+- A solver that carries a state from step to step is measured over whole paths, and in one step with a fresh state.
+- A space-time Lévy area is a normal variable, from a stream whose key is the increment. Other Lévy areas are zero,
+  because the brackets of the noise fields vanish here."""
 
 
 @click.command()

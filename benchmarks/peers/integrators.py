@@ -8,9 +8,8 @@ matter of rounding. The latter are quoted on a page beside it, integrator-roundi
 
 from __future__ import annotations
 
-import time
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,7 @@ from sepv.reference.peers.peer import installed, load, names
 from benchmarks.peers.compliance import _listed
 from benchmarks.peers.compliance_measurements import law_cells, release
 from benchmarks.peers.deviations import Deviation, deviations_shown_by, linked
-from benchmarks.peers.kept_measurements import Cell, measured
+from benchmarks.peers.kept_measurements import measured
 from benchmarks.peers.options import measuring, page_options, put
 from sepv._version import __version__
 from sepv.console import Shown, markdown
@@ -37,7 +36,7 @@ ASKED = ("contract", "symplecticity", "volume", "symmetry", "reversibility", "de
 
 @dataclass(frozen=True)
 class Row:
-    """One integrator: its facts, and what was found of each law (`_timed`)."""
+    """One integrator: its facts, and the finding on each law."""
 
     library: str
     release: str
@@ -50,21 +49,12 @@ def rows(libraries: Sequence[str], effort: Effort, folder: Path | None, shown: S
     listed = [load(name) for name in libraries] if libraries else installed()
     jobs = [(peer.library, scheme) for peer in listed for scheme in peer.integrators.values()]
     laws = load_laws(ASKED)
-    cells = [_timed(cell) for library, scheme in jobs for cell in law_cells(library, scheme, laws, effort)]
+    cells = [cell for library, scheme in jobs for cell in law_cells(library, scheme, laws, effort)]
     found = measured(cells, folder, shown)
     return [
         Row(library, release(library), scheme, {law: found[scheme.name, law] for law in ASKED})
         for library, scheme in jobs
     ]
-
-
-def _timed(cell: Cell) -> Cell:
-    def measure() -> Any:
-        start = time.perf_counter()
-        value = cell.measure()
-        return {**value, "seconds": time.perf_counter() - start}
-
-    return replace(cell, measure=measure)
 
 
 def document(
@@ -76,11 +66,8 @@ def document(
     for row in found:
         marks = [MARKS[Verdict(f["verdict"])] + (" +" if f["claimed"] else "") for f in row.found.values()]
         groups.setdefault(tuple(marks), []).append(row)
-    lines = [
-        (_listed([_name(row, marked) for row in group]), *marks, _seconds(group))
-        for marks, group in groups.items()
-    ]
-    heads = ("integrators (claimed order)", *ASKED, "seconds each")
+    lines = [(_listed([_name(row, marked) for row in group]), *marks) for marks, group in groups.items()]
+    heads = ("integrators (claimed order)", *ASKED)
     versions = dict.fromkeys(f"{row.library} {row.release}" for row in found)
     parts = [
         "# What integrators of samplers and simulators keep",
@@ -105,8 +92,8 @@ def rounding(rounded: Sequence[Deviation], command: str) -> str:
     """The page of integrators that keep an invariant to a tolerance or to larger roundings, in Markdown."""
     head = (
         "# Integrators that keep invariants, but not to rounding\n\n"
-        "Nothing here differs from a library's documentation. Each section quotes the library, and shows what a script "
-        f"in its own terms prints. Made by `{command}`; not edited by hand."
+        "Nothing here differs from a library's documentation. Each section quotes the library, and shows the output of "
+        f"a script that does without sepv. Made by `{command}`; not edited by hand."
     )
     return "\n\n".join([head, *(d.text.removeprefix("#") for d in rounded)]) + "\n"
 
@@ -114,12 +101,6 @@ def rounding(rounded: Sequence[Deviation], command: str) -> str:
 def _name(row: Row, marked: Collection[str]) -> str:
     order = "" if row.scheme.order is None else f" ({row.scheme.order:g})"
     return row.scheme.name + order + (" †" if row.scheme.name in marked else "")
-
-
-def _seconds(group: Sequence[Row]) -> str:
-    """The least and the largest time that the laws took together."""
-    times = [sum(f["seconds"] for f in row.found.values()) for row in group]
-    return f"{min(times):.0f}" if len(times) == 1 else f"{min(times):.0f} to {max(times):.0f}"
 
 
 def _reasons(found: Sequence[Row]) -> Iterator[str]:
@@ -138,11 +119,12 @@ def _reasons(found: Sequence[Row]) -> Iterator[str]:
 
 INTRODUCTION = """\
 Each integrator runs through its own library's code, in float64, on random systems H = ½pᵀM⁻¹p + V(q) with up to three
-degrees of freedom. Only the options in its name are set. A law that is violated without being claimed is no fault.
-Libraries of particles have one mass for each, so a full M is left out.
+degrees of freedom. Only the options in its name are set. A violated law that is not claimed is no fault. Libraries of
+particles have one mass for each, so they get no full matrix M.
 
-Steps lie inside a proved contraction radius. There an explicit method of order 8 errs by roundings, and holds what it
-loses in longer steps. REBOUND's integrators of planetary systems, WHFAST to EOS, run on `planets`."""
+Step sizes lie inside a proved contraction radius. In such short steps the error of an explicit method of order 8 is
+rounding, and laws hold that it violates in longer steps. REBOUND's integrators of planetary systems, WHFAST to EOS, run
+on the problem `planets`."""
 
 
 # Issues: as far as a search of public threads finds them.

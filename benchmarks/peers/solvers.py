@@ -55,7 +55,7 @@ def line(solver: Solver, kind: str, found: Mapping[tuple[str, str], Any]) -> Lin
     if paths is not None and strong is not None and paths["order"][2] < strong - MARGIN:
         short.append(f"strong order {_interval(paths)} over paths, where {strong:g} is documented")
     if converges not in (documented, "both"):
-        short.append(f"the limit is {converges}")
+        short.append(f"the limit is {'neither solution' if converges == 'neither' else converges}")
     return Line(
         (
             solver.name,
@@ -117,7 +117,7 @@ def document(found: Mapping[str, Sequence[Line]], deviations: Sequence[Deviation
         parts += [f"## {library} {release(library)}", table(library, own)]
         parts.append("\n".join(f"- {source}" for source in dict.fromkeys(each.source for each in own)))
     lines = [each for own in found.values() for each in own]
-    short = [f"- {each.cells[0]}, {each.cells[1]}: {what}" for each in lines for what in each.short]
+    short = [f"- {each.cells[0]}, {each.cells[1]}: {'; '.join(each.short)}" for each in lines if each.short]
     parts += [
         f"Casimirs (*casimir*) and structure (*poisson-map*) on these problems: {_kept(lines)}.",
         "## Where less was measured than is documented",
@@ -129,7 +129,7 @@ def document(found: Mapping[str, Sequence[Line]], deviations: Sequence[Deviation
 
 
 def table(library: str, own: Sequence[Line]) -> str:
-    """The table of orders in Markdown: a row for each solver, a column for each kind of noise."""
+    """The table of orders in Markdown: a row for solvers with the same orders, a column for each kind of noise."""
     rows: dict[str, dict[str, str]] = {}
     for each in own:
         name, kind, strong, step, paths, weak, weak_step, limit, *_ = each.cells
@@ -139,9 +139,11 @@ def table(library: str, own: Sequence[Line]) -> str:
         row[kind] = f"{beside(own, strong)}; {beside(weak_step.removesuffix(' §'), weak)}" + " †" * bool(
             each.short
         )
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for name, row in rows.items():
+        groups.setdefault(tuple(row.get(key, "") for key in ("limit", *KINDS)), []).append(name)
     return markdown(
-        ("solver", "limit", *KINDS),
-        [(name, *(row.get(key, "") for key in ("limit", *KINDS))) for name, row in rows.items()],
+        ("solvers", "limit", *KINDS), [("; ".join(names), *cells) for cells, names in groups.items()]
     )
 
 
@@ -173,23 +175,25 @@ def _is_about(script: str, entry: str) -> bool:
 def _introduction() -> str:
     problems = "\n".join(f"- {kind}: {text} (`{problem_of(kind).name}`)" for kind, text in KINDS.items())
     return f"""\
-This page lets you see the order of a solver for your kind of noise, in dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j). It is
-posed to each solver through its own library's code in float64, with the given increments and c_j = ½. *Commutative*
-means that the brackets of the noise fields vanish, *additive* that the fields are constant:
+This page shows the order of each solver for each kind of noise in dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j), where
+c_j = ½. Each solver runs through its own library's code in float64, with given increments. Noise is *commutative* if
+the brackets of the noise fields vanish, and *additive* if the fields are constant:
 
 {problems}
 
-A cell has the measured *strong order; weak order*, and in brackets what is documented where that differs by more than
-0.1 (–: nothing). It is empty for a kind that the solver does not take, and † marks less than documented. *Limit* is
-that of the solver, which the mean of a step of 2⁻¹⁶ shows. Solvers of Itô equations were given Itô's form, whose
-solution is the same.
+A cell has the measured *strong order; weak order*, and in brackets the documented order where it differs by more than
+0.1 (–: none). † marks less than documented. A cell is empty if the solver does not support the kind of noise. *Limit*
+is the documented solution; the mean of a step of 2⁻¹⁶ tests it. Solvers of Itô equations got Itô's form, whose solution
+is the same.
 
-- **Measured** are errors of one step, by quadrature, as *local-mean*, *local-mean-square* and *local-weak* have them.
-  The reference shows strong orders up to 1, or 1.5 of a solver that sees space-time areas where the noises commute.
-- **Of paths** the rms error at T = {T:g} with {", ".join(map(str, STEPS))} steps was measured too ({PATHS} paths,
-  {SINGLE} of solvers that take one state at a time). The last section says where its interval, which misses with
-  nominal probability {ALPHA:g}, is less than documented.
-- **§**: the solver hands state from step to step. The strong order is of paths; a weak order is of its first step.
+- **Orders** follow from errors of one step, computed by quadrature as in the laws *local-mean*, *local-mean-square* and
+  *local-weak*. The reference resolves strong orders up to 1, or up to 1.5 for a solver that uses space-time areas of
+  commutative noise.
+- **Paths**: the rms error at T = {T:g} with {", ".join(map(str, STEPS))} steps was measured too ({PATHS} paths,
+  {SINGLE} for solvers of one state at a time). The last section lists confidence intervals below the documented order;
+  an interval misses the true order with nominal probability {ALPHA:g}.
+- **§**: the solver carries a state from step to step. The strong order is that of paths, the weak order that of its
+  first step.
 - **Areas** are those of the reference's path. Left alone, torchsde and sdeint draw approximations of A_ij, whose fixed
   quality makes the order ½ again for small steps (P. Kloeden and E. Platen 1992, §5.8)."""
 

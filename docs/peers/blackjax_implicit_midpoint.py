@@ -1,8 +1,8 @@
 """blackjax implicit_midpoint: where its solver has not converged the state comes back unmarked.
 
-V = q⁴/4 and a step of 1 from q = 2, p = 0. The fixed-point iteration does not converge, and the numbers at which it
-stopped are returned as the next state. Their energy is 32 in the place of 4, so a sampler rejects them. A caller of the
-integrator alone is told nothing.
+The script makes one step of size 1 for V = q⁴/4 from q = 2, p = 0. The fixed-point iteration does not converge, and its
+last iterate is returned as the next state. Its energy is 32 instead of 4, so a sampler rejects it. A caller of the
+integrator alone gets no warning.
 
 Exit code 1 while the numbers are returned as a state, 0 where they are marked (an error, or not finite).
 """

@@ -1,7 +1,7 @@
 """jax_md simulate.nve: in 64-bit mode the time step is rounded to 32 bits.
 
-V = q²/2 in float64, one step beside velocity Verlet for dt and for dt in float32. A step of 1e-3 is 4.7e-8 of itself
-too long. The step stays symplectic and reversible.
+One step for V = q²/2 in float64 is compared with velocity Verlet for dt, and for dt rounded to float32. A step of 1e-3
+is too long by a relative 4.7e-8. The step stays symplectic and reversible.
 
 Exit code 1 while this is so, 0 where the step is that of dt.
 """

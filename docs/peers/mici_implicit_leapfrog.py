@@ -1,8 +1,8 @@
 """mici ImplicitLeapfrogIntegrator: a step of size t advances time by 2t.
 
-H = (q² + p²)/2 turns (q, p) by t in the time t. The docstring composes six halves of a step; `_step` calls
-each with the whole step. The step is symplectic and reversible. A sampler that adapts its step size finds one half as
-large, but trajectories are twice as long.
+The flow of H = (q² + p²)/2 rotates (q, p) by the angle t in the time t. The docstring composes six half steps; `_step`
+calls each with the whole step. The step is symplectic and reversible. A sampler that adapts its step size finds half
+the size, but its trajectories are twice as long.
 
 Exit code 1 while this is so, 0 where a step of size t turns by t.
 """

@@ -1,9 +1,9 @@
 """sdeint stratKP2iS: strong order ½ where g″ ≠ 0; its README names order 1.0, and a likely bug.
 
-With 4, 16, 64, 256 steps an error of order 1 falls by 4 each time. dy = √(1 + y²) ∘dW from 0 has the solution sinh W,
-dy = ½y ∘dW from 1 has e^(W/2), where g″ = 0. The difference (G(y + fh + g√h) − G(y))/√h · ½ΔW² of (4.5), (4.7) contains
-¼ g″(g, g) √h ΔW², whose mean is of order h^1.5 in each step. No slip in the code is known. In StochasticDiffEq.jl such
-a difference was mended (SciML/StochasticDiffEq.jl, issue 19, 2017-08-18).
+dy = √(1 + y²) ∘dW from y = 0 has the solution sinh W; dy = ½y ∘dW from y = 1, where g″ = 0, has e^(W/2). With 4, 16,
+64, 256 steps an error of order 1 falls by a factor of 4 each time. The difference (G(y + fh + g√h) − G(y))/√h · ½ΔW² of
+(4.5), (4.7) contains ¼ g″(g, g) √h ΔW², whose mean is of order h^1.5 in each step. No slip in the code is known. In
+StochasticDiffEq.jl such a difference was mended (SciML/StochasticDiffEq.jl, issue 19, 2017-08-18).
 
 Exit code 1 while this is so, 0 where the error falls as documented.
 """

@@ -161,8 +161,9 @@ def test_the_page_is_of_the_solvers_that_are_here() -> None:
             continue
         for each in own:
             name = each.name.removeprefix(f"{library} ")
-            (row,) = [line for line in section(page, library).splitlines() if line.startswith(f"| {name} | ")]
-            cells = dict(zip(KINDS, row.split(" | ")[2:], strict=True))
+            rows = [line.removeprefix("| ").split(" | ") for line in section(page, library).splitlines()]
+            (row,) = [row for row in rows if name in row[0].split("; ")]
+            cells = dict(zip(KINDS, row[2:], strict=True))
             assert {kind for kind, cell in cells.items() if cell.strip(" |")} == set(each.documented)
 
 
