@@ -14,7 +14,6 @@ from engines import EP, backwards, same
 
 import sepv
 from sepv import problems, schemes
-from sepv.simulate import _wiener as wiener
 from sepv.simulate._compiled.block_run import Chunk
 from sepv.simulate._ensembles.task import Task
 
@@ -76,17 +75,6 @@ def test_what_cannot_be_compiled_is_said() -> None:
         sepv.ensemble(own, problems.rigid_body(), engine="compiled", **run)
     undefined = sepv.ensemble(schemes.several_structures, problems.commuting_oscillators(), **run)
     assert "undefined at critical points" in undefined.reason  # S_j of several Hamiltonians is none there
-
-
-def test_bits_depend_neither_on_threads_nor_on_chunks() -> None:
-    problem, arguments = problems.rigid_body(), {"h": 1 / 64, "T": 1.0, "seed": 2, "engine": "compiled"}
-    one = sepv.ensemble(EP, problem, paths=1500, times=[0.25, 1.0], **arguments)
-    two = sepv.ensemble(EP, problem, paths=1500, times=[0.25, 1.0], workers=2, **arguments)
-    assert same(one, two)
-    few = sepv.ensemble(EP, problem, paths=3, **arguments)  # path by path
-    assert np.array_equal(few.y, one.y[:, :3])
-    dW = wiener.increments(2, T=1.0, steps=64, noises=1, paths=1500)
-    assert same(one, sepv.ensemble(EP, problem, h=1 / 64, T=1.0, dW=dW, times=[0.25, 1.0], engine="compiled"))
 
 
 def test_what_is_raised_while_a_lane_is_solved_is_raised_when_the_compiled_loop_is_back(monkeypatch) -> None:

@@ -240,13 +240,8 @@ def test_files_that_were_tampered_with_are_refused(base: dict[str, Any], tmp_pat
     path = tmp_path / "b.json"
     path.write_text(text)
     assert store.load(str(path)) == [base]
-    for broken in (
-        text[:-20],
-        text.replace('"format": 1', '"format": 2'),
-        text.replace('"gradient": ', '"gradient": 0.5'),
-        text.replace('"0x', '"zz', 1),
-        "[]",
-    ):
+    changes = ('"format": 1', '"format": 2'), ('"gradient": ', '"gradient": 0.5'), ('"0x', '"zz')
+    for broken in (text[:-20], "[]", *(text.replace(old, new, 1) for old, new in changes)):
         path.write_text(broken)
         with pytest.raises(UsageError, match="sepv bench --save"):
             store.load(str(path))
