@@ -158,23 +158,6 @@ class TestRounding:
     What is evaluated to find that out belongs to a Jacobian, whose evaluations are not counted.
     """
 
-    @staticmethod
-    def cancelling(scale: float) -> Callable:
-        """½ cos z, rounded as a sum is whose terms are `scale`, lane by lane."""
-        return lambda z, lanes: (scale + 0.5 * np.cos(z)) - scale
-
-    def test_beside_the_terms_of_a_sum_that_cancels(self) -> None:
-        options = {"slope": lambda z, _: -0.5 * np.sin(z)[None], "exact": True, "lanes": 2}
-        said = Counted(self.cancelling(1e6), magnitude=lambda z, _: np.full(z.shape[1], 1e6), **options)
-        solution = iterate(said.equations, np.zeros((1, 2)))
-        assert solution.status.tolist() == [Status.CONVERGED] * 2
-        assert np.all(solution.residual <= EPS * 1e6)
-        assert np.all(solution.iterations <= 9)
-        # The same residual, and nothing that would excuse it: not here, and not where the terms are said to be small.
-        for magnitude in (None, lambda z, _: np.full(z.shape[1], 1.0)):
-            silent = Counted(self.cancelling(1e6), magnitude=magnitude, **options)
-            assert iterate(silent.equations, np.zeros((1, 2))).status.tolist() == [Status.NO_CONVERGENCE] * 2
-
     def test_beside_what_a_rounding_of_the_state_does_to_a_stiff_equation(self) -> None:
         """z = −L((1 + z) − ½) loses eps/2 in 1 + z, L times as much in R; L differs from lane to lane."""
         L = np.array([1e6, 1e8, 2.0])
