@@ -181,10 +181,10 @@ def _introduction() -> str:
     steps = ", ".join(map(str, setup.steps))
     return f"""\
 This page shows which laws these solvers satisfy on dy = B(y)∇H(y)(dt + Σ_j c_j ∘dW_j). None is made to preserve energy
-or Casimirs, so a violated law that is not claimed is no fault. Two things are claimed for each solver: that a step
-depends on its arguments alone (*contract*), and the order for commutative noise that the documentation or, where it is
-silent, theory states. The noise is commutative because all noises drive one field. Each solver runs through its own
-library's code in float64, with the increment given.
+or Casimirs, so a violated law that is not claimed is no fault. Two things are claimed for another library's solver: a
+step depends on its arguments alone (*contract*), and it has the order for commutative noise that the documentation or,
+where it is silent, theory states. The noise is commutative because all noises drive one field. Each solver runs through
+its own library's code in float64, with the increment given.
 
 - **Orders** are slopes of the rms error against the exact flow over [0, {setup.T:g}] with {steps} steps; sepv's own
   scheme begins with {setup.steps[0] // 2}. Solvers of one state at a time get {FIRST_LOOK} paths, which leaves more

@@ -35,7 +35,7 @@ SETUPS = setups(truncation=None)
 
 # Laws by quadrature over ΔW, which is all of the noise that they know of.
 OVER_INCREMENTS = ("local-mean", "local-weak")
-NO_AREAS = "takes means over ΔW, and the solver draws an area besides: not applicable"
+NO_AREAS = "not applicable: they average over ΔW alone, and the solver also draws an area"
 
 
 def law_cells(library: str, scheme: Scheme, laws: Sequence[Law], effort: Effort) -> Iterator[Cell]:

@@ -72,16 +72,17 @@ def _notes(scheme: Scheme, findings: Mapping[str, Any]) -> Iterator[str]:
         if Verdict(found["verdict"]) is Verdict.ERROR and lines:
             # Below the case that could not be measured stand three lines of the error.
             yield f"{scheme.name}, {name}: {lines[-3] if lines[0].endswith(':') and len(lines) > 3 else lines[0]}"
-        if found["message"] == NO_AREAS:
-            yield f"{scheme.name}, {name}: {NO_AREAS}"
+    no_areas = [name for name, found in findings.items() if found["message"] == NO_AREAS]
+    if no_areas:
+        yield f"{scheme.name}: {', '.join(no_areas)} {NO_AREAS}"
     limit, order = findings.get("right-limit"), findings.get("mean-square-order")
     if limit is None or order is None or Verdict(limit["verdict"]) is not Verdict.VIOLATED:
         return
     intervals = [m["interval"] for m in order["measured"]]
     if intervals and all(low is not None and low > 0.25 for low, _ in intervals):
         yield (
-            f"{scheme.name}, right-limit: the error itself falls with h; the law extrapolates means in whole powers "
-            "of h, and a mean that falls like h^½ looks to it like a wrong limit"
+            f"{scheme.name}, right-limit: the error itself falls with h; the law extrapolates mean errors in whole "
+            "powers of h, and takes a mean error that falls like h^½ for a wrong limit"
         )
 
 
