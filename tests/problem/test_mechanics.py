@@ -6,6 +6,7 @@ from drawn import J
 
 from sepv import problems
 from sepv.errors import UsageError
+from sepv.exact import exact_flow
 from sepv.problem import PolynomialSystem, Problem, Systems, mechanics
 from sepv.problems._common import canonical
 from sepv.record import _polynomial as poly
@@ -85,8 +86,6 @@ def test_what_is_not_mechanical_is_refused_with_the_reason(problem: Problem, sai
 
 
 def test_the_trap_has_its_closed_form() -> None:
-    import sepv
-
     trap = problems.harmonic_trap((1.0, 3.0), noise=())
-    flow = sepv.exact_flow(trap, np.array([0.7]))
+    flow = exact_flow(trap, np.array([0.7]))
     np.testing.assert_allclose(flow.y[:2, 0], [np.cos(0.7), np.cos(2.1) / 3], rtol=1e-12)

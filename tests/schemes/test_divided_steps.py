@@ -9,7 +9,6 @@ import sepv
 from sepv import problems, schemes
 from sepv.errors import StepFailure, UsageError
 from sepv.schemes import continued, divided
-from sepv.verification import verify
 
 
 @pytest.mark.parametrize("name", ["energy-preserving", "both-invariants", "collocation-2"])
@@ -61,6 +60,7 @@ def test_parts_are_the_steps_of_the_scheme_and_their_divisions_are_counted(depth
 def test_a_divided_scheme_says_what_it_is_and_its_failures_what_they_were_asked() -> None:
     scheme = divided(schemes.energy_preserving)
     assert scheme.name == "energy-preserving, divided"
+    assert not scheme.claims
     assert scheme.source == "Cohen and Dujardin (2014), equation (2.1); failed steps in up to 2^8 parts"
     assert "2^20 parts" in divided(schemes.energy_preserving, 20).source
     with pytest.raises(StepFailure) as caught:
@@ -68,16 +68,6 @@ def test_a_divided_scheme_says_what_it_is_and_its_failures_what_they_were_asked(
             problems.lotka_volterra(noise=(0.5,)), np.array([1.0, 1.9, 0.5]), 0.25, np.array([40.0])
         )
     assert caught.value.delta == 20.25
-
-
-def test_division_is_never_on_in_verification() -> None:
-    """A divided scheme claims nothing, and no scheme of ours is one."""
-    assert not divided(schemes.energy_preserving).claims
-    body, y = problems.rigid_body(), np.asarray(problems.rigid_body().initial)
-    for scheme in schemes.PAPER.values():
-        assert not scheme.solve or scheme.solve(body, y, 0.01, np.array([0.1])).divisions is None
-    report = verify(divided(schemes.energy_preserving), laws=["truncation"])
-    assert not report.findings[0].claimed
 
 
 def test_bad_arguments_are_refused() -> None:

@@ -40,23 +40,6 @@ def test_sketches_merge_exactly_and_in_any_order(one: list[float], other: list[f
         assert np.array_equal(merged.counts, whole.counts)
 
 
-@given(
-    st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=40),
-    st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=40),
-)
-def test_moments_of_parts_are_those_of_the_whole(one: list[float], other: list[float]) -> None:
-    def of(values: list[float]) -> Summary:
-        return summary(np.array(values), np.zeros(len(values), dtype=int))
-
-    merged, whole = of(one).merge(of(other)), of([*one, *other])
-    # Each sum has fewer than 100 terms of at most (2e3)^k, each rounded a few times.
-    assert merged.count == whole.count
-    assert merged.mean == pytest.approx(whole.mean, abs=1e3 * 100 * 2**-52)
-    for k, (a, b) in enumerate(zip(merged.sums, whole.sums, strict=True), start=2):
-        assert a == pytest.approx(b, abs=100 * 100 * 2**-52 * 2e3**k)
-    assert (merged.minimum, merged.maximum) == (whole.minimum, whole.maximum)
-
-
 def test_moments_of_a_known_sample() -> None:
     found = summary(np.array([1.0, 2.0, 3.0, 4.0]), np.zeros(4, dtype=int))
     assert (found.mean, found.variance, found.skewness) == (2.5, 5 / 3, 0.0)
@@ -84,6 +67,11 @@ def test_an_ensemble_that_is_reduced_keeps_no_path_and_says_the_same() -> None:
     assert (q.count, q.failed) == (3000, 0)
     assert q.mean == pytest.approx(whole.y[0].mean(), rel=1e-13)
     assert q.variance == pytest.approx(whole.y[0].var(ddof=1), rel=1e-12)
+    assert (q.minimum, q.maximum) == (whole.y[0].min(), whole.y[0].max())
+    # The sums of twelve chunks, from the mean of all.
+    off = whole.y[0] - whole.y[0].mean()
+    for k, total in enumerate(q.sums, start=2):
+        assert total == pytest.approx(np.sum(off**k), abs=1e-12 * np.sum(np.abs(off) ** k))
     median = np.sort(whole.y[0])[1499]
     assert abs(q.quantile(0.5) - median) <= ACCURACY * abs(median)
 
