@@ -86,11 +86,6 @@ class Deviation:
     text: str
 
     @property
-    def title(self) -> str:
-        """The heading of the section."""
-        return self.text.partition("\n")[0].removeprefix("### ")
-
-    @property
     def page(self) -> str:
         """The file of the page that has the section."""
         return "deviations.md" if self.solver.split()[0] in STOCHASTIC else "integrator-deviations.md"
@@ -112,11 +107,6 @@ def section(script: Shown, folder: str) -> str:
     notes = "\n".join(f"- {note.place}, {note.date}: “{note.quotation}”" for note in script.notes)
     run = f"[`{folder}/{script.name}`]({folder}/{script.name}) prints"
     return f"### {script.title}\n\n{notes}\n\n{script.body}\n\n{run}\n\n```\n{script.output}\n```"
-
-
-def linked(deviations: Sequence[Deviation]) -> str:
-    """A list of the deviations, for pages that have their numbers."""
-    return "\n".join(f"- {d.title.removesuffix('.')} ([shown]({d.page}))." for d in deviations)
 
 
 # The heading of each page.

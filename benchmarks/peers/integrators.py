@@ -8,7 +8,7 @@ matter of rounding. The latter are quoted on a page beside it, integrator-roundi
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ from sepv.reference.peers.peer import installed, load, names
 
 from benchmarks.peers.compliance import _listed
 from benchmarks.peers.compliance_measurements import law_cells, release
-from benchmarks.peers.deviations import Deviation, deviations_shown_by, linked
+from benchmarks.peers.deviations import Deviation, deviations_shown_by
 from benchmarks.peers.kept_measurements import measured
 from benchmarks.peers.options import measuring, page_options, put
 from sepv._version import __version__
@@ -75,13 +75,10 @@ def document(
         INTRODUCTION,
         markdown(heads, lines),
         LEGEND,
+        "\n".join(_marks(differing, rounded)),
         "\n".join(_reasons(found)),
         "## What is claimed",
         "\n".join(dict.fromkeys(f"- {row.scheme.source}" for row in found if ":" in row.scheme.source)),
-        "## Where a measurement differs from a library's documentation",
-        linked(differing) or "Nothing found that reproduces in the library's own terms.",
-        "## Kept, but not to rounding" if rounded else "",
-        "\n".join(f"- {d.title.removesuffix('.')} ([shown]({ROUNDING}))." for d in rounded),
         "## What was read",
         READ,
     ]
@@ -101,6 +98,17 @@ def rounding(rounded: Sequence[Deviation], command: str) -> str:
 def _name(row: Row, marked: Collection[str]) -> str:
     order = "" if row.scheme.order is None else f" ({row.scheme.order:g})"
     return row.scheme.name + order + (" †" if row.scheme.name in marked else "")
+
+
+def _marks(differing: Iterable[Deviation], rounded: Iterable[Deviation]) -> Iterator[str]:
+    """The integrators that are marked, and the pages that show the reason."""
+    pages: dict[str, list[str]] = {}
+    for d in differing:
+        pages.setdefault(f"[differs from its documentation]({d.page})", []).append(d.solver)
+    for d in rounded:
+        pages.setdefault(f"[keeps these invariants, but not to rounding]({ROUNDING})", []).append(d.solver)
+    for text, solvers in pages.items():
+        yield f"- † {text}: {_listed(solvers)}"
 
 
 def _reasons(found: Sequence[Row]) -> Iterator[str]:
