@@ -38,12 +38,8 @@ def _row(**changes: object) -> compliance.Row:
 
 def test_the_page_groups_solvers_by_their_verdicts_and_marks_what_is_contradicted() -> None:
     marks = {"energy": "– +", "symmetry": "? +", "casimir": "holds", "truncation": "n/a"}
-    found = [
-        _row(),
-        _row(solver="twin"),
-        _row(library="other", solver="box"),
-        _row(solver="open", verdicts=marks),
-    ]
+    others = {"solver": "twin"}, {"library": "other", "solver": "box"}, {"solver": "open", "verdicts": marks}
+    found = [_row(), *(_row(**changes) for changes in others)]
     page = compliance.document(found, [deviations.Deviation("lib heun", "### lib heun: no")], "the command")
     lines = page.splitlines()
     assert "5 laws were measured: contract, energy, casimir, symmetry, truncation." in page

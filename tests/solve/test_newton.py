@@ -213,21 +213,6 @@ def test_what_blocks_a_share_is_said() -> None:
     assert not state.value.any()
 
 
-def test_an_equation_without_a_solution_says_so_with_the_evaluations_that_cost() -> None:
-    """z = z + 1 + z²."""
-    system = Counted(lambda z, _: z + 1 + z * z, lambda z, _: (1 + 2 * z)[None], exact=True)
-    solution = system.solve(np.full((1, 1), 0.3))
-    assert solution.status[0] in (Status.NO_CONVERGENCE, Status.SINGULAR)
-    assert solution.residual[0] >= 1
-    assert np.isfinite(solution.value).all()
-
-
-def test_what_cannot_be_evaluated_is_overflow() -> None:
-    system = Counted(lambda z, _: np.where(z > 0.1, np.nan, 1 + 0 * z), lambda z, _: 0 * z[None], lanes=1)
-    solution = system.solve(np.zeros((1, 1)))
-    assert solution.status.tolist() == [Status.OVERFLOW]
-
-
 @pytest.mark.parametrize("bound", [0.75, 0.3])
 def test_steps_are_cut_at_the_boundary_of_the_domain(bound: float) -> None:
     """z = 2 + ln(1 − z/b): the solution lies inside, the first full step does not."""
