@@ -1,10 +1,13 @@
 """The doors of sepv as tests go through them: verdicts, a command, a fresh process, a file and its schema."""
 
+import re
 import shlex
+import shutil
 import subprocess
 import sys
 import time
 from collections.abc import Iterable
+from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +22,54 @@ from sepv.verification import Effort, Finding, Report, verify
 ROOT = Path(__file__).resolve().parents[1]
 
 
+# Pages of prose, without the changelog, which speaks of names that are gone.
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    *sorted((ROOT / "docs").glob("*.md")),
+    *sorted((ROOT / "docs" / "laws").glob("*.md")),
+]
+
+
 def doc(name: str) -> str:
     """The text of a file in docs/."""
     return (ROOT / "docs" / name).read_text(encoding="utf-8")
+
+
+def blocks(page: str) -> list[tuple[str, str]]:
+    """(language, content) of each fenced block in the text of a page, in their order."""
+    return re.findall(r"^```(\w+)\n(.*?)^```$", page, flags=re.MULTILINE | re.DOTALL)
+
+
+def block_in(page: str, language: str, word: str = "") -> str:
+    """The content of the one block in this language that has this word in it."""
+    (found,) = [body for kind, body in blocks(page) if kind == language and word in body]
+    return found
+
+
+class Tags(HTMLParser):
+    """Every tag of a page with its attributes."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.feed(page)
+        self.close()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+
+
+def chromium(profile: Path) -> list[str]:
+    """The command of a browser with a profile of its own that fetches nothing by itself; without one a skip."""
+    found = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    if found is None:
+        pytest.skip("Chromium is not installed: pages are read by a parser only")
+    return [
+        found, "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
+        "--disable-background-networking", "--disable-component-update", "--disable-sync",
+        f"--user-data-dir={profile}",
+    ]  # fmt: skip
 
 
 def measured(scheme: Any, laws: str | Iterable[str], problems: Any = None, **effort: Any) -> Report:

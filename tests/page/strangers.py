@@ -1,14 +1,16 @@
 """What strangers may write into the files of a page, the pages that are made of it, and a reader of pages."""
 
 from functools import cache
-from html.parser import HTMLParser
 from itertools import product
 from typing import Any
+
+from doors import Tags
 
 from sepv.files import fault, schema
 from sepv.page import render
 from sepv.page._sources import Sources
 
+FORMULA = "$\\frac{$ <b>& \u4e2d"
 EVIL = [
     "<script>document.title='owned'</script>",
     '"><img src=x onerror="document.title=\'owned\'">',
@@ -19,6 +21,8 @@ EVIL = [
     "javascript:alert(1)",
     "a\x00b\x1b[31m\ud83d",
     "x" * 10_240,
+    FORMULA,
+    "  two\nlines ",
     "",
 ]
 
@@ -94,26 +98,23 @@ def hostile_page() -> str:
     return render(sources, title=EVIL[0])
 
 
-class Reader(HTMLParser):
+class Reader(Tags):
     """Every tag with its attributes, all text, and the nesting."""
 
     VOID = frozenset(("meta", "use", "rect", "line", "path", "br", "img", "link"))
 
     def __init__(self, page: str) -> None:
-        super().__init__()
-        self.tags: list[tuple[str, dict[str, str | None]]] = []
         self.open: list[str] = []
         self.words: list[str] = []
-        self.feed(page)
-        self.close()
+        super().__init__(page)
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append((tag, dict(attrs)))
+        super().handle_starttag(tag, attrs)
         if tag not in self.VOID:
             self.open.append(tag)
 
     def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append((tag, dict(attrs)))
+        super().handle_starttag(tag, attrs)
 
     def handle_endtag(self, tag: str) -> None:
         if tag in self.VOID:  # as a browser writes them down: <line></line>

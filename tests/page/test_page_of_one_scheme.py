@@ -15,8 +15,7 @@ import sepv
 from sepv.commands._cli import main
 from sepv.exact import exact_flow
 from sepv.files import fault, schema
-from sepv.page import Sources, render
-from sepv.page._verdicts import _scale, headline
+from sepv.page._verdicts import _scale
 from sepv.verification import Effort
 from sepv.verification._course import FINER, STEPS, course, with_courses
 
@@ -39,7 +38,6 @@ def test_the_command_writes_the_page_that_its_json_makes(reader: Any) -> None:
     assert "sepv verify midpoint --law energy --replay" in words
     assert "sepv verify midpoint --law energy,identity --examples 2 --json r.json --html r.html" in words
     assert re.search(r"sepv [\d.]+, python .*, numpy .*; seed 0, 2 examples, 8192 paths at most", words)
-    assert "Schemes by laws" not in words
 
 
 def test_a_course_begins_with_the_counterexample_beside_the_exact_solution(report: sepv.Report) -> None:
@@ -170,14 +168,6 @@ def test_an_error_of_all_laws_is_one_entry() -> None:
     page = sepv.verify(raises, laws="contract,energy,casimir", effort=FEW).html()
     assert page.count("The scheme raised RuntimeError: no luck") == 1
     assert "the same error in 2 other laws" in page
-
-
-def test_the_headline_of_one_scheme_does_not_repeat_its_name(report: sepv.Report) -> None:
-    claimed = sepv.verify("midpoint", laws="energy", claims="energy", effort=FEW)
-    assert headline([claimed.to_json()]) == "0 of 1 claimed law holds. Not shown to hold: energy."
-    page = render(Sources(verify=[claimed.to_json(), report.to_json()]))
-    assert "Schemes by laws" in page
-    assert "Not shown to hold: midpoint: energy." in page
 
 
 def test_a_share_and_memory_are_said_as_the_table_says_them(report: sepv.Report) -> None:
