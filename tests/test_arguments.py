@@ -73,13 +73,6 @@ def test_what_cannot_work_is_refused_with_what_can(workers: Any) -> None:
         sepv.ensemble("midpoint", "pendulum", h=0.125, T=0.5, paths=8, workers=workers)
 
 
-def test_words_are_no_flags() -> None:
-    with pytest.raises(sepv.UsageError, match="compensated, True or False"):
-        sepv.ensemble("midpoint", "pendulum", h=0.125, steps=4, paths=1, compensated="yes")
-    with pytest.raises(sepv.UsageError, match="compensated, True or False"):
-        sepv.long_path("midpoint", "pendulum", h=0.125, steps=4, compensated="yes")
-
-
 @pytest.fixture(scope="module")
 def report() -> sepv.Report:
     return sepv.verify("midpoint", laws="identity,truncation", effort=Effort(examples=5))

@@ -174,23 +174,21 @@ CHECKS: dict[str, Check] = {
     "integrate: negative seed": path(seed=-1),
     "integrate: seed a word": path(seed="x"),
     "ensemble: no paths": paths(paths=0),
-    "ensemble: paths a word": paths(paths="x"),
     "ensemble: infinite T": paths(T=float("inf")),
     "ensemble: unknown engine": paths(engine="steam"),
-    "ensemble: workers a word": paths(workers="two"),
+    "ensemble: compensated a word": paths(compensated="yes", words="compensated, True or False"),
     "ensemble: no workers": paths(workers=0),
     "ensemble: times beyond T": paths(times=[2.0]),
     "ensemble: times a word": paths(times="x", words="times: real"),
-    "ensemble: h = 1 truncated": paths(h=1.0),
     "ensemble: negative T": paths(T=-1.0),
-    "ensemble: half a path": paths(paths=2.5),
     "ensemble: more paths than memory holds": paths(paths=10**15, words="paths whose ends fit into memory"),
     "ensemble: one increment NaN":
         paths(dW=np.where(np.arange(30).reshape(10, 1, 3) == 14, np.nan, 0.0), words=r"dW\[4, 0, 2\] = nan"),
     "ensemble: y0 with an axis more": paths(y0=np.zeros((3, 1))),
-    "ensemble: y0 NaN": paths(y0=Y * np.nan),
     "ensemble: no initial state":
         refused(lambda: sepv.ensemble(EP, by_hand(), h=0.25, T=1.0, paths=3), "an initial state"),
+    "long path: compensated a word":
+        refused(lambda: sepv.long_path(EP, BODY, h=0.1, steps=1, compensated="yes"), "compensated, True or False"),
     "increments: half a step": refused(lambda: wiener.increments(0, T=1.0, steps=0, noises=1)),
     "increments: negative T": refused(lambda: wiener.increments(0, T=-1.0, steps=1, noises=1)),
     "exact flow: theta NaN": refused(lambda: sepv.exact_flow(BODY, float("nan")), "theta"),
@@ -237,7 +235,6 @@ CHECKS: dict[str, Check] = {
     "hessian: of another H":
         made("hessian", hessian=lambda y: np.array([[y[0], 0 * y[0]], [0 * y[0], 1 + 0 * y[0]]])),
     "hessian: a vector": body(r"hessian\(y\) of shape \(3, 3\)", hessian=lambda y: np.ones(3)),
-    "hessian: of another shape": body(r"shape \(2, 2\)", hessian=lambda y: np.ones((2, 2))),
     "degree: below that of H":
         refused(lambda: sepv.Problem(2, J, lambda y: y[0] ** 4, degree=2), "the degree of the polynomial"),
     "domain: raises": made(domain=lambda y: 1 / 0),

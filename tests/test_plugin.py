@@ -14,7 +14,7 @@ from sepv.verification import LAWS, Effort, load_laws, verify
 from sepv.verification._expected_failures import pin
 
 pytest_plugins = ["pytester"]
-# Runs in this process forget what they imported, and NumPy's extensions load once in a process.
+# What a run in this process imports first, pytester forgets afterwards, and NumPy's extensions load once in a process.
 load_laws()
 
 DOOR = ("-p", "sepv.pytest_plugin", "-p", "no:cacheprovider", "--sepv-examples", "8", "--sepv-paths", "256")
@@ -33,12 +33,7 @@ gained = sepv.Scheme("gained", sepv.schemes.energy_preserving.step)
 
 @pytest.fixture(autouse=True)
 def own_modules(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Modules of the same names that other tests left behind are not those of these.
-
-    What a run in this process imports first, pytester forgets afterwards, and a second import is another module, or
-    none: the laws are here before.
-    """
-    load_laws()
+    """Modules of the same names that other tests left behind are not those of these."""
     for name in ("mine", "test_own", "test_mine", "broken"):
         monkeypatch.delitem(sys.modules, name, raising=False)
 
@@ -144,7 +139,7 @@ def test_it_works_with_xdist_and_junitxml(pytester: pytest.Pytester) -> None:
 
 
 @pytest.mark.parametrize("name", ["nosuch", "mine:nosuch", "nosuchmodule:step"])
-def test_a_wrong_scheme_is_a_usage_error(pytester: pytest.Pytester, name: str) -> None:
+def test_a_wrong_scheme_is_said_once_with_a_remedy(pytester: pytest.Pytester, name: str) -> None:
     result = laws(pytester, "--scheme", name)
     assert result.ret != 0
     assert (result.stdout.str() + result.stderr.str()).count("Remedy") == 1  # not once for each law
