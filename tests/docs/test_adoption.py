@@ -73,21 +73,17 @@ def test_the_action_is_green_and_red(tmp_path: Path, wrong: str, code: int) -> N
     assert made == {"laws.json", "laws.xml", "badge.json", "laws.html"}
 
 
-def test_the_action_says_what_it_lacks(tmp_path: Path) -> None:
-    done = act(tmp_path)
-    assert done.returncode == 2
-    assert "Expected a TARGET, or a program with --exec" in done.stderr
-
-
-def test_every_line_of_the_arguments_counts(tmp_path: Path) -> None:
-    """As `arguments: |` gives them: a claim in the second line must not be lost, and * is no pattern."""
+# As `arguments: |` gives them: a claim in the second line must not be lost, and * is no pattern.
+@pytest.mark.parametrize(("inputs", "code", "words"), [
+    ({}, 2, "Expected a TARGET, or a program with --exec"),
+    ({"target": "midpoint", "arguments": "--law energy\n--claim energy\n"}, 1, "not found to hold: energy"),
+    ({"target": "midpoint", "arguments": "--law *"}, 2, "'*'"),
+])  # fmt: skip
+def test_the_action_says_what_is_wrong(tmp_path: Path, inputs: dict[str, str], code: int, words: str) -> None:
     (tmp_path / "laws.json").touch()
-    lost = act(tmp_path, target="midpoint", arguments="--law energy\n--claim energy\n")
-    assert lost.returncode == 1, lost.stdout + lost.stderr
-    assert "Claimed and not found to hold: energy" in lost.stdout
-    starred = act(tmp_path, target="midpoint", arguments="--law *")
-    assert starred.returncode == 2
-    assert "'*'" in starred.stderr
+    done = act(tmp_path, **inputs)
+    assert done.returncode == code, done.stdout + done.stderr
+    assert words in done.stdout + done.stderr
 
 
 def test_every_input_is_used_once() -> None:

@@ -8,10 +8,10 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
-from doors import doc
+from doors import blocks, doc
 from reader import Reader
 
-BLOCKS = re.findall(r"^```python\n(.*?)^```$", doc("clusters.md"), flags=re.MULTILINE | re.DOTALL)
+BLOCKS = [body for kind, body in blocks(doc("clusters.md")) if kind == "python"]
 LIBRARIES = ("distributed", "joblib", "ray")
 NEEDS = [
     next((name for name in LIBRARIES if re.search(rf"^(import|from) {name}\b", b, re.MULTILINE)), "zarr")

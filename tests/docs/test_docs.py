@@ -9,23 +9,20 @@ import shutil
 import subprocess
 import tomllib
 from itertools import pairwise
+from pathlib import Path
 
 import click
 import pytest
 import yaml
-from doors import ROOT
+from doors import PAGES, ROOT, doc
+from doors import blocks as blocks_in
 from reader import Reader, shape
 
 from benchmarks import law_pages
 from sepv.commands._cli import main
 from sepv.verification import load_laws
 
-ALL = sorted(
-    str(p.relative_to(ROOT / "docs").with_suffix(""))
-    for folder in ("docs", "docs/laws")
-    for p in (ROOT / folder).glob("*.md")
-)
-PAGES = (
+RUN = (
     "samplers", "rigid-bodies", "vortices", "maintainers", "ten-minutes", "teeth", "choosing", "ci", "adapting",
     "extending", "beyond", "higher-order", "hard-cases", "solvability", "speed",
 )  # fmt: skip
@@ -47,14 +44,9 @@ ELSEWHERE = {
 }
 
 
-def text(page: str) -> str:
-    return (ROOT / "docs" / f"{page}.md").read_text(encoding="utf-8")
-
-
 def blocks(page: str, language: str | None = None) -> list[tuple[str, str]]:
     """(language, content) of each fenced block, in their order."""
-    found = re.findall(r"^```(\w+)\n(.*?)^```$", text(page), flags=re.MULTILINE | re.DOTALL)
-    return [(kind, body) for kind, body in found if language in (None, kind)]
+    return [found for found in blocks_in(doc(f"{page}.md")) if language in (None, found[0])]
 
 
 # Blocks whose command takes minutes, or is the block itself; that of docs/protocol.md is held by test_examples.py.
@@ -101,7 +93,7 @@ def lacks_a_library(body: str) -> bool:
     return any(importlib.util.find_spec(name) is None for name in asked.intersection(LIBRARIES))
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if page != "ci"])
+@pytest.mark.parametrize("page", [page for page in RUN if page != "ci"])
 def test_the_blocks_of_a_page_run_in_their_order(page: str, reader: Reader) -> None:
     assert run_blocks(page, reader) > 0
 
@@ -183,7 +175,9 @@ def test_the_blocks_of_the_page_about_ci_and_the_steps_of_its_workflows_run(read
     """As a runner does, job by job, in a folder with the files that the page says to commit."""
     monkeypatch.setenv("SEPV", str(ROOT))
     assert run_blocks("ci", reader) > 0
-    jobs = [steps_of(body) for _, body in blocks("ci", "yaml")]
+    workflows = [body for _, body in blocks("ci", "yaml")]
+    assert all(isinstance(yaml.safe_load(workflow), dict) for workflow in workflows)
+    jobs = [steps_of(workflow) for workflow in workflows]
     assert [len(steps) for steps in jobs] == [5, 1, 0, 4]
     # Each once; what another does with more options is not done twice.
     commands = list(dict.fromkeys(command for steps in jobs for _, command in steps))
@@ -200,7 +194,7 @@ def test_the_blocks_of_the_page_about_ci_and_the_steps_of_its_workflows_run(read
 
 def test_every_page_with_a_block_is_run() -> None:
     fenced = {p.stem for p in (ROOT / "docs").glob("*.md") if "```" in p.read_text(encoding="utf-8")}
-    assert fenced == {*PAGES, *ELSEWHERE}
+    assert fenced == {*RUN, *ELSEWHERE}
     for page, file in ELSEWHERE.items():
         if file:
             (test,) = (ROOT / "tests").rglob(file)
@@ -220,13 +214,13 @@ def test_the_vector_that_is_shown_is_one() -> None:
 def commands() -> list[tuple[str, str]]:
     """Every command line of ours in README and docs, whatever block or sentence it stands in."""
     found = []
-    for page in ("README", *ALL):
-        content = text("../README" if page == "README" else page)
+    for page in PAGES:
+        content = page.read_text(encoding="utf-8")
         fenced = "\n".join(re.findall(r"^```(?:sh|yaml|text)\n(.*?)^```$", content, re.MULTILINE | re.DOTALL))
         spoken = re.findall(r"`(sepv [a-z]+ [^`…]*)`", content)
         printed = re.findall(r"^(?:\s*(?:- )?(?:run: )?)(sepv [a-z].*)$", fenced, flags=re.MULTILINE)
         lines = (line for line in (*printed, *spoken) if "…" not in line)
-        found += [(page, line.split("  #")[0].split(" || ")[0].strip()) for line in lines]
+        found += [(page.stem, line.split("  #")[0].split(" || ")[0].strip()) for line in lines]
     return found
 
 
@@ -244,11 +238,6 @@ def test_every_command_that_is_shown_can_be_parsed(page: str, line: str) -> None
     command.make_context(name, arguments)
 
 
-def test_workflows_are_mappings() -> None:
-    for _, body in blocks("ci", "yaml"):
-        assert isinstance(yaml.safe_load(body), dict)
-
-
 def test_pages_of_laws_have_the_data_of_their_records_and_all_parts() -> None:
     laws = load_laws()
     assert {p.stem for p in (ROOT / "docs" / "laws").glob("*.md")} == {law.name for law in laws}
@@ -257,10 +246,10 @@ def test_pages_of_laws_have_the_data_of_their_records_and_all_parts() -> None:
         assert shown == law_pages.page(law, shown), "python -m benchmarks.law_pages"
         parts = re.findall(rf"^\*\*({'|'.join(law_pages.PARTS)})\b", shown, re.MULTILINE)
         assert parts == [p for p in law_pages.PARTS if p in parts or p not in law_pages.OPTIONAL]
-    assert text("laws") == law_pages.index(laws, text("laws")), "python -m benchmarks.law_pages"
+    assert doc("laws.md") == law_pages.index(laws, doc("laws.md")), "python -m benchmarks.law_pages"
 
 
-@pytest.mark.parametrize("page", ["../README", *ALL])
-def test_links_lead_somewhere(page: str) -> None:
-    for target in re.findall(r"\]\(([^)#\s]+)[^)]*\)", text(page)):
-        assert "://" in target or ((ROOT / "docs" / page).parent / target).exists(), target
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_links_lead_somewhere(page: Path) -> None:
+    for target in re.findall(r"\]\(([^)#\s]+)[^)]*\)", page.read_text(encoding="utf-8")):
+        assert "://" in target or (page.parent / target).exists(), target

@@ -8,7 +8,7 @@ import sys
 
 import numpy as np
 import pytest
-from doors import ROOT, python, verdicts
+from doors import ROOT, block_in, doc, python, verdicts
 
 from sepv import external, problems, schemes
 from sepv.external import Program, check_protocol, load_program
@@ -75,10 +75,8 @@ def test_the_examples_keep_the_protocol(request, example):
 
 def conversation() -> list[tuple[str, str | None]]:
     """(what sepv writes, what the program answers) of the sample in the page."""
-    page = (ROOT / "docs" / "protocol.md").read_text(encoding="utf-8")
-    (sample,) = re.findall(r"```text\n(.*?)```", page, re.DOTALL)
     turns: list[tuple[str, str | None]] = []
-    for line in sample.splitlines():
+    for line in block_in(doc("protocol.md"), "text").splitlines():
         if line.startswith("> "):
             turns.append((line[2:], None))
         else:

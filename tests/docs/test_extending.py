@@ -5,16 +5,9 @@ import shutil
 from pathlib import Path
 
 import pytest
-from doors import ROOT, doc, python
+from doors import ROOT, block_in, doc, python
 
 PAGE = doc("extending.md")
-BLOCKS = re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL)
-
-
-def block(word: str) -> str:
-    """The page's block with this word in it."""
-    (found,) = [text for text in BLOCKS if word in text]
-    return found
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +21,7 @@ def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
         shutil.copytree(ROOT / name, package / name)
 
     # A scheme: its file, and one line.
-    formula, _, _ = block("def formula(fields, y, z, step)").partition("report =")
+    formula, _, _ = block_in(PAGE, "python", "def formula(fields, y, z, step)").partition("report =")
     assert "from sepv.schemes._one_step import RANDOM_STEP, Explicit, one_step" in PAGE
     formula = formula.replace("import sepv\n", "").replace(
         "from sepv.schemes import", "from sepv.schemes._one_step import"
@@ -37,7 +30,7 @@ def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
     add(package / "schemes" / "_catalogue.py", '    "itoh_abe",\n', '    "heun",\n')
 
     # A problem: its file, its import and its line.
-    text, _, _ = block('name="heisenberg"').partition("path =")
+    text, _, _ = block_in(PAGE, "python", 'name="heisenberg"').partition("path =")
     text = re.sub(r"^import sepv\n", "from sepv.problem import Problem\n", text, flags=re.MULTILINE)
     text = text.replace("problem = sepv.Problem(", "def heisenberg():\n    return Problem(")
     (package / "problems" / "_heisenberg.py").write_text(text)
@@ -50,7 +43,9 @@ def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
     add(problems, "    figure_eight, harmonic_trap,", "    heisenberg,\n")
 
     # A law: its file, and one line.
-    (package / "properties" / "test_noise_scale.py").write_text(block('name="noise-scale"'))
+    (package / "properties" / "test_noise_scale.py").write_text(
+        block_in(PAGE, "python", 'name="noise-scale"')
+    )
     add(package / "verification" / "_laws.py", '    "midpoint",\n', '    "noise-scale",\n')
     return folder
 

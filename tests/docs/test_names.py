@@ -8,15 +8,8 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
-from doors import ROOT
+from doors import PAGES, ROOT
 
-# The changelog speaks of names that are gone.
-PAGES = [
-    *sorted((ROOT / "docs").glob("*.md")),
-    *sorted((ROOT / "docs" / "laws").glob("*.md")),
-    ROOT / "README.md",
-    ROOT / "CONTRIBUTING.md",
-]
 FOLDERS = ("sepv", "properties", "reference", "benchmarks", "tests", "docs", "examples")
 SOURCES = sorted(p for folder in FOLDERS for p in (ROOT / folder).rglob("*.py"))
 NAME = re.compile(r"(?<![\w./@-])(?:sepv|benchmarks)(?:\.[A-Za-z_]\w*)+(?![\w-]*\.(?:yml|toml|git)\b)")

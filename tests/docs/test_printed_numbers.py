@@ -6,23 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from doors import doc
+from doors import block_in, doc
 from sepv.properties._trace_formula import mean_after
 from sepv.properties.test_energy_drift import quantity
 from sepv.reference.paper.remarks import _solvable
 
 import sepv
-from benchmarks.hamiltonians import (
-    CLAIMS,
-    DIFFERENCES,
-    SCHEMES,
-    SLOPES_TEXT,
-    TITLE,
-    VERDICTS,
-    slopes,
-    table,
-    verdicts,
-)
+from benchmarks import hamiltonians as maker
 from sepv import exact_flow, integrate, problems, schemes
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.problems._common import hat
@@ -125,7 +115,7 @@ def test_the_midpoint_rule_keeps_the_impulse_of_vortices_and_two_one_their_energ
         "The midpoint rule keeps the quadratic impulse and moves H by 2e-06.",
         "The scheme (2.1) keeps H and moves the impulse by 8e-06. Both keep the linear impulse.",
     )
-    block = doc("vortices.md").partition("```python\n")[2].partition("\nif __name__")[0]
+    block = block_in(doc("vortices.md"), "python").partition("\nif __name__")[0]
     vortices: dict[str, Any] = {}
     exec(block, vortices)
     problem, strength = vortices["problem"], vortices["STRENGTH"]
@@ -140,19 +130,17 @@ PAGE = doc("class.md")
 
 
 def test_the_page_has_the_text_of_the_command_and_all_names() -> None:
-    assert TITLE in PAGE
-    assert DIFFERENCES in PAGE
-    assert table(["scheme", "source", "claimed there", "claimed here besides"], CLAIMS) in PAGE
-    assert set(SCHEMES) == set(schemes.HAMILTONIANS) == {row[0] for row in CLAIMS}
-    assert VERDICTS in PAGE
-    assert SLOPES_TEXT in PAGE
+    claims = maker.table(["scheme", "source", "claimed there", "claimed here besides"], maker.CLAIMS)
+    for part in (maker.TITLE, maker.DIFFERENCES, claims, maker.VERDICTS, maker.SLOPES_TEXT):
+        assert part in PAGE
+    assert set(maker.SCHEMES) == set(schemes.HAMILTONIANS) == {row[0] for row in maker.CLAIMS}
 
 
 def test_the_page_says_what_is_measured_now() -> None:
     """Slopes by quadrature, and one verdict, of the quickest scheme."""
     laws = "poisson-map,energy-drift,local-mean-square,local-weak"
     report = sepv.verify("isospectral-midpoint", laws=laws)
-    now = slopes({"isospectral-midpoint": report}).splitlines()[-1]
+    now = maker.slopes({"isospectral-midpoint": report}).splitlines()[-1]
     (shown,) = [
         row
         for row in PAGE.partition("## Slopes")[2].splitlines()
@@ -160,7 +148,7 @@ def test_the_page_says_what_is_measured_now() -> None:
     ]
     assert numbers(now) == pytest.approx(numbers(shown), abs=0.02)
     assert len(numbers(now)) == 6
-    assert verdicts({"isospectral-midpoint": report}).splitlines()[-1] in PAGE
+    assert maker.verdicts({"isospectral-midpoint": report}).splitlines()[-1] in PAGE
 
 
 def numbers(row: str) -> list[float]:

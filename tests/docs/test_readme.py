@@ -2,20 +2,17 @@
 
 import re
 
-from doors import ROOT
+from doors import ROOT, block_in, blocks
 from reader import Reader, shape
 
 README = (ROOT / "README.md").read_text()
 
 
-def blocks(language: str) -> list[str]:
-    return re.findall(rf"^```{language}\n(.*?)^```$", README, flags=re.MULTILINE | re.DOTALL)
-
-
 def test_shell_blocks_run(reader: Reader) -> None:
     """The setup and the test command are what brought us here; the others run with less effort."""
-    (reader.folder / "mine.py").write_text(blocks("python")[0])
-    lines = [line for block in blocks("sh") for line in block.splitlines() if line.startswith("sepv ")]
+    (reader.folder / "mine.py").write_text(block_in(README, "python"))
+    shell = [line for kind, block in blocks(README) if kind == "sh" for line in block.splitlines()]
+    lines = [line for line in shell if line.startswith("sepv ")]
     assert lines
     for line in lines:
         few = "--examples 2 --paths 64 --shrink-checks 10" + ("" if "--law" in line else " --law energy")
@@ -31,9 +28,9 @@ def printed(output: str) -> set[str]:
 
 def test_every_output_that_is_shown_is_printed(reader: Reader) -> None:
     """Each text block stands after its command; its case is compared digit by digit, other lines but for numbers."""
-    (reader.folder / "mine.py").write_text(blocks("python")[0])
+    (reader.folder / "mine.py").write_text(block_in(README, "python"))
     command, shown = "", list[tuple[str, str]]()
-    for kind, block in re.findall(r"^```(sh|text)\n(.*?)^```$", README, re.MULTILINE | re.DOTALL):
+    for kind, block in blocks(README):
         if kind == "text":
             shown.append((command, block))
         elif block.startswith("sepv "):
@@ -52,5 +49,5 @@ def test_every_block_of_the_readme_is_of_a_kind_that_is_run_or_compared() -> Non
     kinds = re.findall(r"^```(\w*)$", README, flags=re.MULTILINE)[::2]
     assert set(kinds) == {"sh", "python", "text"}
     ours = ("sepv verify ", "python3 -m venv", "pip install -e '.[test]'", "python -m pytest -n auto")
-    for block in blocks("sh"):
+    for block in (body for kind, body in blocks(README) if kind == "sh"):
         assert all(line.startswith(ours) for line in block.splitlines()), block

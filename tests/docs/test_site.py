@@ -2,22 +2,19 @@
 
 import asyncio
 import json
-import shutil
 import subprocess
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
-from html.parser import HTMLParser
 from itertools import count
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote, urlsplit
 
 import pytest
-from doors import ROOT, python
+from doors import ROOT, Tags, chromium, python
 
 from sepv.verification import LAWS
 
-CHROMIUM = next((p for p in ("chromium", "chromium-browser", "google-chrome") if shutil.which(p)), None)
 SIZES = ((390, 844), (1280, 800))
 
 
@@ -30,41 +27,22 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out / "html"
 
 
-class Links(HTMLParser):
-    """What a page links to, and what can be linked to in it."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.targets: list[str] = []
-        self.ids: set[str] = set()
-        self.feed(text)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Collects href, src and id."""
-        for key, value in attrs:
-            if key in ("href", "src") and value:
-                self.targets.append(value)
-            elif key == "id" and value:
-                self.ids.add(value)
-
-
-def pages(site: Path) -> dict[Path, Links]:
-    return {p: Links(p.read_text(encoding="utf-8")) for p in site.rglob("*.html")}
-
-
 def test_every_link_leads_somewhere_and_nothing_is_fetched(site: Path) -> None:
-    found = pages(site)
+    found = {
+        p: [about for _, about in Tags(p.read_text(encoding="utf-8")).tags] for p in site.rglob("*.html")
+    }
+    ids = {page: {about.get("id") for about in tags} for page, tags in found.items()}
     assert len(found) > 20
     assert {"index", "api", "laws", "profiles"} <= {page.stem for page in found}
-    for page, links in found.items():
-        for target in links.targets:
+    for page, tags in found.items():
+        for target in filter(None, (about.get(key) for about in tags for key in ("href", "src"))):
             parts = urlsplit(target)
             if parts.scheme in ("http", "https", "mailto", "data"):
                 continue  # of text; what a page loads is seen by the browser below
             file = (page.parent / unquote(parts.path)).resolve() if parts.path else page
             assert file.exists(), f"{page.name} links to {target}"
             if parts.fragment and file in found:
-                assert unquote(parts.fragment) in found[file].ids, f"{page.name} links to {target}"
+                assert unquote(parts.fragment) in ids[file], f"{page.name} links to {target}"
 
 
 def test_every_law_has_its_mathematics(site: Path) -> None:
@@ -135,14 +113,8 @@ SCRIPTS = (ROOT / "tests" / "site_checks.js").read_text(encoding="utf-8")
 @pytest.fixture(scope="module")
 def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """The socket of a browser of its own."""
-    if CHROMIUM is None:
-        pytest.skip("Chromium is not installed: the site is read by a parser only")
-    flags = [
-        "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
-        "--disable-background-networking", "--disable-component-update", "--disable-sync",
-        "--remote-debugging-port=0", f"--user-data-dir={tmp_path_factory.mktemp('profile')}", "about:blank",
-    ]  # fmt: skip
-    with subprocess.Popen([CHROMIUM, *flags], stderr=subprocess.PIPE, text=True) as process:
+    command = [*chromium(tmp_path_factory.mktemp("profile")), "--remote-debugging-port=0", "about:blank"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
         assert process.stderr is not None
         line = next(line for line in process.stderr if "DevTools listening on" in line)
         yield line.split()[-1]

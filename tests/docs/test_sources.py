@@ -4,14 +4,9 @@ import re
 from pathlib import Path
 
 import pytest
-from doors import ROOT
+from doors import PAGES, ROOT, doc
 
-PAGES = [
-    ROOT / "README.md",
-    *sorted((ROOT / "docs").glob("*.md")),
-    *sorted((ROOT / "docs" / "laws").glob("*.md")),
-]
-SOURCES = (ROOT / "docs" / "sources.md").read_text("utf-8")
+SOURCES = doc("sources.md")
 NAME = r"(?:[A-Z]\. )?[A-Z][a-zé]+"
 # "Cohen and Hairer (2011)", "D. Cohen and G. Vilmart, … 2022": names, and a year within the next words.
 CITED = re.compile(rf"({NAME}(?:, {NAME})*,? and {NAME}|{NAME}) \(?((?:19|20)\d\d)\b")
