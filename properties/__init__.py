@@ -3,7 +3,8 @@
 What laws measure with stands beside them. `_orders` has orders, of single steps by quadrature and of paths;
 `_sequential` draws paths while a verdict is open. `_without_solution` proves that a step has no solution. `_growth`,
 `_decay`, `_trace_formula`, `_poisson_map`, `_reversal`, `_way_back` and `_states_of_a_path` have one theorem each, for
-the two or three laws that share it. `_without_memory` has the questions of *contract* that take several calls.
+the two or three laws that share it. `_structures` tests conditions on B. `_without_memory` has the questions of
+*contract* that take several calls.
 """
 
 from __future__ import annotations

@@ -8,8 +8,9 @@ Integration*, VII.2). (2.1) is not: no symplectic method keeps all energies too 
 from __future__ import annotations
 
 from sepv.properties._poisson_map import check
+from sepv.properties._structures import is_poisson
 
-from sepv.problem import Systems, is_poisson
+from sepv.problem import Systems
 from sepv.schemes import Scheme
 from sepv.verification import Case, Cases, Effort, require, searched
 from sepv.verification._contraction import shortened

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from sepv.properties._structures import is_constant
 from sepv.reference.equations_by_class import equation_for
 from sepv.reference.steps import reference_step
 
-from sepv.problem import GivenProblem, PolynomialSystem, StructuresProblem, derivative_of_structure
+from sepv.problem import GivenProblem, PolynomialSystem, StructuresProblem
 from sepv.schemes import Scheme, Systems, ask
 from sepv.verification import Case, Cases, Effort, Measurement, require, searched
 from sepv.verification._cases.case import with_noise
@@ -55,7 +56,7 @@ def reduced(case: Case) -> Case | None:
             isinstance(data, PolynomialSystem) and data.noise_structures == (data.structure,) * problem.noises
         )
         return case if same else None
-    if not problem.c.any() or not np.any(derivative_of_structure(problem, y)):
+    if not problem.c.any() or is_constant(problem, y):
         return case
     length = float(np.copysign(abs(h) + np.abs(problem.c * dW).sum(), h))
     return replace(with_noise(case, (0.0,) * problem.noises, case.dW), h=length)

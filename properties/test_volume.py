@@ -11,6 +11,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import lu
 from sepv.properties._poisson_map import tangent
+from sepv.properties._structures import places
 
 from sepv.problem import Array, Problem, Systems, derivative_of_structure
 from sepv.problems import build
@@ -21,8 +22,6 @@ from sepv.verification._contraction import shortened
 
 # A divergence below this share of its terms counts as 0: beyond the error of differences of B. It is in the bound.
 NONE = 1e-8
-# Shares of y at which the divergence is asked: it may vanish at one state by chance.
-PLACES = (1.0, 0.8125, 1.171875)
 
 
 def divergence(problem: Problem, y: Array) -> tuple[float, float]:
@@ -35,8 +34,8 @@ def divergence(problem: Problem, y: Array) -> tuple[float, float]:
 def volume_kept(case: Case) -> Case | None:
     """Keep a case whose flow keeps volume, with a step of at most half the contraction radius."""
     problem = build(case.problem)
-    for share in PLACES:
-        value, size = divergence(problem, share * np.array(case.y))
+    for state in places(problem, np.array(case.y)):
+        value, size = divergence(problem, state)
         if not abs(value) <= NONE * size:
             return None
     return shortened(case)

@@ -62,7 +62,6 @@ from sepv.problem._mechanics import mechanics as mechanics
 from sepv.problem._nambu import Nambu as Nambu
 from sepv.problem._nambu import cross
 from sepv.problem._poisson import derivative_of_structure
-from sepv.problem._poisson import is_poisson as is_poisson
 from sepv.problem._poisson import jacobi_defect as jacobi_defect
 from sepv.problem._problem import Array as Array
 from sepv.problem._problem import Description as Description

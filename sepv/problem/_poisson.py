@@ -102,17 +102,6 @@ def jacobi_defect(problem: Problem, y: Array) -> Array:
     return np.asarray(cyclic + cyclic.transpose(1, 2, 0) + cyclic.transpose(2, 0, 1))
 
 
-def is_poisson(problem: Problem, y: Array) -> bool:
-    """True if B satisfies Jacobi's identity at y (d,), to 1e-8 of the largest term.
-
-    That is a thousand times the error of differences, and far below the defect of a structure without the identity.
-    """
-    terms = np.einsum(
-        "il,jkl->ijk", np.abs(problem.structure(y)), np.abs(derivative_of_structure(problem, y))
-    )
-    return bool(np.max(np.abs(jacobi_defect(problem, y))) <= 1e-8 * np.max(terms))
-
-
 def structure_error(problem: Problem, y: Array, error: float) -> Array:
     """A bound of |B(y + e) − B(y)| for an error |e|_∞ ≤ `error` of the state, to first order, (d, d)."""
     return np.asarray(np.sum(np.abs(derivative_of_structure(problem, y)), axis=2) * error)

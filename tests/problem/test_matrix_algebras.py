@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from sepv.properties._structures import is_poisson
 
 from benchmarks.right_schemes import RIGHT
 from sepv import problems, schemes
 from sepv.errors import ProblemError, Skipped
-from sepv.problem import Systems, is_poisson
+from sepv.problem import Systems
 from sepv.problems import _matrix_algebras as algebras
 from sepv.problems import from_json
 from sepv.problems import to_json as problem_json

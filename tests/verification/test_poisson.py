@@ -8,6 +8,10 @@ from doors import measured, verdicts
 from drawn import drawn_systems
 from hypothesis import given
 from hypothesis import strategies as st
+from sepv.properties import test_reduction as reduction
+from sepv.properties import test_symplecticity as symplecticity
+from sepv.properties import test_volume as volume
+from sepv.properties._structures import is_constant, is_poisson
 
 import sepv
 from sepv import problems, schemes
@@ -15,6 +19,7 @@ from sepv.problem import Array, PolynomialSystem, Problem, Systems, jacobi_defec
 from sepv.problem import _poisson as poisson
 from sepv.record import _polynomial as poly
 from sepv.schemes import Scheme, midpoint
+from sepv.verification import Case
 from sepv.verification._contraction import contraction_ball
 
 QUICK = {"examples": 10, "shrink_checks": 0}
@@ -27,8 +32,8 @@ def test_structures_of_the_strategies_satisfy_jacobis_identity(system: Polynomia
     y = np.random.default_rng(seed).uniform(-1, 1, system.dimension)
     terms = np.abs(problem.structure(y)).max() * np.abs(problem.structure_derivative(y)).max()
     assert np.abs(jacobi_defect(problem, y)).max() <= 1e-13 * system.dimension * terms
-    assert poisson.is_poisson(problem, y)
-    assert poisson.is_poisson(replace(problem, structure_derivative=None, data=None, check=False), y)
+    assert is_poisson(problem, y)
+    assert is_poisson(replace(problem, structure_derivative=None, data=None, check=False), y)
 
 
 def test_a_structure_without_the_identity_is_told() -> None:
@@ -40,7 +45,27 @@ def test_a_structure_without_the_identity_is_told() -> None:
     # By hand: Σ over cycles of Σ_l B_il ∂_lB_jk = B_12 ∂_2B_23 + B_32 ∂_2B_12 + B_23 ∂_3B_12 … = y3 + B_33·1 = y3 here.
     w, curl = np.array([y[1], -1.0, y[2]]), np.array([0.0, 0.0, -1.0])
     assert np.abs(jacobi_defect(problem, y)).max() == pytest.approx(abs(w @ curl))
-    assert not poisson.is_poisson(problem, y)
+    assert not is_poisson(problem, y)
+
+
+def test_a_condition_on_b_that_holds_at_one_state_alone_is_not_taken_for_it() -> None:
+    """With y1 = 0: B_12 = 1 + y1² y2 is not constant, and its flow changes volume elsewhere."""
+    B = ((0, 1, poly.polynomial(2, {(0, 0): 1.0, (2, 1): 1.0})),)
+    system = PolynomialSystem(2, poly.polynomial(2, {(0, 1): 1.0, (2, 0): 1.0}), B, (2.0,))
+    case = Case(system, (0.0, -0.5), 0.125, (0.25,))
+    problem, y, _, _ = case.build()
+    assert not np.any(problem.structure_derivative(y))
+    assert not is_constant(problem, y)
+    assert symplecticity.constant(case) is volume.volume_kept(case) is None
+    quiet = reduction.reduced(case)
+    assert quiet is not None
+    assert quiet.problem.noise == (0.0,)
+    # B_12 = y1, B_13 = B_23 = 0 but for y3 y1: Jacobi's identity is y1² = 0.
+    x = [poly.variable(3, k) for k in range(3)]
+    B = ((0, 1, x[0]), (0, 2, poly.multiply(x[0], x[2])), (1, 2, x[0]))
+    broken = problems.build(PolynomialSystem(3, poly.multiply(x[0], x[0]), B))
+    for first in (0.0, 0.5):
+        assert not is_poisson(broken, np.array([first, 1.0, 2.0]))
 
 
 @given(st.integers(0, 99))
