@@ -63,6 +63,17 @@ def test_a_scheme_without_negative_h_is_not_measured_and_the_table_says_so(step)
     assert random_step.verdict is Verdict.HOLDS, random_step.message
 
 
+@pytest.mark.parametrize("at_rest", [True, False])
+def test_a_step_with_h_zero_has_the_noise_or_is_refused(at_rest: bool) -> None:
+    def step(problem, y, h, dW):
+        if h == 0 and at_rest:
+            return y.copy()
+        return schemes.energy_preserving.step(problem, y, h * (h / h), dW)  # divides by h, as some do
+
+    found = finding(step, "random-step", examples=2, shrink_checks=0)
+    assert found.verdict.text == ("violated" if at_rest else "holds")
+
+
 def test_a_step_back_that_fails_where_others_do_not_is_an_error() -> None:
     def step(problem, y, h, dW):
         if h < -1e-4:
