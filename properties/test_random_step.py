@@ -54,7 +54,7 @@ _SHARES = (
 
 
 def splits(problem: Problem, h: float, dW: Array) -> list[tuple[str, float, Array]]:
-    """Splits (name, h, dW) of the same Δ up to its rounding, with |h| + Σ|c_jΔW_j| no larger, and h of its sign or 0."""
+    """Splits (name, h, dW) of the same Δ up to rounding, h of the same sign or 0, |h| + Σ|c_jΔW_j| no larger."""
     c = problem.c
     driven = np.flatnonzero(c)
     if not driven.size:
