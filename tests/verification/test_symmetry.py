@@ -46,7 +46,7 @@ def no_root(problem, y, h, dW):
 
 
 def not_a_number(problem, y, h, dW):
-    return schemes.energy_preserving.step(problem, y, h, dW) * np.sqrt(np.sign(h))
+    return schemes.energy_preserving.step(problem, y, h, dW) * np.sqrt(np.copysign(1.0, h))
 
 
 def refused(problem, y, h, dW):
