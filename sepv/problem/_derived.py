@@ -76,7 +76,7 @@ def derive(dimension: int, structure: Function, hamiltonian: Function) -> Derive
 
 
 def derivatives(dimension: int, hamiltonian: Function, name: str = "hamiltonian") -> Derivatives:
-    """Derive ∇H, H″ and their mean from H alone. Raises ProblemError as `derive` does."""
+    """Derive ∇H, H″ and the average of ∇H along a segment from H alone. Raises ProblemError as `derive` does."""
     tape = Tape()
     y, z = tape.vector(dimension), tape.vector(dimension)
     H = _recorded(tape, name, hamiltonian, y, ())

@@ -76,7 +76,7 @@ class Corrections(NamedTuple):
 
 
 def corrections(problem: Problem, formula: Formula, y0: Array, step: Array) -> Corrections | None:
-    """The `Corrections` of steps from y0 (d, M) with the numbers `step` (k, M); None where there is no record."""
+    """Newton's `Corrections` of steps from y0 (d, M), or None without a record; `step` (k, M) as for `solve`."""
     recorded = record(problem, formula, len(step))
     return None if recorded is None else Corrections(recorded, y0, step)
 

@@ -42,7 +42,7 @@ class Item:
     space: Space | None = None  # of a family
 
     def design(self, seed: int, where: Mapping[str, Strata]) -> list[Case]:
-        """Cases of a family in which all pairs of strata meet, restricted to `where` on the axes that it has."""
+        """Cases of a family: of any two axes each pair of strata occurs. `where` restricts the family's axes."""
         if self.space is None:
             return []
         part = self.space.part(where)
