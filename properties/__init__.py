@@ -1,10 +1,10 @@
 """The laws, one theorem a file: each file has a `law`, and a test that any runner can call with a scheme.
 
-What laws measure with stands beside them. `_orders` has orders, of single steps by quadrature and of paths;
-`_sequential` draws paths while a verdict is open. `_without_solution` proves that a step has no solution. `_growth`,
-`_decay`, `_trace_formula`, `_poisson_map`, `_reversal`, `_way_back` and `_states_of_a_path` have one theorem each, for
-the two or three laws that share it. `_structures` tests conditions on B. `_without_memory` has the questions of
-*contract* that take several calls.
+Files with an underscore hold the measurements that laws share. `_orders` measures orders of convergence, of one step by
+quadrature and of sampled paths. `_sequential` samples paths until the verdict is clear. `_without_solution` proves that
+a step has no solution. `_growth`, `_decay`, `_trace_formula`, `_poisson_map`, `_reversal`, `_way_back` and
+`_states_of_a_path` have one theorem each, used by two or three laws. `_structures` tests conditions on B.
+`_without_memory` has those checks of the law *contract* that need several calls of a step.
 """
 
 from __future__ import annotations

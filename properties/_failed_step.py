@@ -1,4 +1,4 @@
-"""A failed step in words: its state and step, and the scheme's error."""
+"""Messages about a failed step: its state y0, step size h and increments ΔW, and the scheme's error."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from sepv.solve import Status
 def first_failed(
     scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, status: NDArray[np.int64]
 ) -> str:
-    """`failed_step` for the first of the states y (d, M) with dW (m, M) whose status (M,) failed; empty if none did."""
+    """Describe the first step of a batch, y (d, M) with dW (m, M), whose status (M,) is a failure; empty if none is."""
     k = int(np.argmax(status != Status.CONVERGED))
     return "" if status[k] == Status.CONVERGED else failed_step(scheme, problem, y[:, k], h, dW[:, k])
 
 
 def failed_step(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> str:
-    """Describe the step from y (d,) with dW (m,), and the scheme's own error, for which it is called once more."""
+    """Describe the step from y (d,) with dW (m,). The scheme is called once more, for its own error message."""
     place = f"from y0 = {row(y)} with h = {float(h)!r}, ΔW = {row(dW[: problem.noises])}"
-    return f"{place}: {_said(scheme, problem, y, h, dW)}"
+    return f"{place}: {_error_message(scheme, problem, y, h, dW)}"
 
 
-def _said(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> str:
+def _error_message(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> str:
     try:
         answer = ask(scheme, problem, np.array(y), h, np.array(dW))
     except SepvError as error:
@@ -36,5 +36,5 @@ def _said(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> st
 
 
 def row(values: ArrayLike | None) -> str:
-    """A row of numbers such as (0.5, -1.25e-07): twelve digits show an error of a high order too."""
+    """Format numbers as (0.5, -1.25e-07), with twelve digits, so that errors of high order are visible."""
     return "(" + ", ".join(f"{float(v):.12g}" for v in np.atleast_1d(np.asarray(values))) + ")"

@@ -1,13 +1,14 @@
 """The check of the laws "poisson-map" and "symplecticity": Φ′(y0) B(y0) Φ′(y0)ᵀ = B(y1), with a derived bound.
 
-`sepv.problem._poisson` has the derivative Φ′ and its error E, entry by entry. The error of (P) is then bounded by
+Φ is one step y0 → y1, with the step size h and the increments ΔW held fixed. `sepv.problem._poisson` computes Φ′ by
+central differences, with a bound E of the error of each entry. The equation's error is then bounded by the sum of
 
     E|B||Φ′|ᵀ + |Φ′||B|Eᵀ + E|B|Eᵀ,    |B(y1 + e) − B(y1)| for the error e of y1,    and roundings of the products.
 
-For polynomial data inside half the contraction radius the disc of Cauchy's estimate is known: with r the ball of
-`sepv.verification._contraction.contraction_ball`, every y0 + ζe_j, |ζ| ≤ r/2, moves by at most r/2 and stays
-in the ball, so that ρ = M = r/2. For other problems the formula of order four stands for what that of order
-six may be off by.
+E needs a disc |ζ| ≤ ρ in which the step Φ(y0 + ζe_j) − (y0 + ζe_j) is bounded by M (Cauchy's estimate). For polynomial
+data and Δ inside half the contraction radius, ρ = M = r/2, with r the radius of the ball of
+`sepv.verification._contraction.contraction_ball`: states within r/2 of y0 move by at most r/2 and stay in the ball. For
+other problems the error of the formula of order six is estimated by its difference from that of order four.
 """
 
 from __future__ import annotations
@@ -26,12 +27,12 @@ from sepv.verification._contraction import contraction_ball
 from sepv.verification._law import Measurement
 from sepv.verification._tolerance import operations, step_residual, structure_majorant
 
-# The largest relative error of a derivative that can decide about the structure.
+# ROUGH is the largest relative error of Φ′ with which a step is judged: a rougher step has no usable derivative.
 ROUGH = 1e-6
 
 
 class StepSlope(NamedTuple):
-    """Φ′ at y0 (d, d), its error entry by entry, the step's own error, and y1."""
+    """The derivative Φ′ at y0 (d, d), a bound of the error of each entry (d, d), the error of y1, and y1 (d,)."""
 
     slope: Array
     error: Array
@@ -40,7 +41,7 @@ class StepSlope(NamedTuple):
 
 
 def tangent(scheme: Scheme, case: Case) -> StepSlope:
-    """The derivative of a step with the increments held fixed.
+    """Return the derivative of a step with respect to y0, with the increments held fixed.
 
     Raises
     ------
@@ -50,12 +51,12 @@ def tangent(scheme: Scheme, case: Case) -> StepSlope:
     problem, y, h, dW = case.build()
     rho = _disc(problem, y, h, dW)
     sizes = [poisson.WIDTH * rho] * y.size if rho else poisson.BLIND_WIDTH * poisson.scales(problem, y)
-    # Powers of two no larger than these: multiples are exact, and so is a division by one.
+    # Widths are rounded down to powers of two: their multiples and divisions by them are exact.
     widths = np.array([float(2.0 ** np.floor(np.log2(size))) for size in sizes])
     answers = _steps(scheme, problem, poisson.shifted(y, widths), h, dW)
     y1 = answers[:, 0]
-    # Majorants at the shifted states are larger by far less than a factor of two, and near y = 0 by what the shifts
-    # are: 3w, and as much again for y1 and the flow inside the contraction radius.
+    # The residual at the shifted states is below twice that at y, plus a part for y near 0: a shift is at most 3 widths,
+    # and inside the contraction radius y1 moves by as much again.
     residual = 2 * step_residual(problem, y, y1, h, dW, scheme)
     residual += scheme.eps * operations(problem, scheme.stages) * 2 * poisson.POINTS * float(widths.max())
     error = amplification(scheme, case) * float(residual.max())
@@ -70,7 +71,7 @@ def tangent(scheme: Scheme, case: Case) -> StepSlope:
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """The largest entry of Φ′BΦ′ᵀ − B(y1) relative to its bound."""
+    """Measure the entry of Φ′B(y0)Φ′ᵀ − B(y1) that is largest relative to its bound."""
     problem, y, _, _ = case.build()
     slope, E, error, y1 = tangent(scheme, case)
     B, size = problem.structure(y), structure_majorant(problem, y)
@@ -89,14 +90,14 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 
 def _steps(scheme: Scheme, problem: Problem, states: Array, h: float, dW: Array) -> Array:
-    """Step each of the states (d, M), with the same h and increments."""
+    """Return one step (d, M) from each of the states (d, M), with the same h and increments."""
     if scheme.batched:
         return ask(scheme, problem, states, h, np.repeat(dW[:, None], states.shape[1], axis=1))
     return np.stack([ask(scheme, problem, y, h, dW) for y in states.T], axis=1)
 
 
 def _disc(problem: Problem, y: Array, h: float, dW: Array) -> float:
-    """The radius ρ, or 0 if none is known."""
+    """Return the radius ρ of the disc of Cauchy's estimate, or 0 if none is known."""
     if not (isinstance(problem.gradient, PolynomialMap) and isinstance(problem.structure, PolynomialMap)):
         return 0.0
     radius, ball = contraction_ball(problem, y)

@@ -1,7 +1,8 @@
-"""Reversing momenta: a linear ρ with ρ² = I that turns the direction of every solution round.
+"""The reversal of momenta: a linear map ρ with ρ² = I that reverses the direction of every solution.
 
-Where H(ρy) = H(y) and B(ρy) = −ρB(y)ρᵀ, the field f = B∇H has f(ρy) = −ρf(y), so that its flow is reversible,
-ρ∘φ_θ∘ρ = φ_{−θ} (Hairer, Lubich and Wanner, *Geometric Numerical Integration*, V.1), at the random time θ of (1.1) too.
+If H(ρy) = H(y) and B(ρy) = −ρB(y)ρᵀ, the field f = B∇H has f(ρy) = −ρf(y). Its flow φ is then reversible,
+ρ∘φ_θ∘ρ = φ_{−θ} (Hairer, Lubich and Wanner, *Geometric Numerical Integration*, V.1). The exact solution of (1.1) is this
+flow at the random time θ = t + Σ c_jW_j(t), so it is reversible too.
 """
 
 from __future__ import annotations
@@ -11,15 +12,15 @@ import numpy as np
 from sepv.problem import Array, PolynomialSystem, Problem, sample_states
 from sepv.record import EPS, Polynomial
 
-# Roundings that H and B of functions may differ by at ρy and y.
+# ROUNDINGS (in eps) by which H and B may differ at ρy and y if they are given as functions.
 ROUNDINGS = 64
 
 
 def momentum_flip(problem: Problem) -> Array | None:
-    """The map ρ that reverses momenta, as its diagonal (d,) of ±1; None if the problem is not reversible under it.
+    """Return the diagonal (d,) of ±1 of the map ρ that reverses momenta; None if it does not reverse the flow.
 
-    Momenta are the second half of y where the upper right block of B is positive, q̇ = ∂H/∂p, and the first half where
-    it is negative. Polynomial data are read, functions compared at a few states.
+    Momenta are the second half of y if the upper right block of B has a positive trace, as in q̇ = ∂H/∂p, and the first
+    half if it is negative. For polynomial data the answer is exact; functions are compared at a few states.
     """
     d = problem.dimension
     if d % 2:
@@ -46,6 +47,6 @@ def momentum_flip(problem: Problem) -> Array | None:
 
 
 def _parity(polynomial: Polynomial, rho: Array) -> float:
-    """The parity of a polynomial p under ρ: 1 for p(ρy) = p(y), −1 for p(ρy) = −p(y), and 0 for neither."""
+    """Return the parity of a polynomial p under ρ: 1 for p(ρy) = p(y), −1 for p(ρy) = −p(y), and 0 for neither."""
     signs = {float(np.prod(rho ** np.array(e))) for e, _ in polynomial.terms}
     return signs.pop() if len(signs) == 1 else float(not signs)

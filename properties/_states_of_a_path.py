@@ -1,7 +1,8 @@
-"""The contract of a `sepv.schemes._stateful.StatefulStep`: its states are values, which nothing changes later.
+"""The contract of schemes that carry a state from step to step: no call may change a state that exists already.
 
-A state that a path has reached may differ from a new one at the same y, as that of reversible Heun does: a path is
-never compared with one that begins anew. It is compared with itself, asked again while another path is walked.
+Such a scheme is a `sepv.schemes._stateful.StatefulStep` with the functions init, step and value. The state of a path at y
+may differ from init(y), as in the reversible Heun method, so a path is never compared with a new path from the same y. It
+is computed again with steps of another path in between, and the bits of both results are compared.
 """
 
 from __future__ import annotations
@@ -18,15 +19,15 @@ from sepv.schemes import answer_of as answer
 
 
 def keeps_states(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, apart: float) -> None:
-    """Walk two steps from y (d,) or (d, M), once alone and once with a path from y1 in turn, and compare the bits.
+    """Compare the bits of two steps from y (d,) or (d, M), computed alone and alternately with a path from y1.
 
-    `apart` is the share by which value(init(y)) may differ from y, for states in other coordinates, and a batch from
-    its part. Steps without a `StatefulStep` have nothing to compare.
+    `apart` is the allowed relative difference of value(init(y)) from y, since a state may use other coordinates, and of
+    a batch from a part of it. For schemes without a `StatefulStep` nothing is compared.
 
     Raises
     ------
     SchemeFault
-        For a state that changed when it was stepped or when another path was, or that begins elsewhere than at y.
+        If a step changes its own state or that of another path, or if value(init(y)) differs from y.
     """
     rule = scheme.step
     if not isinstance(rule, StatefulStep):
@@ -72,7 +73,7 @@ _APART = "give every array of the state the paths on its last axis, or leave out
 
 
 class _Path:
-    """Guarded calls of the three functions; y names the path in messages."""
+    """Checked calls of init, step and value; y identifies the path in error messages."""
 
     def __init__(self, scheme: Scheme, rule: StatefulStep, problem: Problem, h: float, dW: Array) -> None:
         self.scheme, self.rule, self.problem, self.h, self.dW = scheme, rule, problem, h, dW
@@ -94,7 +95,7 @@ class _Path:
         return after
 
     def read(self, state: Any, y: Array) -> Array:
-        """A copy of value(state)."""
+        """Return a copy of value(state)."""
         with translated(self.problem, y, self.h, self.dW):
             value = self.rule.value(state)
         return check_answer(value, y, self.scheme.dtype).copy()

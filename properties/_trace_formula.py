@@ -1,13 +1,13 @@
-"""E[F(y1)] against F(y0) + hσ by quadrature over what a step sees: the trace formula after one step.
+"""The trace formula after one step, E[F(y1)] = F(y0) + hσ, by quadrature over the increments.
 
-For laws *energy-drift* and *casimir-drift*. Nothing is sampled. Let dy = B∇H dt + Σ c_j g_j dW_j, let F have LF = σ
-with a constant σ, and let a scheme push y by half of the noise, make a step of y′ = B∇H that keeps F, and push again:
-a push has E[F(y + Σ c_j ΔW_j g_j)] = F(y) + Var(ΔW_j) σ, and the step between adds nothing.
+For the laws *energy-drift* and *casimir-drift*. The systems are dy = B∇H dt + Σ c_j g_j dW_j, and the generator L maps
+the function F to a constant, LF = σ. A scheme can satisfy the formula exactly: it adds half of the noise to y, makes a
+step of y′ = B∇H that keeps F, and adds the other half. Each addition increases E[F] by Var(ΔW_j) σ = ½hσ.
 
-**Bound.** At each node of the quadrature what the residual r of a step may do to F, the rounding of F itself, and twice
-the distance from a rule with one node less in each variable. That distance is rounding where F(y1) is a polynomial of
-the noise of low degree, as for schemes that obey these laws. Increments may cancel each other between the halves of a
-step: r is taken for increments that are all as large as the largest of the rule.
+**Bound.** At each node of the quadrature: the change of F by the residual r of the step, and the rounding of F. Added is
+twice the difference from a rule with one node fewer in each variable, which is rounding if F(y1) is a polynomial of low
+degree in the noise, as for schemes that satisfy these laws. Since increments of the two halves may cancel each other, r
+is computed for increments that are all as large as the largest of the rule.
 """
 
 from __future__ import annotations
@@ -30,20 +30,20 @@ from sepv.verification._tolerance import operations, step_residual
 
 @dataclass(frozen=True)
 class Quantity:
-    """A function F of y with LF = σ.
+    """A function F of the state y that the generator L maps to a constant, LF = σ.
 
     Attributes
     ----------
     name : str
         F in words.
     value, size : (d, M) -> (M,)
-        F, and the sum of its terms' absolute values, to which its rounding is relative.
+        F, and the sum of the absolute values of its terms, to which its rounding is proportional.
     moved : (y0, y1, r), each (d, M) -> (M,)
-        The change of F that a residual r may cause.
+        A bound of the change of F by a residual r of the step from y0 to y1.
     rate : float
-        σ.
+        The constant σ.
     unit : float
-        The unit of its defects.
+        The unit of the reported defect.
     """
 
     name: str
@@ -55,7 +55,7 @@ class Quantity:
 
 
 def short(case: Case) -> Case:
-    """The step with h + 4√h Σ c_j inside the contraction radius."""
+    """Return the case with the largest step size h for which h + 4√h Σ c_j is inside the contraction radius."""
     problem, y, _, _ = case.build()
     polynomial = isinstance(problem.gradient, PolynomialMap)
     radius = contraction_ball(problem, y)[0] if polynomial else measured_radius(problem, y)
@@ -65,7 +65,7 @@ def short(case: Case) -> Case:
 
 
 def measured(scheme: Scheme, problem: Problem, y: Array, h: float, F: Quantity) -> Measurement:
-    """|E[F(y1)] − F(y0) − hσ| for h > 0, with the bound of the module's docstring."""
+    """Measure |E[F(y1)] − F(y0) − hσ| for h > 0, with the bound derived in the module's docstring."""
     mean, allowed = mean_after(scheme, problem, y, h, F)
     coarser, _ = mean_after(scheme, problem, y, h, F, fewer=1)
     start, size, change = float(F.value(y)), float(F.size(y)), h * F.rate
@@ -81,7 +81,7 @@ def measured(scheme: Scheme, problem: Problem, y: Array, h: float, F: Quantity) 
 def mean_after(
     scheme: Scheme, problem: Problem, y: Array, h: float, F: Quantity, fewer: int = 0
 ) -> tuple[float, float]:
-    """E[F(y1)], and what residuals and rounding may change in it."""
+    """Return E[F(y1)], and a bound of its error by residuals and rounding."""
     nodes = rule_for(scheme, problem, h, 4, fewer)
     noise = np.sqrt(h) * nodes.zeta
     states = np.repeat(y[:, None], noise.shape[1], axis=1)

@@ -1,8 +1,9 @@
-"""A step and its way back to y0: the check of the laws "symmetry" and "reversibility", with the bound of both.
+"""A step from y0 to y1 and a step back: the measurement of the laws "symmetry" and "reversibility", and its bound.
 
-With residuals r1 and r2 of the two steps, the state y0′ that comes back solves (I + Δ ∂R/∂y0)(y0′ − y0) = −(r1 + r2),
-whose inverse is that of the step from y1 with −h and −ΔW. R is assumed to be that of (2.1): that of another symmetric
-scheme differs from it by O(Δ²), which is less than the factors of 4 in r inside the contraction radius.
+Write the equation (2.1) of the scheme as y1 = y0 + Δ R(y0, y1) with the random step Δ = h + Σ c_jΔW_j. If the two steps
+have residuals r1 and r2, the state y0′ after both satisfies (I + Δ ∂R/∂y0)(y0′ − y0) = −(r1 + r2). The inverse of this
+matrix is the condition of the step from y1 with −h and −ΔW. Another symmetric scheme has another R, but the difference is
+O(Δ²), and inside the contraction radius it is covered by the factor of 4 that r contains.
 """
 
 from __future__ import annotations
@@ -23,13 +24,13 @@ from sepv.verification._tolerance import state_ulp, step_residual
 
 
 def measured(scheme: Scheme, case: Case, back: Callable[[Array], Array]) -> Measurement:
-    """|y0′ − y0| for y0′ = back(y1)."""
+    """Measure |y0′ − y0|, where y1 is the step of the case from y0 and y0′ = back(y1) is the step back."""
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)
     returned = back(y1)
     residual = step_residual(problem, y, y1, h, dW, scheme)
     residual = residual + step_residual(problem, y1, returned, -h, -dW, scheme)
-    if isinstance(problem, (HamiltoniansProblem, DampedProblem)):  # its equation is not among the references
+    if isinstance(problem, (HamiltoniansProblem, DampedProblem)):  # the references have no condition for these equations
         bound = np.full(y.size, amplification(scheme, case) * float(residual.max()))
     else:
         method = equation_for(scheme.systems, scheme.stages)
