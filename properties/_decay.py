@@ -3,7 +3,7 @@
 With the damping −γy dt, an invariant F that is homogeneous of degree p has F(y1) = e^{−pγh}F(y0) after a step of size
 h. A scheme computes y1 = ρ(ρy0 + z), ρ = e^{−γh/2}: the increment z of an undamped step from ρy0 keeps F.
 
-**Bound.** The residual r of the undamped step changes F by at most |∇F|ᵀr. To r is added the rounding of the two products
+**Bound.** The residual r of the undamped step changes F by at most |∇F|ᵀr. To r is added the rounding of both products
 by ρ: for |γh| ≤ 1 the relative error of ρ is 1.5 eps and each product is rounded once, together 4 eps |y|_∞.
 """
 

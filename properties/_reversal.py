@@ -1,7 +1,7 @@
 """The reversal of momenta: a linear map ρ with ρ² = I that reverses the direction of every solution.
 
 If H(ρy) = H(y) and B(ρy) = −ρB(y)ρᵀ, the field f = B∇H has f(ρy) = −ρf(y). Its flow φ is then reversible,
-ρ∘φ_θ∘ρ = φ_{−θ} (Hairer, Lubich and Wanner, *Geometric Numerical Integration*, V.1). The exact solution of (1.1) is this
+ρ∘φ_θ∘ρ = φ_{−θ} (Hairer, Lubich and Wanner, *Geometric Numerical Integration*, V.1). The solution of (1.1) is this
 flow at the random time θ = t + Σ c_jW_j(t), so it is reversible too.
 """
 

@@ -1,8 +1,8 @@
 """The contract of schemes that carry a state from step to step: no call may change a state that exists already.
 
-Such a scheme is a `sepv.schemes._stateful.StatefulStep` with the functions init, step and value. The state of a path at y
-may differ from init(y), as in the reversible Heun method, so a path is never compared with a new path from the same y. It
-is computed again with steps of another path in between, and the bits of both results are compared.
+Such a scheme is a `sepv.schemes._stateful.StatefulStep` with the functions init, step and value. The state of a path
+at y may differ from init(y), as in the reversible Heun method, so a path is never compared with a new path from the
+same y. It is computed again with steps of another path in between, and the bits of both results are compared.
 """
 
 from __future__ import annotations

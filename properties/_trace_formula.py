@@ -4,10 +4,10 @@ For the laws *energy-drift* and *casimir-drift*. The systems are dy = B∇H dt +
 the function F to a constant, LF = σ. A scheme can satisfy the formula exactly: it adds half of the noise to y, makes a
 step of y′ = B∇H that keeps F, and adds the other half. Each addition increases E[F] by Var(ΔW_j) σ = ½hσ.
 
-**Bound.** At each node of the quadrature: the change of F by the residual r of the step, and the rounding of F. Added is
-twice the difference from a rule with one node fewer in each variable, which is rounding if F(y1) is a polynomial of low
-degree in the noise, as for schemes that satisfy these laws. Since increments of the two halves may cancel each other, r
-is computed for increments that are all as large as the largest of the rule.
+**Bound.** At each node of the quadrature: the change of F by the residual r of the step, and the rounding of F. To it
+is added twice the difference from a rule with one node fewer in each variable. That is rounding if F(y1) is a
+polynomial of low degree in the noise, as for schemes that satisfy these laws. Increments of the two halves may cancel
+each other: r is computed for increments that are all as large as the largest of the rule.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 Write the equation (2.1) of the scheme as y1 = y0 + Δ R(y0, y1) with the random step Δ = h + Σ c_jΔW_j. If the two steps
 have residuals r1 and r2, the state y0′ after both satisfies (I + Δ ∂R/∂y0)(y0′ − y0) = −(r1 + r2). The inverse of this
-matrix is the condition of the step from y1 with −h and −ΔW. Another symmetric scheme has another R, but the difference is
-O(Δ²), and inside the contraction radius it is covered by the factor of 4 that r contains.
+matrix is the condition of the step from y1 with −h and −ΔW. Another symmetric scheme has another R. The difference
+is O(Δ²), and inside the contraction radius it is covered by the factor of 4 that r contains.
 """
 
 from __future__ import annotations
@@ -30,7 +30,8 @@ def measured(scheme: Scheme, case: Case, back: Callable[[Array], Array]) -> Meas
     returned = back(y1)
     residual = step_residual(problem, y, y1, h, dW, scheme)
     residual = residual + step_residual(problem, y1, returned, -h, -dW, scheme)
-    if isinstance(problem, (HamiltoniansProblem, DampedProblem)):  # the references have no condition for these equations
+    if isinstance(problem, (HamiltoniansProblem, DampedProblem)):
+        # The references have no condition for these equations.
         bound = np.full(y.size, amplification(scheme, case) * float(residual.max()))
     else:
         method = equation_for(scheme.systems, scheme.stages)
