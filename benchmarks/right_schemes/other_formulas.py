@@ -262,6 +262,7 @@ SCHEMES: tuple[Scheme, ...] = (
         source="the flow with a noise of mean-square order 1 that the mean does not see",
         truncation=None,
         batched=True,
+        solver_tolerance=FLOW_TOLERANCE,
     ),
     replace(
         midpoint,
