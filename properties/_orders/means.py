@@ -92,10 +92,11 @@ def limit_errors(errors: StrongErrors, problem: Problem) -> tuple[list[str], Arr
     for level, W in enumerate(errors.W):
         names, directions = _directions(problem, errors.ends[level], errors.T, W)
         w, row = errors.weights[level], []
+        middle = w / np.mean(w)  # the weights of a mean in which constants have no variance
         for name, v in zip(names, directions, strict=True):
             x, error = v, e[level]
             if name.startswith("noise"):
-                x, error = (a - np.mean(w * a, axis=1, keepdims=True) for a in (x, error))
+                x, error = (a - np.mean(middle * a, axis=1, keepdims=True) for a in (x, error))
             row.append(w * np.sum(x * error, 0) / np.mean(w * np.sum(x * x, 0)))
         rows.append(row)
         if not level:
