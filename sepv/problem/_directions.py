@@ -1,4 +1,4 @@
-"""Gradients of invariants made orthogonal by Gram and Schmidt, for arrays and for symbols."""
+"""Directions along which a state is moved to keep invariants, for arrays and for symbols."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sepv.problem._fields import dot
+from sepv.problem._fields import dot, matvec
 
 # A gradient adds nothing if its part orthogonal to those before it is below this share of its length.
 DEPENDENT = 2.0**-40
 
 
 class Directions(NamedTuple):
-    """Orthogonal vectors q_k (d, ...) that span the same space as some gradients N_k.
+    """Orthogonal vectors q_k (d, ...) for some gradients N_k, with N_jᵀq_k = 0 for j < k.
 
-    `inverse` are the 1/|q_k|², (...), or 0 where N_k adds nothing to those before it. `products` has a list of the
+    `inverse` are the 1/(N_kᵀq_k), (...), or 0 where no q_k changes the invariant. `products` has a list of the
     q_jᵀN_k, j < k, for each k.
     """
 
@@ -35,7 +35,7 @@ class Directions(NamedTuple):
         return w
 
     def correction(self, r: Sequence[Any]) -> Any:
-        """The vector u in the span of the gradients with N_kᵀu = r_k, (d, ...), where they are independent."""
+        """The vector u in the span of the q_k with N_kᵀu = r_k, (d, ...), where no inverse is 0."""
         weights: list[Any] = []
         for value, products, inverse in zip(r, self.products, self.inverse, strict=True):
             for w, product in zip(weights, products, strict=True):
@@ -55,9 +55,28 @@ def directions(gradients: Sequence[Any]) -> Directions:
     basis = Directions([], [], [])
     for N in gradients:
         q = basis.without(N)
-        left = dot(q, q)
-        new = left > DEPENDENT**2 * dot(N, N)
         basis.products.append([dot(b, N) for b in basis.q])
         basis.q.append(q)
-        basis.inverse.append(np.where(new, 1.0 / np.where(new, left, 1.0), 0.0))
+        _invert(basis, dot(q, q), dot(N, N))
     return basis
+
+
+def projection_directions(B: Any, gradient: Any, casimirs: Sequence[Any]) -> Directions:
+    """Find directions for the Casimirs with these gradients, (d, ...) each, then one for H, at a state.
+
+    The direction for H is v = BᵀB∇H, the part of ∇H that the structure matrix B (d, d, ...) sees: ∇Hᵀv = |B∇H|², and v
+    is orthogonal to the gradients of all Casimirs. A motion along v keeps bᵀy exactly, and yᵀAy where its gradient 2Ay
+    vanishes with Ay = 0, which no motion along gradients does.
+    """
+    basis = directions(casimirs)
+    q = basis.without(-matvec(B, matvec(B, gradient)))
+    basis.products.append([dot(b, gradient) for b in basis.q])
+    basis.q.append(q)
+    _invert(basis, dot(q, gradient), dot(B, B).sum(axis=0) * dot(gradient, gradient))
+    return basis
+
+
+def _invert(basis: Directions, left: Any, all_of_it: Any) -> None:
+    """Append the inverse of `left`, or 0 where it is only a rounding of `all_of_it`."""
+    new = left > DEPENDENT**2 * all_of_it
+    basis.inverse.append(np.where(new, 1.0 / np.where(new, left, 1.0), 0.0))

@@ -1,16 +1,18 @@
 """Explicit Runge-Kutta methods projected on the invariants: the strongest rival where steps are not stiff.
 
-From the end y* of the explicit step of order p one goes along the gradients of the invariants there,
+From the end y* of the explicit step of order p one goes along a direction v_k for each invariant,
 
-    y1 = y* − Σ_k λ_k ∇I_k(y*)   with   I_k(y1) = I_k(y0)
+    y1 = y* − Σ_k λ_k v_k   with   I_k(y1) = I_k(y0)
 
 for H and every quadratic or linear Casimir: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006),
-IV.4. The λ are found by the simplified Newton iteration whose matrix is that of the products ∇I_jᵀ∇I_k at y*. The
-differences I_k(y) − I_k(y0) are computed as g_kᵀ(y − y0) with g_k = ∫₀¹∇I_k(y0 + τ(y − y0))dτ, which is the same number
-without cancellation: a large constant in H costs nothing.
+IV.4. For a Casimir C it is ∇C(y*); for H it is v = BᵀB∇H at y*, which is orthogonal to the ∇C, so that the motion
+along it keeps Casimirs also where ∇C(y*) = 0. With the canonical B this is ∇H. The λ are found by the simplified Newton
+iteration whose matrix has the products ∇I_jᵀv_k at y*. The differences I_k(y) − I_k(y0) are computed as g_kᵀ(y − y0)
+with g_k = ∫₀¹∇I_k(y0 + τ(y − y0))dτ, which is the same number without cancellation: a large constant in H
+costs nothing.
 
 **Order.** y1 differs from y* by O(Δ^{p+1}): the orders are those of the explicit method. It is neither symmetric nor
-the midpoint rule for quadratic H, and what it keeps, it keeps by moving the state along gradients, not by B.
+the midpoint rule for quadratic H: a last motion along the v_k keeps the invariants, not the formula of the step.
 """
 
 from __future__ import annotations
@@ -19,7 +21,15 @@ from functools import lru_cache
 
 import numpy as np
 
-from sepv.problem import Algebra, Array, Problem, average_gradient, casimir_gradients, directions, dot
+from sepv.problem import (
+    Algebra,
+    Array,
+    Problem,
+    average_gradient,
+    casimir_gradients,
+    dot,
+    projection_directions,
+)
 from sepv.schemes._explicit import end, explicit
 from sepv.schemes._explicit_tableaux import TABLEAUX
 from sepv.schemes._one_step import Solved, one_step
@@ -39,10 +49,10 @@ def solve_projection(problem: Problem, order: int, y0: Array, delta: Array) -> S
     casimirs = problem.casimirs, problem.linear_casimirs
 
     def evaluate(z: Array, lanes: Lanes) -> Evaluation:
-        """The right side R of z = R(z): z less a correction along the gradients at y* for the invariants' change."""
+        """The right side R of z = R(z): z less a correction along the v_k for the invariants' change."""
         start = y0[:, lanes]
         mean = average_gradient(problem, start, start + z)
-        averages = [mean.value, *casimir_gradients(*casimirs, 2.0 * start + z)]
+        averages = [*casimir_gradients(*casimirs, 2.0 * start + z), mean.value]
         moved = along.of(lanes).correction([dot(g, z) for g in averages])
         none = np.zeros((0, 0, lanes.size))
         return Evaluation(Increment(z - moved, mean.evaluations, lanes * 0, mean.reliable), lambda: (none, 0))
@@ -50,14 +60,16 @@ def solve_projection(problem: Problem, order: int, y0: Array, delta: Array) -> S
     with np.errstate(all="ignore"):
         full = end(tableau, CountedFields(problem, y0, y0), y0, None, delta[None])
         far = y0 + full
-        along = directions([problem.gradient(far), *casimir_gradients(*casimirs, 2.0 * far)])
+        along = projection_directions(
+            problem.structure(far), problem.gradient(far), casimir_gradients(*casimirs, 2.0 * far)
+        )
         equations = Equations(np.abs(y0), evaluate, algebra=SIMPLIFIED)
         solution = newton(equations, full, np.arange(M), differences=False)
         y1, status = y0 + solution.value, solution.status
         if problem.domain is not None:
             outside = ~np.asarray(problem.domain(y1), dtype=bool)
             status[outside & (status == Status.CONVERGED)] = Status.LEFT_DOMAIN
-    gradients, structures = solution.gradient_evaluations + len(tableau.A) + 1, np.full(M, len(tableau.A))
+    gradients, structures = solution.gradient_evaluations + len(tableau.A) + 1, np.full(M, len(tableau.A) + 1)
     return Solution(
         y1, solution.residual, solution.iterations, gradients, structures, status, change=solution.value
     )
@@ -77,7 +89,7 @@ def projected(order: int) -> Scheme:
     return one_step(
         f"projected-{order}",
         Solved(solve),
-        # The claims leave out equivariance: orthogonality to a gradient needs a metric, which linear maps do not keep.
+        # The claims leave out equivariance: the directions need a metric, which linear maps do not keep.
         (frozenset(plain.claims) | {"energy", "casimir"}) - {"equivariance"},
         "explicit Runge-Kutta with the random step, and projection",
         order / 2,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sepv import StepFailure, problems, schemes
+from sepv import StepFailure, ensemble, problems, schemes
 from sepv.problem import PolynomialSystem, casimir_gradients
 from sepv.record import polynomial
 from sepv.record._polynomial import constant
@@ -153,3 +153,20 @@ def test_what_a_correction_leaves_alone_does_not_end_the_iteration() -> None:
     # H from four products and two sums, each rounded; ∇H·y < 4H.
     moved = problem.hamiltonian(solution.value[:, 0]) - problem.hamiltonian(y)
     assert abs(moved) <= 8 * EPS * problem.hamiltonian(y)
+
+
+@pytest.mark.parametrize("engine", ["numpy", "compiled"])
+def test_a_casimir_is_kept_where_its_gradient_vanishes(engine: str) -> None:
+    """C = y1² at y1 = 0: the correction of H must not move y1, because none along ∇C = 0 could move it back."""
+    idle = PolynomialSystem(
+        3,
+        polynomial(3, {(1, 4, 0): 0.5, (0, 2, 0): 0.5, (0, 3, 2): 0.25}),
+        ((1, 2, constant(3, 1.0)),),
+        (0.5,),
+        (((1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),),
+    )
+    problem, y = problems.polynomial_problem(idle), np.array([0.0, 1.0, 0.5])
+    ends = ensemble(schemes.projected(4), problem, h=1 / 16, steps=16, paths=32, y0=y, engine=engine).y
+    assert np.all(ends[0] == 0.0)
+    moved = problem.hamiltonian(ends) - problem.hamiltonian(y)
+    assert np.max(np.abs(moved)) <= 16 * 8 * EPS * np.max(np.abs(ends)) ** 5

@@ -159,10 +159,10 @@ def test_both_engines_refuse_the_same_steps(name: str, rate: int) -> None:
 
 
 def test_evaluations_of_a_projection_are_counted() -> None:
-    """Twelve stages and the gradient at the end once in a step, an average for each iteration of the projection."""
+    """Twelve stages, then B and the gradient at the end, once in a step; an average for each iteration."""
     ends = sepv.ensemble("projected-8", "rigid-body", h=1 / 16, steps=16, paths=150, engine="compiled")
     assert not ends.status.any()
-    assert ends.structure_evaluations == 150 * 16 * 12
+    assert ends.structure_evaluations == 150 * 16 * 13
     assert ends.gradient_evaluations == 150 * 16 * 13 + ends.iterations
 
 

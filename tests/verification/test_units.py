@@ -80,7 +80,7 @@ def test_no_right_scheme_is_accused_or_left_open_at_any_rate_noise_and_size(prob
 
 @pytest.mark.parametrize("size", [1e-6, 1e6])
 def test_a_noise_far_smaller_than_the_error_of_the_step_is_measured(size: float) -> None:
-    """Increments of "explicit-4" are drawn with weights: a share of the noise is a covariance with the weighted means."""
+    """Increments of "explicit-4" have weights: a share of the noise is a covariance with weighted means."""
     small = scaled(PROBLEMS["pendulum"](), Scale(1e-6, 1e-6, size))
     (found,) = findings(schemes.by_name("explicit-4"), small, QUICK, ("right-limit",))
     assert found.verdict is Verdict.HOLDS, found

@@ -38,7 +38,7 @@ class ProjectedWriter(Writer):
         averages = self.problem.gradient_evaluations
         return {
             "AVERAGES": averages, "FIRST_GRADIENTS": gradients + 1 + BLIND * averages,
-            "FIRST_STRUCTURES": structures, "STEPS": BLIND, "FAST": FAST,
+            "FIRST_STRUCTURES": structures + 1, "STEPS": BLIND, "FAST": FAST,
         }  # fmt: skip
 
     def first(self) -> list[str]:

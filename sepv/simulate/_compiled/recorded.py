@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from sepv.problem import Directions, casimir_gradients, directions, dot
+from sepv.problem import Directions, casimir_gradients, dot, projection_directions
 from sepv.record import NoClosedForm, Symbol, Tape, jacobian, reachable
 from sepv.record import symbol_array as array
 from sepv.simulate._compiled.code_builder import CodeBuilder, Expression, Table, shown
@@ -217,7 +217,7 @@ class RecordedProblem(Recorded):
         See `sepv.schemes._projected`; the first two in one order.
         """
         casimirs = self.problem.casimirs, self.problem.linear_casimirs
-        orthogonal = directions([self.slope, *casimir_gradients(*casimirs, 2.0 * self.y)])
+        orthogonal = projection_directions(self.B, self.slope, casimir_gradients(*casimirs, 2.0 * self.y))
         values = [
             self.tape.symbol(v)
             for v in (*np.ravel(orthogonal.q), *orthogonal.inverse, *chain(*orthogonal.products))
@@ -227,7 +227,7 @@ class RecordedProblem(Recorded):
         q = [array([next(symbols) for _ in self.y], (self.dimension,)) for _ in range(K)]
         inverse = [next(symbols) for _ in range(K)]
         again = Directions(q, inverse, [[next(symbols) for _ in range(k)] for k in range(K)])
-        averages = [self.mean.value, *casimir_gradients(*casimirs, 2.0 * self.y + self.z)]
+        averages = [*casimir_gradients(*casimirs, 2.0 * self.y + self.z), self.mean.value]
         return values, list(known), again.correction([dot(g, self.z) for g in averages])
 
     def printed_directions(self, code: CodeBuilder, end: Sequence[str]) -> list[Expression]:
