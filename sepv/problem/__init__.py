@@ -18,7 +18,7 @@ from sepv.problem._checks import sample_states
 from sepv.problem._damped import DampedProblem as DampedProblem
 from sepv.problem._damped import damping_of
 from sepv.problem._derived import PartFlow
-from sepv.problem._directions import Directions, directions, projection_directions
+from sepv.problem._directions import Directions, directions, projections
 from sepv.problem._fields import (
     DENSE,
     Algebra,

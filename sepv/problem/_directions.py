@@ -54,29 +54,25 @@ def directions(gradients: Sequence[Any]) -> Directions:
     """Make gradients, (d, ...) each, orthogonal one after the other."""
     basis = Directions([], [], [])
     for N in gradients:
-        q = basis.without(N)
-        basis.products.append([dot(b, N) for b in basis.q])
-        basis.q.append(q)
-        _invert(basis, dot(q, q), dot(N, N))
+        _append(basis, basis.without(N), N, dot(N, N))
     return basis
 
 
-def projection_directions(B: Any, gradient: Any, casimirs: Sequence[Any]) -> Directions:
-    """Find directions for the Casimirs with these gradients, (d, ...) each, then one for H, at a state.
+def projections(B: Any, gradient: Any, casimirs: Sequence[Any]) -> Directions:
+    """Directions for the Casimirs with these gradients, (d, ...) each, then one for H, at a state.
 
-    The direction for H is v = BᵀB∇H, the part of ∇H that the structure matrix B (d, d, ...) sees: ∇Hᵀv = |B∇H|², and v
-    is orthogonal to the gradients of all Casimirs. A motion along v keeps bᵀy exactly, and yᵀAy where its gradient 2Ay
-    vanishes with Ay = 0, which no motion along gradients does.
+    A Casimir has its gradient. H has v = BᵀB∇H, for the canonical B ∇H itself: ∇Hᵀv = |B∇H|², and v is orthogonal to
+    the gradients of all Casimirs. A motion along v keeps yᵀAy also where Ay = 0, and no gradient could mend it.
     """
-    basis = directions(casimirs)
-    q = basis.without(-matvec(B, matvec(B, gradient)))
-    basis.products.append([dot(b, gradient) for b in basis.q])
-    basis.q.append(q)
-    _invert(basis, dot(q, gradient), dot(B, B).sum(axis=0) * dot(gradient, gradient))
+    basis, size = directions(casimirs), dot(B, B).sum(axis=0) * dot(gradient, gradient)
+    _append(basis, basis.without(-matvec(B, matvec(B, gradient))), gradient, size)
     return basis
 
 
-def _invert(basis: Directions, left: Any, all_of_it: Any) -> None:
-    """Append the inverse of `left`, or 0 where it is only a rounding of `all_of_it`."""
-    new = left > DEPENDENT**2 * all_of_it
+def _append(basis: Directions, q: Any, N: Any, size: Any) -> None:
+    """Append the direction q for the gradient N; its inverse is 0 where Nᵀq is only a rounding of `size`."""
+    left = dot(q, N)
+    new = left > DEPENDENT**2 * size
+    basis.products.append([dot(b, N) for b in basis.q])
+    basis.q.append(q)
     basis.inverse.append(np.where(new, 1.0 / np.where(new, left, 1.0), 0.0))

@@ -5,14 +5,12 @@ From the end y* of the explicit step of order p one goes along a direction v_k f
     y1 = y* − Σ_k λ_k v_k   with   I_k(y1) = I_k(y0)
 
 for H and every quadratic or linear Casimir: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006),
-IV.4. For a Casimir C it is ∇C(y*); for H it is v = BᵀB∇H at y*, which is orthogonal to the ∇C, so that the motion
-along it keeps Casimirs also where ∇C(y*) = 0. With the canonical B this is ∇H. The λ are found by the simplified Newton
-iteration whose matrix has the products ∇I_jᵀv_k at y*. The differences I_k(y) − I_k(y0) are computed as g_kᵀ(y − y0)
-with g_k = ∫₀¹∇I_k(y0 + τ(y − y0))dτ, which is the same number without cancellation: a large constant in H
-costs nothing.
+IV.4. The directions are `sepv.problem.projections` at y*. The λ are found by the simplified Newton iteration with the
+products ∇I_jᵀv_k at y*. The differences I_k(y) − I_k(y0) are computed as g_kᵀ(y − y0) with
+g_k = ∫₀¹∇I_k(y0 + τ(y − y0))dτ, which is the same number without cancellation: a large constant in H costs nothing.
 
 **Order.** y1 differs from y* by O(Δ^{p+1}): the orders are those of the explicit method. It is neither symmetric nor
-the midpoint rule for quadratic H: a last motion along the v_k keeps the invariants, not the formula of the step.
+the midpoint rule for quadratic H.
 """
 
 from __future__ import annotations
@@ -21,15 +19,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from sepv.problem import (
-    Algebra,
-    Array,
-    Problem,
-    average_gradient,
-    casimir_gradients,
-    dot,
-    projection_directions,
-)
+from sepv.problem import Algebra, Array, Problem, average_gradient, casimir_gradients, dot, projections
 from sepv.schemes._explicit import end, explicit
 from sepv.schemes._explicit_tableaux import TABLEAUX
 from sepv.schemes._one_step import Solved, one_step
@@ -60,9 +50,8 @@ def solve_projection(problem: Problem, order: int, y0: Array, delta: Array) -> S
     with np.errstate(all="ignore"):
         full = end(tableau, CountedFields(problem, y0, y0), y0, None, delta[None])
         far = y0 + full
-        along = projection_directions(
-            problem.structure(far), problem.gradient(far), casimir_gradients(*casimirs, 2.0 * far)
-        )
+        slopes = casimir_gradients(*casimirs, 2.0 * far)
+        along = projections(problem.structure(far), problem.gradient(far), slopes)
         equations = Equations(np.abs(y0), evaluate, algebra=SIMPLIFIED)
         solution = newton(equations, full, np.arange(M), differences=False)
         y1, status = y0 + solution.value, solution.status

@@ -1,7 +1,4 @@
-"""Code for explicit increments that are projected on the invariants: see `sepv.schemes.projected`.
-
-The increment is computed once for each lane; the later iterations involve the invariants alone.
-"""
+"""Code for explicit increments that are projected on the invariants: see `sepv.schemes.projected`."""
 
 from __future__ import annotations
 

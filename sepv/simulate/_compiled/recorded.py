@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from sepv.problem import Directions, casimir_gradients, dot, projection_directions
+from sepv.problem import Directions, casimir_gradients, dot, projections
 from sepv.record import NoClosedForm, Symbol, Tape, jacobian, reachable
 from sepv.record import symbol_array as array
 from sepv.simulate._compiled.code_builder import CodeBuilder, Expression, Table, shown
@@ -217,7 +217,7 @@ class RecordedProblem(Recorded):
         See `sepv.schemes._projected`; the first two in one order.
         """
         casimirs = self.problem.casimirs, self.problem.linear_casimirs
-        orthogonal = projection_directions(self.B, self.slope, casimir_gradients(*casimirs, 2.0 * self.y))
+        orthogonal = projections(self.B, self.slope, casimir_gradients(*casimirs, 2.0 * self.y))
         values = [
             self.tape.symbol(v)
             for v in (*np.ravel(orthogonal.q), *orthogonal.inverse, *chain(*orthogonal.products))
