@@ -19,7 +19,7 @@ from benchmarks.peers.deviations import Deviation, deviations_shown_by
 from benchmarks.peers.kept_measurements import measured
 from benchmarks.peers.options import measuring, page_options, put
 from benchmarks.peers.solver import KINDS, Solver, problem_of
-from benchmarks.peers.solver_measurements import ALPHA, KEPT, PATHS, SINGLE, STEPS, T, cells, limit_of, orders
+from benchmarks.peers.solver_measurements import ALPHA, KEPT, STEPS, T, cells, limit_of, orders
 from sepv._version import __version__
 from sepv.console import Shown, markdown
 from sepv.verification import Effort, Verdict
@@ -48,12 +48,12 @@ def line(solver: Solver, kind: str, found: Mapping[tuple[str, str], Any]) -> Lin
     documented, converges = "Itô" if solver.ito else "Stratonovich", limit_of(limit)
     # A solver that hands state on is what its paths are; its one step is another method.
     short = [] if solver.path else [
-        f"{word} order {_number(order)} of one step, where {claim:g} is documented"
+        f"{word} order {_number(order)} of one step (documented: {claim:g})"
         for word, order, claim in (("strong", found_strong, strong), ("weak", found_weak, weak))
         if claim is not None and order < claim - MARGIN
     ]  # fmt: skip
     if paths is not None and strong is not None and paths["order"][2] < strong - MARGIN:
-        short.append(f"strong order {_interval(paths)} over paths, where {strong:g} is documented")
+        short.append(f"strong order {_interval(paths)} over paths (documented: {strong:g})")
     if converges not in (documented, "both"):
         short.append(f"the limit is {'neither solution' if converges == 'neither' else converges}")
     return Line(
@@ -115,7 +115,7 @@ def document(found: Mapping[str, Sequence[Line]], deviations: Sequence[Deviation
     ]
     for library, own in found.items():
         parts += [f"## {library} {release(library)}", table(library, own)]
-        parts.append("\n".join(f"- {source}" for source in dict.fromkeys(each.source for each in own)))
+        parts.append(_sources(library, own))
     lines = [each for own in found.values() for each in own]
     short = [f"- {each.cells[0]}, {each.cells[1]}: {'; '.join(each.short)}" for each in lines if each.short]
     parts += [
@@ -147,11 +147,21 @@ def table(library: str, own: Sequence[Line]) -> str:
     )
 
 
+def _sources(library: str, own: Sequence[Line]) -> str:
+    """Where the documented orders of a library stand, with the solvers where there are several places."""
+    names: dict[str, list[str]] = {}
+    for each in own:
+        names.setdefault(each.source, []).append(each.cells[0].removeprefix(f"{library} "))
+    if len(names) == 1:
+        return f"Documented orders: {own[0].source}."
+    return "\n".join(f"- {'; '.join(dict.fromkeys(solvers))}: {source}" for source, solvers in names.items())
+
+
 def beside(measured: str, documented: str) -> str:
     """A measured order, with the documented one in brackets where they differ by more than 0.1."""
     try:
-        same = abs(float(measured.removesuffix(" §")) - float(documented)) <= 0.1
-    except ValueError:  # none is documented, or none was measured
+        same = documented == "–" or abs(float(measured.removesuffix(" §")) - float(documented)) <= 0.1
+    except ValueError:  # none was measured
         same = False
     return measured if same else f"{measured} ({documented})"
 
@@ -175,25 +185,22 @@ def _is_about(script: str, entry: str) -> bool:
 def _introduction() -> str:
     problems = "\n".join(f"- {kind}: {text} (`{problem_of(kind).name}`)" for kind, text in KINDS.items())
     return f"""\
-This page shows the order of each solver for each kind of noise in dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j), where
-c_j = ½. Each solver runs through its own library's code in float64, with given increments. Noise is *commutative* if
-the brackets of the noise fields vanish, and *additive* if the fields are constant:
+Each solver ran on dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j) with c_j = ½, through its own library's code in float64, with
+given increments. Noise is *commutative* if the brackets of its fields vanish, *additive* if its fields are constant:
 
 {problems}
 
-A cell has the measured *strong order; weak order*, and in brackets the documented order where it differs by more than
-0.1 (–: none). † marks less than documented. A cell is empty if the solver does not support the kind of noise. *Limit*
-is the documented solution; the mean of a step of 2⁻¹⁶ tests it. Solvers of Itô equations got Itô's form, whose solution
-is the same.
+A cell has the measured *strong order; weak order*, and in brackets the documented order, if there is one, where it
+differs by more than 0.1. † marks less than documented. A cell is empty if the solver does not support the kind of
+noise. *Limit* is the documented solution; the mean of a short step tests it. Solvers of Itô equations got Itô's form,
+with the same solution.
 
-- **Orders** follow from errors of one step, computed by quadrature as in the laws *local-mean*, *local-mean-square* and
+- **Orders** follow from errors of one step by quadrature, as in the laws *local-mean*, *local-mean-square* and
   *local-weak*. The reference resolves strong orders up to 1, or up to 1.5 for a solver that uses space-time areas of
   commutative noise.
-- **Paths**: the rms error at T = {T:g} with {", ".join(map(str, STEPS))} steps was measured too ({PATHS} paths,
-  {SINGLE} for solvers of one state at a time). The last section lists confidence intervals below the documented order;
-  an interval misses the true order with nominal probability {ALPHA:g}.
-- **§**: the solver carries a state from step to step. The strong order is that of paths, the weak order that of its
-  first step.
+- **Paths**: the rms error at T = {T:g} with {", ".join(map(str, STEPS))} steps was measured too. The last section lists
+  confidence intervals below the documented order, which miss the true order with nominal probability {ALPHA:g}.
+- **§**: the solver carries a state from step to step; the strong order is that of paths.
 - **Areas** are those of the reference's path. Left alone, torchsde and sdeint draw approximations of A_ij, whose fixed
   quality makes the order ½ again for small steps (P. Kloeden and E. Platen 1992, §5.8)."""
 

@@ -14,11 +14,10 @@ import torchsde
 
 NOTES = [
     (
-        "DOCUMENTATION.md of 0.2.6, which states no orders (github.com/google-research/torchsde)",
+        "torchsde/_core/methods/milstein.py, 0.2.6 (github.com/google-research/torchsde)",
         "2023-09-26",
-        "gradient-free Milstein can be used by selecting Milstein, and then also passing in the keyword argument",
+        "strong_order = 1.0",
     ),
-    ("torchsde/_core/methods/milstein.py, 0.2.6", "2023-09-26", "strong_order = 1.0"),
     (
         "torchsde/_core/methods/milstein.py, 0.2.6, on the difference",
         "2023-09-26",
@@ -27,9 +26,8 @@ NOTES = [
     (
         "pull request 31, its author",
         "2020-08-18",
-        "I think that usage of grad-free variant changes order to 0.5, right? (I can `if` it in code)",
+        "I think that usage of grad-free variant changes order to 0.5, right?",
     ),
-    ("pull request 31, its author in the review", "2020-08-19", "But with those fixes slope is still 0.6"),
 ]
 
 

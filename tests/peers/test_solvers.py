@@ -131,14 +131,14 @@ def test_a_line_says_where_less_was_measured_than_documented() -> None:
     handed_on = replace(asked, path=lambda _: lambda *_: None)
     late = {"order": (0.5, 0.4, 0.6), "failed": 2}
     found = solvers.line(handed_on, "one", _found(asked, **{"one step": slow, "paths": late}))
-    assert found.short == ("strong order 0.50 [0.40, 0.60], 2 failed over paths, where 1 is documented",)
+    assert found.short == ("strong order 0.50 [0.40, 0.60], 2 failed over paths (documented: 1)",)
     assert math.isinf(float(solvers._number(math.inf).replace("∞", "inf")))
 
 
 def test_the_documented_order_stands_beside_another_one() -> None:
     assert solvers.beside("0.97 §", "1") == "0.97 §"
     assert solvers.beside("0.50", "1") == "0.50 (1)"
-    assert solvers.beside("1.00", "–") == "1.00 (–)"
+    assert solvers.beside("1.00", "–") == "1.00"
     assert solvers.beside("?", "1") == "? (1)"
 
 
