@@ -7,8 +7,7 @@ Solvers of which a script in the folder ``peers`` beside the output shows less t
 
 from __future__ import annotations
 
-import re
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -107,17 +106,28 @@ def _energy(solver: Scheme | PathSolver, problem: Problem, T: float) -> str:
 def document(found: Sequence[Row], deviations: Sequence[Deviation], command: str) -> str:
     """The page, in Markdown."""
     contradicted = {d.solver for d in deviations}
+    own = ", ".join(s.problem for s in SETUPS)
+    numbers = [
+        "solvers",
+        "claimed order, mean-square / weak",
+        f"measured order, {own}",
+        f"energy defect, {own}",
+    ]
+    first: dict[tuple[str, ...], list[str]] = {}
+    for r in found:
+        mark = " †" if r.name.split(",")[0] in contradicted else ""
+        orders = ", ".join(o.partition(" [")[0] for o in r.orders)
+        first.setdefault((r.claimed + mark, orders, ", ".join(r.energy)), []).append(r.name)
     releases = dict.fromkeys(f"{r.library} {r.release}" for r in found)
     notes = _grouped((note.partition(": ")[2], note.partition(": ")[0]) for r in found for note in r.notes)
-    sources = _grouped((_source(r), r.name) for r in found if r.library != "sepv")
+    sources = _grouped((r.source, r.name) for r in found if r.library != "sepv")
     parts = [
         "# Laws and orders of other libraries' Stratonovich solvers",
         f"Made by `{command}` with sepv {__version__}; not edited by hand. Releases: {', '.join(releases)}.",
         _introduction(),
         "## Orders and energy",
-        _orders(found, contradicted),
+        markdown(numbers, [(_listed(names), *cells) for cells, names in first.items()]),
         "† less than documented: [shown in the library's own terms](deviations.md)." if contradicted else "",
-        _energies(found),
         "## Laws",
         _laws(found),
         "\n".join(notes),
@@ -125,50 +135,6 @@ def document(found: Sequence[Row], deviations: Sequence[Deviation], command: str
         "\n".join(sources),
     ]
     return "\n\n".join(p for p in parts if p) + "\n"
-
-
-def _orders(found: Sequence[Row], contradicted: Collection[str]) -> str:
-    """A line for each claimed order, with the range of the measured orders; solvers that fall short have their own."""
-    lines: dict[tuple[str, tuple[str, ...]], list[Row]] = {}
-    for r in found:
-        short = r.name.split(",")[0] in contradicted
-        lines.setdefault((r.claimed + " †", r.orders) if short else (r.claimed, ()), []).append(r)
-    heading = ("solvers", "claimed order, mean-square / weak", "measured order")
-    return markdown(
-        heading,
-        [(_listed([r.name for r in rows]), claim, _range(rows)) for (claim, _), rows in lines.items()],
-    )
-
-
-def _range(rows: Sequence[Row]) -> str:
-    """The smallest and the largest measured order; a dash where none was measured."""
-    orders = {o.partition(" [")[0] for r in rows for o in r.orders} - {"–"}
-    return " to ".join(sorted({min(orders, key=float), max(orders, key=float)}, key=float)) if orders else "–"
-
-
-def _energies(found: Sequence[Row]) -> str:
-    """The largest energy defect of sepv's own scheme, and the smallest of another solver; nothing without both."""
-    own, others = (
-        [
-            float(e)
-            for r in found
-            if (r.library == "sepv") is ours
-            for e in r.energy
-            if not e.endswith("failed")
-        ]
-        for ours in (True, False)
-    )
-    if not own or not others:
-        return ""
-    return (
-        f"The largest |H(y_n) − H(y_0)| of {PATHS} paths over [0, 1] with {ENERGY_STEPS} steps is {max(own):g} "
-        f"eps·|∇H|·|y| for sepv's scheme, and {min(others):.2g} eps·|∇H|·|y| or more for all other solvers."
-    )
-
-
-def _source(row: Row) -> str:
-    """Where a claimed order is stated, without the order itself where the text is that of a table."""
-    return re.sub(r": order [\d.]+ strong and [\d.]+ weak ", ": orders ", row.source)
 
 
 def _grouped(pairs: Iterable[tuple[str, str]]) -> list[str]:
@@ -188,7 +154,7 @@ def _listed(names: Sequence[str]) -> str:
 
 def _laws(found: Sequence[Row]) -> str:
     """A line for each group of solvers with the same verdicts on the same laws."""
-    left_out = [law for law in LAWS if not any(law in r.verdicts for r in found)]
+    measured_laws = [law for law in LAWS if any(law in r.verdicts for r in found)]
     groups: dict[tuple[tuple[str, str], ...], list[str]] = {}
     for r in found:
         groups.setdefault(tuple(r.verdicts.items()), []).append(r.name)
@@ -203,8 +169,8 @@ def _laws(found: Sequence[Row]) -> str:
         held = [law for law, mark in others.items() if mark == MARKS[Verdict.HOLDS]]
         lines.append((_listed(names), kept, ", ".join(held)))
     caption = (
-        f"Laws that were not measured: {', '.join(left_out) or 'none'}. Whole paths were measured only for claimed "
-        "laws. Any other law that a line does not name is not claimed, and violated, open or not applicable."
+        f"{len(measured_laws)} laws were measured: {', '.join(measured_laws)}. Whole paths were measured only for "
+        "claimed laws. A law that a line does not name is not claimed, and violated, open or not applicable."
     )
     heading = ("solvers", "claimed laws that hold", "hold, not claimed")
     return f"{caption}\n\n{markdown(heading, lines)}"
@@ -213,18 +179,21 @@ def _laws(found: Sequence[Row]) -> str:
 def _introduction() -> str:
     setup = SETUPS[0]
     steps = ", ".join(map(str, setup.steps))
-    own = " and ".join(f"`{s.problem}`" for s in SETUPS)
     return f"""\
-Each solver ran on dy = B(y)∇H(y)(dt + Σ_j c_j ∘dW_j), through its own library's code in float64, with given increments.
-None is made to preserve energy or Casimirs, so a violated law that is not claimed is no fault. Two things are claimed
-for another library's solver: *contract*, and the order for commutative noise that the documentation or, where it is
-silent, theory states. The noise commutes here, because all noises drive one field.
+This page shows which laws these solvers satisfy on dy = B(y)∇H(y)(dt + Σ_j c_j ∘dW_j). None is made to preserve energy
+or Casimirs, so a violated law that is not claimed is no fault. Two things are claimed for another library's solver: a
+step depends on its arguments alone (*contract*), and it has the order for commutative noise that the documentation or,
+where it is silent, theory states. The noise is commutative because all noises drive one field. Each solver runs through
+its own library's code in float64, with the increment given.
 
-- **Orders** are slopes of the rms error against the exact flow over [0, {setup.T:g}] with {steps} steps, on
-  {own}; sepv's own scheme begins with {setup.steps[0] // 2}. Verdicts use confidence intervals;
-  the nominal false-alarm rate of a run is {FALSE_ALARM:g}. Solvers of one state at a time get {FIRST_LOOK} paths.
+- **Orders** are slopes of the rms error against the exact flow over [0, {setup.T:g}] with {steps} steps; sepv's own
+  scheme begins with {setup.steps[0] // 2}. Solvers of one state at a time get {FIRST_LOOK} paths, which leaves more
+  verdicts open. Verdicts use confidence intervals; the nominal false-alarm rate of a run is {FALSE_ALARM:g}.
+- **Energy defects** are the largest |H(y_n) − H(y_0)| of {PATHS} paths over [0, 1] with {ENERGY_STEPS} steps, in units
+  of eps·|∇H|·|y|.
 - A solver that carries a state from step to step is measured over whole paths, and in one step with a fresh state.
-- Space-time Lévy areas are drawn. Other Lévy areas are zero, because the brackets of the noise fields vanish."""
+- A space-time Lévy area is a normal variable, from a stream whose key is the increment. Other Lévy areas are zero,
+  because the brackets of the noise fields vanish here."""
 
 
 @click.command()

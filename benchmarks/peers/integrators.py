@@ -89,8 +89,8 @@ def rounding(rounded: Sequence[Deviation], command: str) -> str:
     """The page of integrators that keep an invariant to a tolerance or to larger roundings, in Markdown."""
     head = (
         "# Integrators that keep invariants, but not to rounding\n\n"
-        "Nothing here differs from a library's documentation. Each section shows the output of a script without sepv. "
-        f"Made by `{command}`; not edited by hand."
+        "Nothing here differs from a library's documentation. Each section quotes the library, and shows the output of "
+        f"a script that does without sepv. Made by `{command}`; not edited by hand."
     )
     return "\n\n".join([head, *(d.text.removeprefix("#") for d in rounded)]) + "\n"
 
@@ -127,7 +127,8 @@ def _reasons(found: Sequence[Row], marked: Collection[str]) -> Iterator[str]:
 
 INTRODUCTION = """\
 Each integrator runs through its own library's code, in float64, on random systems H = ½pᵀM⁻¹p + V(q) with up to three
-degrees of freedom. Only the options in its name are set. A violated law that is not claimed is no fault.
+degrees of freedom. Only the options in its name are set. A violated law that is not claimed is no fault. Libraries of
+particles have one mass for each, so they get no full matrix M.
 
 Step sizes lie inside a proved contraction radius. In such short steps the error of an explicit method of order 8 is
 rounding, and laws hold that it violates in longer steps. REBOUND's integrators of planetary systems, WHFAST to EOS, run
@@ -136,10 +137,12 @@ on the problem `planets`."""
 
 # Issues: as far as a search of public threads finds them.
 READ = """\
-The docstrings and the source of the integrators were read (of OpenMM the Reference platform, of REBOUND the
-documentation), and besides: of blackjax the page of its integrators, issues 15, 678, 925, pull requests 59, 538, 588,
-589, 626; of JAX MD the README, pull request 73; of mici the history, issue 5; of OpenMM issues 927, 1677, 2208, 2398;
-of REBOUND the changelog, pull requests 804, 822."""
+- ASE, diffrax, numpyro, PyMC, SciPy, TorchSim: docstrings and source of the integrators.
+- blackjax: source, the page of its integrators, issues 15, 678, 925, pull requests 59, 538, 588, 589, 626.
+- JAX MD: README, source and history of `simulate`, its tests, pull request 73.
+- mici: source and tests of integrators and solvers, their history since 2018, issue 5; it has no changelog.
+- OpenMM: source of the Reference platform, issues 927, 1677, 2208, 2398.
+- REBOUND: the documentation of each integrator (`sim.integrator.__doc__`), the changelog, pull requests 804, 822."""
 
 
 @click.command()

@@ -2,8 +2,8 @@
 
 No force acts on a free particle, so its velocity should not change. After one step the velocity is (x1 − x0)/h, as the
 source says (bonds of fixed length need that). It is wrong by the unit of rounding of x, divided by h. That is far below
-what matters in a simulation. It is the reason why one step is symplectic to some 1e-10 here and not to rounding. All is
-in binary64, on the Reference platform.
+what matters in a simulation. It is the reason why one step is symplectic to some 1e-10 here and not to rounding; at x =
+0 nothing is lost. All is in binary64, on the Reference platform.
 
 Exit code 1 while this is so, 0 where the velocity stays.
 """
@@ -18,6 +18,12 @@ NOTES = [
         "2018-11-19",
         "you might be better off using a fixed step size Verlet.  It's symplectic, so it will have better energy "
         "conservation at the same average step size.",
+    ),
+    (
+        "issue 2398, about single precision, by its author",
+        "2019-09-20",
+        "I suspect this is due to numerical underflow in constraint projection steps, which rely on precise "
+        "subtraction of very similar vectors.",
     ),
     (
         "source of ReferenceVerletDynamics::update",

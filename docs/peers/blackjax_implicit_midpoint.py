@@ -26,6 +26,11 @@ NOTES = [
         "2026-11-23",
         "Symplectic, time-reversible, integrators for Hamiltonian trajectories.",
     ),
+    (
+        "issue 925, about another solver of the library",
+        "2026-05-24",
+        "The caller receives no warning.",
+    ),
 ]
 
 jax.config.update("jax_enable_x64", True)

@@ -24,6 +24,11 @@ NOTES = [
         "To enable 64-bit precision, set the respective JAX flag before importing jax_md",
     ),
     (
+        "pull request 73, a maintainer",
+        "2020-04-17",
+        "we should probably advise people to use f64 mode",
+    ),
+    (
         "source of jax_md.simulate.velocity_verlet, 0.2.29; no note or issue that we found names it",
         "2026-08-18",
         "dt = f32(dt)",

@@ -2,7 +2,8 @@
 
 dy = √(1 + y²) ∘dW from y = 0 has the solution sinh W; dy = ½y ∘dW from y = 1, where g″ = 0, has e^(W/2). With 4, 16,
 64, 256 steps an error of order 1 falls by a factor of 4 each time. The difference (G(y + fh + g√h) − G(y))/√h · ½ΔW² of
-(4.5), (4.7) contains ¼ g″(g, g) √h ΔW², whose mean is of order h^1.5 in each step.
+(4.5), (4.7) contains ¼ g″(g, g) √h ΔW², whose mean is of order h^1.5 in each step. No slip in the code is known. In
+StochasticDiffEq.jl such a difference was mended (SciML/StochasticDiffEq.jl, issue 19, 2017-08-18).
 
 Exit code 1 while this is so, 0 where the error falls as documented.
 """
@@ -19,6 +20,11 @@ NOTES = [
         "2022-07-12",
         "Fix stratKP2iS(). In the unit tests it is currently less accurate than itoEuler() and this is likely due to a "
         "bug.",
+    ),
+    (
+        "README of 0.3.0, overview",
+        "2022-07-12",
+        "Warning: this is an early pre-release. Wait for version 1.0.",
     ),
     (
         "README of 0.3.0, specific algorithms",

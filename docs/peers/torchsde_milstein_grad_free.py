@@ -14,10 +14,11 @@ import torchsde
 
 NOTES = [
     (
-        "torchsde/_core/methods/milstein.py, 0.2.6 (github.com/google-research/torchsde)",
+        "DOCUMENTATION.md of 0.2.6, which states no orders (github.com/google-research/torchsde)",
         "2023-09-26",
-        "strong_order = 1.0",
+        "gradient-free Milstein can be used by selecting Milstein, and then also passing in the keyword argument",
     ),
+    ("torchsde/_core/methods/milstein.py, 0.2.6", "2023-09-26", "strong_order = 1.0"),
     (
         "torchsde/_core/methods/milstein.py, 0.2.6, on the difference",
         "2023-09-26",
@@ -26,8 +27,9 @@ NOTES = [
     (
         "pull request 31, its author",
         "2020-08-18",
-        "I think that usage of grad-free variant changes order to 0.5, right?",
+        "I think that usage of grad-free variant changes order to 0.5, right? (I can `if` it in code)",
     ),
+    ("pull request 31, its author in the review", "2020-08-19", "But with those fixes slope is still 0.6"),
 ]
 
 

@@ -59,10 +59,10 @@ def directions(gradients: Sequence[Any]) -> Directions:
 
 
 def projections(B: Any, gradient: Any, casimirs: Sequence[Any]) -> Directions:
-    """Directions for the Casimirs with these gradients, (d, ...) each, then one for H, at a state.
+    """Make directions for Casimirs with these gradients, (d, ...) each, then one for H, at a state.
 
-    A Casimir has its gradient. H has v = BᵀB∇H, for the canonical B ∇H itself: ∇Hᵀv = |B∇H|², and v is orthogonal to
-    the gradients of all Casimirs. A motion along v keeps yᵀAy also where Ay = 0, and no gradient could mend it.
+    A Casimir is corrected along its gradient, and H along v = BᵀB∇H, which is ∇H for the canonical B: ∇Hᵀv = |B∇H|²,
+    and v is orthogonal to all gradients of Casimirs. So v keeps yᵀAy also where Ay = 0 and its gradient corrects nothing.
     """
     basis, size = directions(casimirs), dot(B, B).sum(axis=0) * dot(gradient, gradient)
     _append(basis, basis.without(-matvec(B, matvec(B, gradient))), gradient, size)
