@@ -62,7 +62,7 @@ def projections(B: Any, gradient: Any, casimirs: Sequence[Any]) -> Directions:
     """Make directions for Casimirs with these gradients, (d, ...) each, then one for H, at a state.
 
     A Casimir is corrected along its gradient, and H along v = BᵀB∇H, which is ∇H for the canonical B: ∇Hᵀv = |B∇H|²,
-    and v is orthogonal to all gradients of Casimirs. So v keeps yᵀAy also where Ay = 0 and its gradient corrects nothing.
+    and v is orthogonal to all gradients of Casimirs. Where Ay = 0, also BA = 0, so v keeps yᵀAy exactly.
     """
     basis, size = directions(casimirs), dot(B, B).sum(axis=0) * dot(gradient, gradient)
     _append(basis, basis.without(-matvec(B, matvec(B, gradient))), gradient, size)
