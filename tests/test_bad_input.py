@@ -7,7 +7,7 @@ rings after some seconds.
 import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,16 +16,36 @@ import numpy as np
 import pytest
 from drawn import J, by_hand
 from sepv.reference import hard
+from sepv.reference.elliptic import closed_form
+from sepv.reference.faults import detection
+from sepv.reference.flow import taylor
+from sepv.reference.paper.several_with_areas import step_with_areas
+from sepv.reference.paper.suite import reproduce
+from sepv.reference.peers.posing import pose
+from sepv.reference.peers.posing_fields import pose_fields
+from sepv.reference.problem import exact_problem
+from sepv.reference.steps import reference_step
 
 import sepv
-from sepv import problems, schemes
-from sepv.errors import SepvError, StepFailure
+from sepv import large, problems, schemes
+from sepv.errors import SepvError, Skipped, StepFailure
+from sepv.problem import (
+    HamiltoniansProblem,
+    NamedProblem,
+    PolynomialSystem,
+    StructuresProblem,
+    commuting_hamiltonians,
+    mechanics,
+)
+from sepv.problems._common import canonical
 from sepv.record import _polynomial as poly
-from sepv.schemes import Scheme
+from sepv.schemes import PointLaw, Scheme, continued, divided
+from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
-from sepv.studies._solvability.branch import follow
-from sepv.verification import Effort
+from sepv.studies._solvability.branch import End, follow
+from sepv.verification import Cases, Effort
 from sepv.verification._cases import case as cases
+from sepv.verification._profiles import requirements
 
 EP = schemes.energy_preserving
 BODY, VOLTERRA = problems.rigid_body(), problems.lotka_volterra()
@@ -42,6 +62,27 @@ def refused(call: Callable[[], Any], words: str = "") -> Check:
         message = str(caught.value)
         assert "Remedy" in message, message
         assert "Expected" in message or "not solved" in message, message
+
+    return check
+
+
+def each(values: Iterable[Any], call: Callable[[Any], Any], words: str = "") -> Check:
+    """The call is refused with each of these values."""
+    checks = [refused(lambda value=value: call(value), words) for value in values]
+
+    def check() -> None:
+        for one in checks:
+            one()
+
+    return check
+
+
+def skipped(call: Callable[[], Any], words: str) -> Check:
+    """A system that the call is not for is left out with a reason, and no fault of anyone."""
+
+    def check() -> None:
+        with pytest.raises(Skipped, match=words):
+            call()
 
     return check
 
@@ -104,6 +145,70 @@ def spoil(y: Any) -> Any:
     return np.array([y[0] ** 3, y[1]])
 
 
+def other_structure(y: Any) -> Any:
+    """A skew matrix of which |y|² is no Casimir."""
+    B = np.zeros((3, 3, *y.shape[1:]))
+    B[0, 1], B[1, 0] = y[2], -y[2]
+    return B
+
+
+def structures(
+    words: str, *, noise: Any = (1.0,), structure: Any = BODY.structure, casimirs: Any = ()
+) -> Check:
+    """Several structures with this fault are refused."""
+    parts = (3, BODY.structure, BODY.hamiltonian, BODY.gradient)
+    facts = {"noise": noise, "noise_structures": (structure,), "casimirs": casimirs}
+    return refused(lambda: StructuresProblem(*parts, **facts), words)
+
+
+def pushed(words: str, **facts: Any) -> Check:
+    """Several Hamiltonians with this fault are refused."""
+    parts = (3, BODY.structure, BODY.hamiltonian, BODY.gradient)
+    facts = {"noise": (1.0,), "noise_hamiltonians": (lambda y: y[0],), "initial": BODY.initial} | facts
+    return refused(lambda: HamiltoniansProblem(*parts, **facts), words)
+
+
+def bare(words: str, **changes: Any) -> Check:
+    """B and H of which nothing can be derived are refused."""
+    parts = {"structure": J, "hamiltonian": lambda y: 0.5 * y[0] ** 2 - np.cos(y[1])} | changes
+    return refused(lambda: sepv.Problem(2, **parts), words)
+
+
+def reference(**changes: Any) -> Check:
+    """The step in many digits refuses arguments of another shape."""
+    given = {"y": (0.8, 0.6, 0.0), "h": 0.1, "dW": (0.1,)} | changes
+    return refused(lambda: reference_step(KIND, BODY.data, **given), "one number for each component")
+
+
+def mechanical(words: str, *terms: tuple[tuple[int, int], float]) -> Check:
+    """H of the plane that is not T(p) + V(q) with a mass is refused."""
+    problem = problems.build(PolynomialSystem(2, poly.polynomial(2, dict(terms)), canonical(2, 1.0)))
+    return refused(lambda: mechanics(problem), f"(?s)a mechanical problem.*{words}")
+
+
+def spins(scheme: Any, words: str, problem: Any, *rows: Any) -> Check:
+    """A scheme for several Hamiltonians leaves out a problem that it does not take."""
+    return skipped(
+        lambda: scheme.step(problem, np.resize(problem.initial, problem.dimension), 0.1, *rows), words
+    )
+
+
+def chain(words: str, **arguments: Any) -> Check:
+    """`sepv.large.integrate` refuses these arguments."""
+    return refused(lambda: large.integrate(large.energy_preserving, large.toda_chain(4), **arguments), words)
+
+
+def algebra(words: str, *casimirs: Any) -> Check:
+    """A top of su(3) with another third Casimir is refused."""
+    return refused(lambda: problems.build(replace(SU3.data, polynomial_casimirs=casimirs)), words)
+
+
+FOR_ONE = [*schemes.PAPER.values(), schemes.collocation(2), schemes.gauss(2), schemes.explicit(4)]
+FIRST, FEW = {"q": lambda ends: ends.y[0]}, Effort(examples=2)
+TOPS, INERTIA, VORTICES = problems.noncommuting_tops(), problems.random_inertia(), problems.point_vortices()
+SU3, SPINS, KIND = problems.su3_top(), problems.two_spins(), "energy-preserving"
+ONE, TWO, NOTHING = poly.constant(3, 1.0), poly.constant(2, 1.0), np.zeros(2)
+NAMBU = problems.nambu_system(poly.variable(3, 0), ONE, poly.variable(3, 1))
 SYSTEM = {"dimension": 2, "hamiltonian": [[[2, 0], 0.5]], "structure": [[0, 1, [[[0, 0], -1.0]]]]}
 
 
@@ -290,6 +395,158 @@ CHECKS: dict[str, Check] = {
     "effort: no examples": refused(lambda: Effort(examples=0)),
     "effort: NaN": refused(lambda: Effort(paths=np.nan), "paths, an integer"),
     "target: a number": refused(lambda: sepv.verify(3)),
+    "another scheme: y too short": each(
+        (schemes.midpoint, schemes.euler_heun), lambda scheme: scheme.step(BODY, Y[:2], 0.1, DW)),
+    "another scheme: h NaN": each(
+        (schemes.midpoint, schemes.euler_heun), lambda scheme: scheme.step(BODY, Y, float("nan"), DW)),
+    "another scheme: dW infinite": each(
+        (schemes.midpoint, schemes.euler_heun), lambda scheme: scheme.step(BODY, Y, 0.1, DW + np.inf)),
+    "exact flow: no initial state":
+        refused(lambda: sepv.exact_flow(by_hand(), 1.0), "or initial= when making the problem"),
+    "exact flow: several structures": each((TOPS, INERTIA), lambda p: sepv.exact_flow(p, 1.0), "several structures"),
+    "closed form: none": refused(lambda: closed_form(VOLTERRA.data, (1.0, 1.9, 0.5), 1.0), "closed form"),
+    "closed form: equal moments":
+        refused(lambda: closed_form(problems.rigid_body((1.0, 1.0, 2.0)).data, (0.1, 0.2, 0.3), 1.0), "moments"),
+    "series: theta NaN": refused(lambda: taylor(BODY.data, (0.8, 0.6, 0.0), float("nan")), "finite θ"),
+    "reference: y too short": reference(y=(0.8, 0.6)),
+    "reference: no dW": reference(dW=()),
+    "reference: y NaN": reference(y=(0.8, float("nan"), 0.0)),
+    "reference: unknown problem": refused(lambda: exact_problem(NamedProblem("nosuch"), 50), "known to the references"),
+    "reference: no solution":
+        refused(lambda: reference_step(KIND, VOLTERRA.data, [1.0, 1.9, 0.5], 0.5, [3.0]), "extended precision"),
+    "reproduce: unknown figure": refused(lambda: reproduce(["5.1"]), r"4\.1, 4\.2.*\n.*'5\.1'"),
+    "teeth: unknown saboteur": refused(lambda: detection.run(["b-at-y2"], [0]), "a saboteur, one of"),
+    "areas: one structure": refused(
+        lambda: step_with_areas(problems.pendulum(), np.ones(2), 0.1, NOTHING, np.zeros((2, 2))), "several structures"),
+    "divided: an explicit scheme": refused(lambda: divided(schemes.euler_heun), "implicit scheme"),
+    "divided: depth": each((0, 21, 1.5, True), lambda depth: divided(schemes.midpoint, depth), "depth"),
+    "continued: a scheme without a start":
+        each((schemes.euler_heun, schemes.collocation(2), divided(EP), replace(EP, solve=None)), continued, "start"),
+    "points: no law": each(
+        (((), ()), ((1, -1), (0.5, 0.5)), ((-1, 1), (0.5, 0.4)), ((-1, 1), (1.0,)), ((0, np.inf), (0.5, 0.5))),
+        lambda law: PointLaw("mine", *law), "such as PointLaw"),
+    "points: misspelt": scheme("three-point", increments="tree-point"),
+    "family: order": each((0, 3, 5, "4"), schemes.explicit, "one of 4, 8"),
+    "family: order of a projection": each((3, "8", 5), schemes.projected, "one of 4, 8"),
+    "family: stages": each((0, 7, 1.5, True, "2"), schemes.collocation, "stages"),
+    "family: name": each(
+        ("collocation-0", "collocation-7", "collocation", "gauss-x"), schemes.by_name, "collocation-1"),
+    "scheme: a name for a function": refused(lambda: Scheme("mine", "step"), "hand over the function itself"),
+    "scheme: half precision": scheme("float32", dtype="float16"),
+    "scheme: a type for its name": right(lambda: Scheme("s", EP.step, dtype=np.float32).dtype, "float32"),
+    "scheme: longest step": each(
+        (0.0, -1.0, float("nan"), "1"), lambda limit: Scheme("x", EP.step, longest_step=limit),
+        "longest_step, a number > 0"),
+    "scheme: unknown class": scheme("single, nambu", systems="double"),
+    "scheme: asks for all": scheme("areas", asks="all"),
+    "reduce: no name": paths(reduce=lambda ends: ends.y[0], words="functionals by name"),
+    "reduce: nothing": paths(reduce={}, words="functionals by name"),
+    "reduce: a bound alone": paths(until={"q": 1e-3}, words="functionals by name"),
+    "reduce: a bound for another": paths(reduce=FIRST, until={"p": 1e-3}, words="among q"),
+    "reduce: a bound of zero": paths(reduce=FIRST, until={"q": 0}, words="a standard error > 0"),
+    "reduce: no number for a path": paths(
+        paths=64, reduce={"q": lambda ends: ends.y}, words=r"one real number for each path .* shape \(64,\)"),
+    "increments: wrong arguments": each(
+        ({"seed": -1}, {"seed": 1.5}, {"T": 0.0}, {"T": np.inf}, {"steps": 0}, {"noises": -1}, {"paths": 0},
+         {"paths": range(-1, 3)}, {"refine": 3}, {"refine": -1}),
+        lambda wrong: wiener.increments(**{"seed": 0, "T": 1.0, "steps": 4, "noises": 1, "paths": 1, **wrong})),
+    "increments: too few to add": refused(lambda: wiener.coarsen(np.zeros((5, 1)), 2), "divisible"),
+    "truncation: h": each(
+        (1.0, 1.5, 0.0, -0.1, np.nan), lambda h: bounded.truncate(np.zeros(3), h), "0 < h < 1"),
+    "truncation: k": each((0, -1, 1.5), lambda k: bounded.truncate(np.zeros(3), 0.1, k), "integer ≥ 1"),
+    "structure: off by 1e-12": refused(lambda: replace(hard.by_name("nearly-skew-1e-12").problem, check=True), "skew"),
+    "structure: off by 1e-16": right(
+        lambda: replace(hard.by_name("nearly-skew-1e-16").problem, check=True).dimension, 2),
+    "branch: of another scheme": refused(lambda: follow(BODY, Y[:, None], 0.1, schemes.discrete_gradient), "Δ alone"),
+    "branch: of the midpoint rule":
+        right(lambda: follow(BODY, Y[:, None], 0.1, schemes.midpoint).end, [End.RANGE]),
+    "branch: no range": refused(lambda: follow(BODY, Y[:, None], 0.0), "not 0"),
+    "profile: none": each(
+        ("", ",", "nonsense", "order", "order-0", "order--1", "order-nan", "order-1/0", "order-1e9", "energy-1", [],
+         [3]), requirements, "profile|an order after"),
+    "profile: beside laws": verified("profiles to require, or a list of laws", require="energy", laws=["energy"]),
+    "jobs: none": verified("jobs", jobs=0),
+    "jobs: a scheme that cannot travel": refused(
+        lambda: sepv.verify(lambda problem, y, h, dW: y, laws=["energy", "casimir"], jobs=2),
+        "another process can import"),
+    "replay: of a law that holds":
+        refused(lambda: sepv.verify(EP, laws="identity", effort=FEW).replay("identity"), "which ended in: holds"),
+    "stratum: unknown axis": refused(lambda: Cases(where={"dimension": ("2",)}), "an axis of cases"),
+    "stratum: unknown": refused(lambda: Cases(where={"d": ("1000",)}), "a stratum of d"),
+    "case: shown in no way": refused(
+        lambda: cases.from_json({"problem": SYSTEM, "y": [1, 1], "h": 0.1, "dW": [], "given": "hearsay"}),
+        "a way to show the problem"),
+    "problem: a misspelt family": verified("did you mean 'canonical-separable'", problems="canonical-seperable"),
+    "problem: an attribute that is none": verified("which is float", problems="math:pi"),
+    "problem: none at all": verified("problems, one at least", problems=[]),
+    "problem: a number": verified("which is int", problems=3),
+    "problem: as data without any": refused(lambda: problems.to_json(VORTICES), "made of Python functions"),
+    "damping: none": skipped(lambda: schemes.conformal.step(BODY, Y, 0.1, DW), "has no damping"),
+    "damping: NaN": refused(lambda: replace(problems.damped_top(), damping=float("nan")), "finite number"),
+    "damping: beside Hamiltonians":
+        refused(lambda: problems.build(replace(INERTIA.data, damping=0.5)), "leave out one or the other"),
+    "several Hamiltonians: one for two noises": pushed("2 noise_hamiltonians", noise=(1.0, 1.0)),
+    "several Hamiltonians: another gradient":
+        pushed("gradient to be that of hamiltonian", noise_gradients=(lambda y: 0 * y,)),
+    "several Hamiltonians: a random step": refused(lambda: SPINS.random_step(0.1, NOTHING), "no such step"),
+    "splitting: two spins": spins(schemes.stochastic_splitting, "noise_flows", SPINS, NOTHING),
+    "drift-preserving: two spins": spins(schemes.drift_preserving, "not additive", SPINS, NOTHING, NOTHING),
+    "darboux-lie: a body": spins(schemes.darboux_lie, "b_ij y_i y_j", INERTIA, NOTHING),
+    "isospectral: species": spins(schemes.isospectral_midpoint, "so", problems.random_lotka_volterra(), np.zeros(3)),
+    "isospectral: another structure": spins(
+        schemes.isospectral_midpoint, "not that of so",
+        replace(SU3, structure=lambda y: 2 * SU3.structure(y), data=None, check=False), NOTHING),
+    "midpoint: several structures": spins(schemes.stochastic_midpoint, "several structures", TOPS, NOTHING),
+    "midpoint: vectors": spins(schemes.stochastic_midpoint, "vectors", problems.pushed_rigid_body(), NOTHING),
+    "both invariants: a pendulum":
+        spins(schemes.both_invariants, "pendulum is not given as", problems.pendulum(), NOTHING),
+    "leapfrog: a body": spins(schemes.leapfrog, "not mechanical", BODY, np.zeros(1)),
+    "flows: kepler":
+        spins(schemes.splitting, "kepler gives no exact flows of parts of H", problems.kepler(), np.zeros(1)),
+    "polynomial casimirs: none": algebra(r"casimirs\[0\] to be a Casimir", poly.squares((1.0,) * 7 + (2.0,))),
+    "polynomial casimirs: of one variable": algebra("8 variables", poly.squares((1.0,))),
+    "mechanics: a body": refused(lambda: mechanics(BODY), r"(?s)a mechanical problem.*B = "),
+    "mechanics: H with pq": mechanical("p alone", ((2, 0), 1.0), ((0, 2), 0.5), ((1, 1), 1.0)),
+    "mechanics: H of degree 4 in p": mechanical("p alone", ((2, 0), 1.0), ((0, 4), 0.5)),
+    "mechanics: a negative mass": mechanical("positive definite", ((2, 0), 1.0), ((0, 2), -0.5)),
+    "mechanics: a mass that depends on q": refused(
+        lambda: mechanics(sepv.Problem(2, lambda y: -J(y), lambda y: y[0] ** 2 + y[1] ** 2 * (1 + y[0] ** 2))),
+        r"(?s)a mechanical problem.*∇H"),
+    "nambu: of two variables": refused(lambda: problems.nambu_system(ONE, TWO, ONE), "3 variables"),
+    "nambu: without its structure": refused(
+        lambda: problems.polynomial_problem(PolynomialSystem(3, NAMBU.hamiltonian, (), nambu=NAMBU.nambu)),
+        "nambu_system"),
+    "commuting: a Hamiltonian that does not": refused(
+        lambda: commuting_hamiltonians(problems.harmonic_oscillator(), [lambda y: np.stack([0 * y[0], 1 + 0 * y[1]])]),
+        r"\{H_0, H_1\} = -0\.2 at y = \[0\.2, 0\.1\]"),
+    "structures: not skew": structures("skew", structure=lambda y: np.zeros((3, 3, *y.shape[1:])) + 1.0),
+    "structures: two noises": structures("one for each coefficient", noise=(1.0, 2.0)),
+    "structures: a lost Casimir": structures("Casimir", structure=other_structure, casimirs=BODY.casimirs),
+    "one structure: several": each(FOR_ONE, lambda s: s.step(TOPS, np.ones(3), 0.1, NOTHING), "several-structures"),
+    "one structure: several Hamiltonians": each(
+        (*FOR_ONE, schemes.several_structures, schemes.modified_weak_two),
+        lambda s: s.step(INERTIA, np.ones(3), 0.1, NOTHING), "several Hamiltonians"),
+    "derived: H that branches": bare("branches on a value", hamiltonian=lambda y: y[0] ** 2 if y[1] > 0 else y[1]),
+    "derived: a floor": bare("np.floor", hamiltonian=lambda y: np.floor(y[0])),
+    "derived: an attribute": bare("AttributeError", hamiltonian=lambda y: y.no_such_thing),
+    "derived: H of shape d": bare(r"shape \(\)", hamiltonian=lambda y: y * y),
+    "derived: B of values":
+        bare("wants the value", structure=lambda y: np.array([[float(y[0]), 1.0], [-1.0, 0.0]])),
+    "large: two sites": refused(lambda: large.volterra_lattice(2), "≥ 3"),
+    "large: one particle": refused(lambda: large.toda_chain(1), "≥ 2"),
+    "large: half a spin": refused(lambda: large.spin_chain(2.5), "2.5"),
+    "large: no spacing": refused(lambda: large.nonlinear_schroedinger(4, spacing=0.0), "spacing"),
+    "large: negative noise": refused(lambda: large.toda_chain(4, noise=(-1.0,)), "c_j"),
+    "large: degree and mean": refused(lambda: replace(large.toda_chain(4), degree=2), "both"),
+    "large: neither degree nor mean": refused(lambda: replace(large.toda_chain(4), mean_gradient=None), "neither"),
+    "large: initial NaN": refused(lambda: replace(large.toda_chain(4), initial=np.array([np.nan])), "finite state"),
+    "large: h = 0": chain("step size > 0", h=0.0, steps=2),
+    "large: no steps": chain("steps", h=0.1, steps=0),
+    "large: y0 of another chain": chain("y0", h=0.1, steps=2, y0=np.zeros(3)),
+    "large: dW of two noises": chain("dW", h=0.1, steps=2, dW=np.zeros((2, 2))),
+    "posing: functions": skipped(lambda: pose(by_hand()), "polynomial_problem"),
+    "posing: rotations": skipped(lambda: pose(problems.commuting_rotations()), "polynomial_problem"),
+    "posing: fields of functions": skipped(lambda: pose_fields(BODY), "given as data"),
 }  # fmt: skip
 
 

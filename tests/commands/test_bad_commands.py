@@ -160,6 +160,7 @@ CHECKS: dict[str, Check] = {
     "verify: a misspelt law": cli("verify midpoint --law enrgy", 2, "a law, one of", "did you mean 'energy'"),
     "verify: an unknown claim": cli("verify midpoint --claim nosuch", 2, "a law, one of", "nosuch"),
     "verify: a law without a name": cli("verify midpoint --law ''", 2, "expected a name"),
+    "verify: a requirement without a name": cli("verify midpoint --require ''", 2),
     "verify: a claim without a name": cli("verify midpoint --claim ,", 2, "expected a name"),
     "verify: a replay of no law": cli("verify midpoint --replay xyz", 2, "one --law"),
     "verify: a file for two": cli("verify energy-preserving midpoint --json x.json", 2, "one TARGET"),

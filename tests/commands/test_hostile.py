@@ -239,11 +239,6 @@ def test_a_built_in_problem_goes_to_a_file_and_back(name: str) -> None:
     assert np.array_equal(again.gradient(y), problem.gradient(y))
 
 
-def test_a_problem_of_functions_says_that_it_has_no_data() -> None:
-    with pytest.raises(sepv.UsageError, match="made of Python functions"):
-        problems.to_json(problems.point_vortices())
-
-
 @pytest.mark.parametrize("law", ["identity", "casimir", "any-casimir", "midpoint", "reduction", "expansion"])
 def test_a_law_accuses_nobody_on_a_case_of_another(law: str) -> None:
     """(2.1) claims all of these; replayed on what other laws ask, *identity* alone called it violated 40 times."""

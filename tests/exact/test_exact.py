@@ -1,6 +1,5 @@
 """The exact flow: printed values, independent methods, Jacobi's functions, and an error that is no empty promise."""
 
-from dataclasses import replace
 from itertools import permutations
 
 import mpmath
@@ -185,11 +184,6 @@ def test_the_dense_solve_states_four_times_what_two_solves_differ_by(monkeypatch
     assert len(set(solves)) == 2
     # To what the states themselves are off by, 10⁻¹⁴ of 4·10⁻⁹.
     assert flow.error == pytest.approx(4 * 4e-9, rel=1e-5, abs=0)
-
-
-def test_a_missing_initial_state_is_asked_for() -> None:
-    with pytest.raises(sepv.UsageError, match="or initial= when making the problem"):
-        exact_flow(replace(problems.pendulum(), initial=None, check=False), 1.0)
 
 
 def test_a_flow_does_not_leave_the_domain() -> None:

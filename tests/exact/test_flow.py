@@ -9,7 +9,6 @@ from sepv.reference.flow import FlowNotReached, enclosed, taylor
 from sepv.reference.series import Series, series_over
 
 from sepv import problems
-from sepv.errors import UsageError
 from sepv.problem import PolynomialSystem
 from sepv.record import _polynomial as poly
 
@@ -77,15 +76,6 @@ def test_a_flow_that_blows_up_says_where() -> None:
     cubic = PolynomialSystem(2, H, ((0, 1, poly.constant(2, -1.0)),), (1.0,))
     with pytest.raises(FlowNotReached, match="and no further"):
         taylor(cubic, (-1.0, -1.0), 10.0, 15)
-
-
-def test_what_has_no_closed_form_says_so() -> None:
-    with pytest.raises(UsageError, match="closed form"):
-        closed_form(PREDATORS, (1.0, 1.9, 0.5), 1.0)
-    with pytest.raises(UsageError, match="different moments"):
-        closed_form(problems.rigid_body((1.0, 1.0, 2.0)).data, (0.1, 0.2, 0.3), 1.0)
-    with pytest.raises(UsageError, match="finite θ"):
-        taylor(OSCILLATOR, (0.2, 0.1), float("nan"))
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from doors import python
 
 import sepv
 from sepv import large, schemes
-from sepv.errors import ProblemError, StepFailure, UsageError
+from sepv.errors import ProblemError, StepFailure
 from sepv.large import LargeProblem
 from sepv.large import _schemes as steps
 from sepv.problem import Array
@@ -205,32 +205,6 @@ def test_parts_that_contradict_each_other_are_found(change: dict[str, Any], word
     large.check_large(large.spin_chain(4))
     with pytest.raises(ProblemError, match=word):
         large.check_large(replace(large.spin_chain(4), **change))
-
-
-@pytest.mark.parametrize(
-    ("call", "word"),
-    [
-        (lambda: large.volterra_lattice(2), "≥ 3"),
-        (lambda: large.toda_chain(1), "≥ 2"),
-        (lambda: large.spin_chain(2.5), "2.5"),
-        (lambda: large.nonlinear_schroedinger(4, spacing=0.0), "spacing"),
-        (lambda: large.toda_chain(4, noise=(-1.0,)), "c_j"),
-        (lambda: replace(large.toda_chain(4), degree=2), "both"),
-        (lambda: replace(large.toda_chain(4), mean_gradient=None), "neither"),
-        (lambda: replace(large.toda_chain(4), initial=np.array([np.nan])), "finite state"),
-        (lambda: path(h=0.0, steps=2), "step size > 0"),
-        (lambda: path(h=0.1, steps=0), "steps"),
-        (lambda: path(h=0.1, steps=2, y0=np.zeros(3)), "y0"),
-        (lambda: path(h=0.1, steps=2, dW=np.zeros((2, 2))), "dW"),
-    ],
-)
-def test_bad_problems_and_arguments_get_a_clear_error(call: Callable[[], Any], word: str) -> None:
-    with pytest.raises((ProblemError, UsageError), match=word):
-        call()
-
-
-def path(**arguments: Any) -> Any:
-    return large.integrate(large.energy_preserving, large.toda_chain(4), **arguments)
 
 
 def test_scipy_is_loaded_by_a_step_and_not_before() -> None:

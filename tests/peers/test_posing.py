@@ -51,13 +51,6 @@ def test_a_named_problem_has_its_parts(name: str, lanes: tuple[int, ...]) -> Non
         np.testing.assert_allclose(field_in(np, name)(y), vector_field(problem, y), **close)
 
 
-def test_what_is_not_given_as_one_structure_in_data_is_refused_with_a_remedy() -> None:
-    functions = sepv.Problem(2, lambda y: y, lambda y: y, lambda y: y, check=False)
-    for problem in (functions, sepv.problems.commuting_rotations()):
-        with pytest.raises(sepv.Skipped, match="polynomial_problem"):
-            pose(problem)
-
-
 def test_powers_that_no_monomial_has_do_not_overflow() -> None:
     data = sepv.problems.from_json(
         {"dimension": 2, "hamiltonian": [[[2, 0], 0.5], [[0, 3], 1.0]], "structure": []}

@@ -15,7 +15,6 @@ from benchmarks.peers import solver_measurements as measurements
 from benchmarks.peers import solvers
 from benchmarks.peers.solver import KINDS, Solver, problem_of
 from sepv import problems
-from sepv.errors import Skipped
 from sepv.problem import Array, Problem, column, ito_drift, vector_field
 from sepv.problem._hamiltonians import noise_field
 from sepv.schemes._further_increments import answer
@@ -46,11 +45,6 @@ def test_each_kind_has_a_problem_of_its_kind_whose_fields_are_posed(kind: str) -
         assert np.allclose(fields.drift(np, numbers, y), drift, rtol=1e-13, atol=1e-13)
         noise = [c * noise_field(problem, j, y) for j, c in enumerate(problem.c)]
         assert np.allclose(fields.noise(np, numbers, y), noise, rtol=1e-13, atol=1e-13)
-
-
-def test_a_problem_without_data_is_not_posed() -> None:
-    with pytest.raises(Skipped, match="given as data"):
-        pose_fields(problems.by_name("rigid-body"))
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 
 import sepv
 from sepv import problems, schemes
-from sepv.errors import ProblemError, Skipped, SystemsError
+from sepv.errors import Skipped, SystemsError
 from sepv.problem import DampedProblem
 from sepv.problems import from_json, to_json
 from sepv.simulate import _wiener as wiener
@@ -60,14 +60,3 @@ def test_no_other_scheme_leaves_the_damping_out_in_silence(name: str) -> None:
     arguments = (top, np.array(top.initial), 0.1, np.array([0.1]), *([] if further is None else [further]))
     with pytest.raises((SystemsError, Skipped)):
         scheme.step(*arguments)
-
-
-def test_what_is_not_a_damped_system_is_refused() -> None:
-    top = problems.damped_top()
-    with pytest.raises(Skipped, match="has no damping"):
-        schemes.conformal.step(problems.rigid_body(), np.array(top.initial), 0.1, np.array([0.1]))
-    with pytest.raises(ProblemError, match="finite number"):
-        replace(top, damping=float("nan"))
-    spins = problems.random_inertia().data
-    with pytest.raises(ProblemError, match="leave out one or the other"):
-        problems.polynomial_problem(replace(spins, damping=0.5))

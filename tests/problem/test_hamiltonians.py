@@ -4,7 +4,6 @@ import pickle
 from dataclasses import replace
 from functools import partial
 from itertools import product
-from typing import Any
 
 import numpy as np
 import pytest
@@ -18,7 +17,7 @@ from sepv.reference.generator import moments
 
 import sepv
 from sepv import problems, schemes
-from sepv.errors import ProblemError, Skipped, UsageError
+from sepv.errors import UsageError
 from sepv.exact import log_flow
 from sepv.exact._several_structures import ends, refined
 from sepv.problem import (
@@ -128,20 +127,6 @@ def test_systems_travel_as_json_and_tokens_and_shrink() -> None:
     simple = shrunk(case, lambda c: isinstance(c.build()[0], HamiltoniansProblem))
     assert len(simple.describe()) < len(case.describe())
     assert isinstance(simple.build()[0], HamiltoniansProblem)
-
-
-def test_records_say_what_is_missing() -> None:
-    body = problems.rigid_body()
-    parts = (3, body.structure, body.hamiltonian, body.gradient)
-    pushed: dict[str, Any] = {"noise_hamiltonians": (lambda y: y[0],), "initial": body.initial}
-    with pytest.raises(ProblemError, match="2 noise_hamiltonians"):
-        HamiltoniansProblem(*parts, noise=(1.0, 1.0), **pushed)
-    with pytest.raises(ProblemError, match="gradient to be that of hamiltonian"):
-        HamiltoniansProblem(*parts, noise=(1.0,), noise_gradients=(lambda y: 0 * y,), **pushed)
-    with pytest.raises(UsageError, match="no such step"):
-        problems.two_spins().random_step(0.1, np.zeros(2))
-    with pytest.raises(UsageError, match="areas"):
-        sepv.Scheme("x", schemes.midpoint.step, asks="all")
 
 
 def test_orders_are_floats_that_know_more() -> None:
@@ -293,24 +278,6 @@ def test_default_problems_show_errors_that_symmetric_ones_hide(step, orders, law
     assert sepv.verify(scheme, laws=[law]).finding(law).verdict.value == verdict
     narrow = replace(scheme, problems=hiding)
     assert sepv.verify(narrow, laws=[law]).finding(law).verdict is Verdict.HOLDS
-
-
-def test_schemes_refuse_what_they_do_not_take() -> None:
-    body, spins = problems.random_inertia(), problems.two_spins()
-    y, none = np.asarray(spins.initial), np.zeros(2)
-    for scheme, problem, state, noise, words in (
-        (schemes.stochastic_splitting, spins, y, [none], "noise_flows"),
-        (schemes.drift_preserving, spins, y, [none, none], "not additive"),
-        (schemes.darboux_lie, body, np.asarray(body.initial), [none], "b_ij y_i y_j"),
-        (schemes.isospectral_midpoint, problems.random_lotka_volterra(), np.ones(3), [np.zeros(3)], "so"),
-        (schemes.stochastic_midpoint, problems.noncommuting_tops(), np.ones(3), [none], "several structures"),
-        (schemes.stochastic_midpoint, problems.pushed_rigid_body(), np.ones(3), [none], "vectors"),
-        (schemes.both_invariants, problems.pendulum(), np.ones(2), [none], "pendulum is not given as"),
-        (schemes.leapfrog, problems.rigid_body(), np.ones(3), [np.zeros(1)], "not mechanical"),
-        (schemes.splitting, problems.kepler(), np.ones(4), [none[:1]], "kepler gives no exact flows of parts of H"),
-    ):  # fmt: skip
-        with pytest.raises(Skipped, match=words):
-            scheme.step(problem, state, 0.1, *noise)
 
 
 # The trace formula.

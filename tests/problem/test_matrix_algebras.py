@@ -1,19 +1,15 @@
 """Lie algebras of matrices: their structures and Casimirs as data, and what two midpoint rules do to Casimirs."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from sepv.properties._structures import is_poisson
 
 from benchmarks.right_schemes import RIGHT
 from sepv import problems, schemes
-from sepv.errors import ProblemError, Skipped
 from sepv.problem import Systems
 from sepv.problems import _matrix_algebras as algebras
 from sepv.problems import from_json
 from sepv.problems import to_json as problem_json
-from sepv.record import _polynomial as poly
 from sepv.verification import Verdict, load_laws
 from sepv.verification._cases.case import to_json
 
@@ -80,18 +76,6 @@ def test_the_midpoint_rule_loses_the_third_casimir_by_a_formula() -> None:
     lost = cubed(P1) - cubed(P0)
     assert np.allclose(lost, 0.25 * cubed(P1 - P0), rtol=0, atol=1e-14)
     assert np.abs(lost).max() > 1e-4
-
-
-def test_other_structures_and_wrong_casimirs_are_refused() -> None:
-    problem = problems.by_name("su3-top")
-    y, dW = np.array(problem.initial), np.zeros(2)
-    doubled = replace(problem, structure=lambda y: 2 * problem.structure(y), data=None, check=False)
-    with pytest.raises(Skipped, match="not that of so"):
-        schemes.isospectral_midpoint.step(doubled, y, 0.1, dW)
-    with pytest.raises(ProblemError, match=r"polynomial_casimirs\[0\] to be a Casimir"):
-        problems.build(replace(problem.data, polynomial_casimirs=(poly.squares((1.0,) * 7 + (2.0,)),)))
-    with pytest.raises(ProblemError, match="8 variables"):
-        problems.polynomial_problem(replace(problem.data, polynomial_casimirs=(poly.squares((1.0,)),)))
 
 
 def test_beyond_dimension_three_right_schemes_hold_and_2_1_is_caught() -> None:

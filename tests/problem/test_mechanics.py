@@ -2,14 +2,10 @@
 
 import numpy as np
 import pytest
-from drawn import J
 
 from sepv import problems
-from sepv.errors import UsageError
 from sepv.exact import exact_flow
-from sepv.problem import PolynomialSystem, Problem, Systems, mechanics
-from sepv.problems._common import canonical
-from sepv.record import _polynomial as poly
+from sepv.problem import Problem, Systems, mechanics
 from sepv.verification._cases.classes import CLASSES
 
 NAMED = (
@@ -63,26 +59,6 @@ def test_a_potential_bounded_below_is_so() -> None:
         H = case.problem.hamiltonian
         n = H.dimension // 2
         assert all(c > 0 and all(k % 2 == 0 for k in e) for e, c in H.terms if not any(e[n:]))
-
-
-def _system(*terms: tuple[tuple[int, int], float], sign: float = 1.0) -> Problem:
-    return problems.build(PolynomialSystem(2, poly.polynomial(2, dict(terms)), canonical(2, sign)))
-
-
-@pytest.mark.parametrize(
-    ("problem", "said"),
-    [
-        (problems.rigid_body(), "B = "),
-        (_system(((2, 0), 1.0), ((0, 2), 0.5), ((1, 1), 1.0)), "p alone"),
-        (_system(((2, 0), 1.0), ((0, 4), 0.5)), "p alone"),
-        (_system(((2, 0), 1.0), ((0, 2), -0.5)), "positive definite"),
-        (Problem(2, lambda y: -J(y), lambda y: y[0] ** 2 + y[1] ** 2 * (1 + y[0] ** 2)), "∇H"),
-    ],
-)
-def test_what_is_not_mechanical_is_refused_with_the_reason(problem: Problem, said: str) -> None:
-    with pytest.raises(UsageError, match="a mechanical problem") as refused:
-        mechanics(problem)
-    assert said in str(refused.value)
 
 
 def test_the_trap_has_its_closed_form() -> None:

@@ -1,7 +1,6 @@
 """Both invariants in dimension three, and systems given by g and C."""
 
 import numpy as np
-import pytest
 from drawn import steps
 from hypothesis import given
 from sepv.reference.equations_by_class import BOTH_INVARIANTS
@@ -9,9 +8,7 @@ from sepv.reference.steps import reference_step
 
 import sepv
 from sepv import problems, schemes
-from sepv.errors import ProblemError, UsageError
-from sepv.problem import PolynomialSystem, Systems
-from sepv.record import _polynomial as poly
+from sepv.problem import Systems
 from sepv.verification import Case, state_ulp
 
 # States of size one: these are about formulas, and not about the ends of binary64.
@@ -58,18 +55,3 @@ def test_lotka_volterra_keeps_both_where_the_paper_keeps_one() -> None:
     assert drifts["both-invariants"][1] < 1e-13
     assert drifts["energy-preserving"][0] < 1e-13
     assert drifts["energy-preserving"][1] > 1e-4
-
-
-def test_wrong_descriptions_are_refused() -> None:
-    one, two = poly.constant(3, 1.0), poly.constant(2, 1.0)
-    with pytest.raises(ProblemError, match="3 variables"):
-        problems.nambu_system(one, two, one)
-    system = problems.nambu_system(poly.variable(3, 0), one, poly.variable(3, 1))
-    wrong = PolynomialSystem(3, system.hamiltonian, (), nambu=system.nambu)
-    with pytest.raises(ProblemError, match="nambu_system"):
-        problems.polynomial_problem(wrong)
-
-
-def test_an_unknown_class_of_systems_is_an_error() -> None:
-    with pytest.raises(UsageError, match="single, nambu"):
-        sepv.Scheme("mine", lambda problem, y, h, dW: y, systems="double")

@@ -13,7 +13,7 @@ from sepv.reference.steps import reference_step
 
 import sepv
 from sepv import problems, schemes
-from sepv.errors import ProblemError, StepFailure, UsageError
+from sepv.errors import ProblemError, StepFailure
 from sepv.exact._several_structures import finer
 from sepv.problem import (
     CommutingStructure,
@@ -56,13 +56,6 @@ def _map(p: poly.Polynomial) -> poly.PolynomialMap:
     return poly.PolynomialMap((), (p,))
 
 
-def test_hamiltonians_that_do_not_commute_are_refused_with_their_bracket() -> None:
-    with pytest.raises(ProblemError, match=r"\{H_0, H_1\} = -0\.2 at y = \[0\.2, 0\.1\]"):
-        commuting_hamiltonians(
-            problems.harmonic_oscillator(), [lambda y: np.stack([0 * y[0], np.ones_like(y[1])])]
-        )
-
-
 @pytest.mark.parametrize("name", ["commuting-rotations", "commuting-oscillators"])
 def test_closed_forms_are_what_fine_steps_converge_to(name: str) -> None:
     """Two independent references: rotations, and Heun's method with 4096 steps, which is wrong by what it says."""
@@ -79,23 +72,6 @@ def test_closed_forms_are_what_fine_steps_converge_to(name: str) -> None:
     assert np.max(np.abs(problem.hamiltonian(exact) - energy)) <= 16 * EPS * slope * np.max(np.abs(exact))
 
 
-FOR_ONE = [*schemes.PAPER.values(), schemes.collocation(2), schemes.gauss(2), schemes.explicit(4)]
-
-
-@pytest.mark.parametrize(
-    ("name", "words"),
-    [("noncommuting-tops", "several-structures"), ("random-inertia", "several Hamiltonians")],
-)
-def test_schemes_for_one_structure_refuse_several_and_several_hamiltonians(name: str, words: str) -> None:
-    problem = problems.by_name(name)
-    several = [schemes.several_structures, schemes.modified_weak_two]
-    for scheme in FOR_ONE + several * (name == "random-inertia"):
-        with pytest.raises(UsageError, match=words):
-            scheme.step(problem, np.asarray(problem.initial), 0.1, np.zeros(2))
-    with pytest.raises(UsageError, match="several structures"):
-        sepv.exact_flow(problem, 1.0)
-
-
 PAIRS = [("several-structures", "energy-preserving"), ("stochastic-midpoint", "midpoint")]
 
 
@@ -108,24 +84,6 @@ def test_with_one_structure_and_hamiltonian_a_scheme_for_several_is_that_for_one
     found, known = (schemes.by_name(name).step(problem, y, 0.1, dW) for name in (several, one))
     # Up to the order in which h B and the c_j ΔW_j B are added up: a rounding of y.
     assert np.max(np.abs(found - known)) <= EPS
-
-
-def test_wrong_structures_are_refused() -> None:
-    drift = problems.rigid_body()
-    parts = (3, drift.structure, drift.hamiltonian, drift.gradient)
-
-    def other(y: np.ndarray) -> np.ndarray:
-        B = np.zeros((3, 3, *y.shape[1:]))
-        B[0, 1], B[1, 0] = y[2], -y[2]
-        return B
-
-    for words, noise, structure, casimirs in (
-        ("skew", (1.0,), lambda y: np.zeros((3, 3, *y.shape[1:])) + 1.0, ()),
-        ("one for each coefficient", (1.0, 2.0), drift.structure, ()),
-        ("Casimir", (1.0,), other, drift.casimirs),
-    ):
-        with pytest.raises(ProblemError, match=words):
-            StructuresProblem(*parts, noise=noise, noise_structures=(structure,), casimirs=casimirs)
 
 
 A, b = np.diag([1.0, -0.5, 2.0, 0.25]), np.array([0.125, 0.5, -0.25, 0.0])

@@ -13,8 +13,7 @@ from sepv.reference.problem import exact_problem
 from sepv.reference.steps import reference_step
 
 from sepv import problems
-from sepv.errors import StepFailure, UsageError
-from sepv.problem import NamedProblem
+from sepv.errors import UsageError
 from sepv.verification import Case, strategies
 
 energy_preserving = partial(reference_step, "energy-preserving")
@@ -90,26 +89,7 @@ def test_absurd_digits_are_refused(digits) -> None:
             call(data, y, *rest, digits)
 
 
-@pytest.mark.parametrize(
-    ("y", "h", "dW"),
-    [((0.2,), 0.1, (0.0, 0.0)), ((0.2, 1.0), 0.1, ()), ((0.2, float("nan")), 0.1, (0.0, 0.0))],
-)
-def test_arguments_that_do_not_fit_are_refused(y, h, dW) -> None:
-    with pytest.raises(UsageError, match="one number for each component"):
-        energy_preserving(problems.pendulum().data, y, h, dW)
-
-
 def test_no_global_precision_is_touched() -> None:
     before = mpmath.mp.dps
     energy_preserving(problems.pendulum().data, [0.2, 1.0], 0.1, [0.1, 0.1], 80)
     assert mpmath.mp.dps == before
-
-
-def test_no_solution_is_a_step_failure() -> None:
-    with pytest.raises(StepFailure, match="extended precision"):
-        energy_preserving(problems.lotka_volterra().data, [1.0, 1.9, 0.5], 0.5, [3.0])
-
-
-def test_unknown_problems_are_refused() -> None:
-    with pytest.raises(UsageError, match="known to the references"):
-        exact_problem(NamedProblem("nosuch"), 50)

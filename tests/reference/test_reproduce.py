@@ -23,7 +23,6 @@ from sepv.reference.paper.suite import Reproduction, reproduce
 from sepv.reference.paper.suite import _run as run_jobs
 
 from sepv import problems, schemes
-from sepv.errors import UsageError
 from sepv.exact import exact_flow
 from sepv.simulate import ensemble
 from sepv.studies._energy_diffusion import energy_diffusion
@@ -142,11 +141,6 @@ def test_settings_are_the_papers() -> None:
     assert (figures_4_4_and_4_5.ORDER.T, figures_4_4_and_4_5.ORDER.samples) == (2.0, 1000)
     assert figures_4_4_and_4_5.FINE.T / figures_4_4_and_4_5.FINE.steps[-1] == 2.0**-12
     assert (figure_4_6.STEPS * figure_4_6.H, figure_4_6.H) == (5.0, 2.0**-8)
-
-
-def test_an_unknown_figure_is_a_usage_error() -> None:
-    with pytest.raises(UsageError, match=r"4\.1, 4\.2.*\n.*'5\.1'"):
-        reproduce(["5.1"])
 
 
 def test_figures_are_the_same_files_for_the_same_numbers(rigid: Reproduction, tmp_path: Path) -> None:

@@ -10,7 +10,6 @@ from sepv.reference.faults.saboteurs import _BY_FAMILY, SABOTEURS, historical
 
 from sepv import problems
 from sepv.console import console
-from sepv.errors import UsageError
 from sepv.problem import Systems
 from sepv.schemes import by_name, weakly
 from sepv.verification import LAWS, Effort, Verdict, load_laws, verify
@@ -123,11 +122,6 @@ def test_examples_end_with_the_first_violation() -> None:
     assert space is not None
     designed = len(space.design().rows) + len(space.kinds)
     assert holding.examples == designed + 7 + len((*fixed_cases(), *for_energy()))
-
-
-def test_an_unknown_name_is_an_error() -> None:
-    with pytest.raises(UsageError, match="a saboteur, one of"):
-        fault_detection.run(["b-at-y2"], [0])
 
 
 def detect(

@@ -13,7 +13,6 @@ from sepv.reference.paper import deterministic, extensions, lemma, local, remark
 from sepv.reference.paper.several_with_areas import step_with_areas
 
 from sepv import problems
-from sepv.errors import UsageError
 from sepv.exact import exact_flow
 from sepv.exact._dense_flow import FlowFailure
 from sepv.exact._several_structures import heun
@@ -108,11 +107,6 @@ def test_areas_keep_the_energy_whatever_they_are_and_bring_order_one() -> None:
             z = step_with_areas(problem, z, 0.5 / 32, dW, sign * A)
         off.append(np.sqrt(np.mean((z - exact) ** 2)))
     assert off[1] > 4 * off[0]
-
-
-def test_a_problem_with_one_structure_has_no_areas() -> None:
-    with pytest.raises(UsageError, match="several structures"):
-        step_with_areas(problems.pendulum(), np.ones(2), 0.1, np.array([0.1, 0.1]), np.zeros((2, 2)))
 
 
 def test_stages_raise_the_order_where_flows_commute() -> None:

@@ -1,13 +1,11 @@
 """Steps that the iteration does not solve from y: divided, or followed along their curve of solutions, and counted."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 import sepv
 from sepv import problems, schemes
-from sepv.errors import StepFailure, UsageError
+from sepv.errors import StepFailure
 from sepv.schemes import continued, divided
 
 
@@ -68,14 +66,6 @@ def test_a_divided_scheme_says_what_it_is_and_its_failures_what_they_were_asked(
             problems.lotka_volterra(noise=(0.5,)), np.array([1.0, 1.9, 0.5]), 0.25, np.array([40.0])
         )
     assert caught.value.delta == 20.25
-
-
-def test_bad_arguments_are_refused() -> None:
-    with pytest.raises(UsageError, match="implicit scheme"):
-        divided(schemes.euler_heun)
-    for depth in (0, 21, 1.5, True):
-        with pytest.raises(UsageError, match="depth"):
-            divided(schemes.midpoint, depth)
 
 
 EP = schemes.energy_preserving
@@ -145,9 +135,3 @@ def test_every_scheme_of_one_stage_takes_a_start_and_claims_nothing_when_continu
         again = continued(scheme)
         assert not again.claims
         assert np.array_equal(again.step(*step), scheme.step(*step))
-
-
-def test_schemes_without_a_start_are_refused() -> None:
-    for scheme in (schemes.euler_heun, schemes.collocation(2), divided(EP), replace(EP, solve=None)):
-        with pytest.raises(UsageError, match="start"):
-            continued(scheme)

@@ -114,17 +114,6 @@ def test_increments_of_a_few_points_need_no_truncation_and_have_no_paths() -> No
 
 
 @pytest.mark.parametrize(
-    ("values", "weights"),
-    [((), ()), ((1, -1), (0.5, 0.5)), ((-1, 1), (0.5, 0.4)), ((-1, 1), (1.0,)), ((0, math.inf), (0.5, 0.5))],
-)
-def test_what_is_no_law_is_refused(values: tuple[float, ...], weights: tuple[float, ...]) -> None:
-    with pytest.raises(UsageError, match="such as PointLaw"):
-        PointLaw("mine", values, weights)
-    with pytest.raises(UsageError, match="three-point"):
-        sepv.Scheme("mine", schemes.midpoint.step, increments="tree-point")
-
-
-@pytest.mark.parametrize(
     ("name", "increments", "order", "verdict"),
     [
         ("energy-preserving", "two-point", 1.0, "holds"),

@@ -9,7 +9,7 @@ from hypothesis import given
 from sepv.reference.problem import exact_problem
 
 import sepv
-from sepv import Scheme, UsageError, problems, schemes
+from sepv import Scheme, problems, schemes
 from sepv.problem import Systems
 from sepv.schemes._discrete_gradient import coordinate_increments
 from sepv.schemes._discrete_gradient import step as discrete
@@ -80,21 +80,6 @@ def test_a_domain_may_answer_in_numbers(name: str) -> None:
     found, asked = (scheme.solve(p, y, 0.5, dW) for p in (numbers, problem))
     assert found.status.tolist() == asked.status.tolist()
     assert len(set(asked.status.tolist())) > 1
-
-
-@pytest.mark.parametrize(
-    ("family", "members", "words"),
-    [
-        (schemes.explicit, (0, 3, 5, "4"), "one of 4, 8"), (schemes.projected, (3, "8", 5), "one of 4, 8"),
-        (schemes.collocation, (0, 7, 1.5, True, "2"), "stages"),
-        (schemes.by_name, ("collocation-0", "collocation-7", "collocation", "gauss-x"), "collocation-1"),
-    ],
-    ids=lambda value: getattr(value, "__name__", ""),
-)  # fmt: skip
-def test_members_that_a_family_does_not_have_are_refused(family, members, words):
-    for member in members:
-        with pytest.raises(UsageError, match=words):
-            family(member)
 
 
 STAGES = range(1, 7)
@@ -169,11 +154,6 @@ def test_an_order_is_a_claim_beside_the_others() -> None:
     weak = {"local-weak", "weak-order"}
     assert Scheme("mine", stay, claims=["energy"], weak_order=1.0).claims == {"energy", *weak}
     assert Scheme("mine", stay, weak_order=2.0, mean_square_order=0.5).claims == strong | weak
-
-
-def test_a_scheme_is_a_function() -> None:
-    with pytest.raises(UsageError, match="hand over the function itself"):
-        Scheme("mine", "step")
 
 
 def test_every_built_in_scheme_says_what_it_is() -> None:

@@ -10,7 +10,6 @@ from doors import finding, measured, verdicts
 import sepv
 from benchmarks.right_schemes import RIGHT
 from sepv import problems
-from sepv.errors import UsageError
 from sepv.problem import PolynomialSystem, Problem, mechanics
 from sepv.problems._common import canonical
 from sepv.record import _polynomial as poly
@@ -128,9 +127,3 @@ def test_cases_have_numbers_of_single_precision_and_stay_in_its_range() -> None:
     assert in_range(case)
     steep = poly.polynomial(2, {(10, 0): 1e-30, (0, 2): 1.0})
     assert not in_range(replace(case, problem=PolynomialSystem(2, steep, canonical(2)), y=(1e6, 1.0)))
-
-
-def test_another_precision_is_refused() -> None:
-    assert Scheme("s", SINGLE.step, dtype=np.float32).dtype == "float32"
-    with pytest.raises(UsageError, match="float32"):
-        Scheme("s", SINGLE.step, dtype="float16")

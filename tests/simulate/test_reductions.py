@@ -109,19 +109,3 @@ def test_an_interrupted_reduction_has_the_first_chunks() -> None:
         sepv.ensemble(EP, PENDULUM, reduce=BOTH, progress=interrupt, **SMALL)
     assert kept.value.paths == range(512)
     assert kept.value.ensemble.reduced["q"].count == 512
-
-
-@pytest.mark.parametrize(
-    ("reduce", "until", "words"),
-    [
-        (position, None, "functionals by name"),
-        ({}, None, "functionals by name"),
-        (None, {"q": 1e-3}, "functionals by name"),
-        ({"q": position}, {"p": 1e-3}, "among q"),
-        ({"q": position}, {"q": 0}, "a standard error > 0"),
-        ({"q": lambda ends: ends.y}, None, r"one real number for each path .* shape \(256,\)"),
-    ],
-)
-def test_what_is_no_functional_is_refused(reduce: Any, until: Any, words: str) -> None:
-    with pytest.raises(sepv.UsageError, match=words):
-        sepv.ensemble(EP, PENDULUM, reduce=reduce, until=until, **SMALL)

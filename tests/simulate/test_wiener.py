@@ -1,12 +1,10 @@
 """Wiener increments: one path over all step sizes, the same for any batch, truncated as Remark 2.1 says."""
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
 
-from sepv.errors import UsageError
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 
@@ -46,25 +44,6 @@ def test_truncation_is_that_of_the_remark(h: float, k: int) -> None:
         np.clip(x, -bound * math.sqrt(h), bound * math.sqrt(h)), rel=1e-15
     )
     assert np.array_equal(bounded.truncate(x, h, None), x)
-
-
-def test_wrong_arguments_are_refused() -> None:
-    wrong: Any
-    for wrong in (
-        {"seed": -1}, {"seed": 1.5}, {"T": 0.0}, {"T": math.inf}, {"steps": 0}, {"noises": -1}, {"paths": 0},
-        {"paths": range(-1, 3)}, {"refine": 3}, {"refine": -1},
-    ):  # fmt: skip
-        arguments = {"seed": 0, "T": 1.0, "steps": 4, "noises": 1, "paths": 1, **wrong}
-        with pytest.raises(UsageError, match="Expected"):
-            wiener.increments(arguments.pop("seed"), **arguments)
-    for h in (1.0, 1.5, 0.0, -0.1, math.nan):
-        with pytest.raises(UsageError, match="0 < h < 1"):
-            bounded.truncate(np.zeros(3), h)
-    for wrong in (0, -1, 1.5):
-        with pytest.raises(UsageError, match="integer ≥ 1"):
-            bounded.truncate(np.zeros(3), 0.1, wrong)
-    with pytest.raises(UsageError, match="divisible"):
-        wiener.coarsen(np.zeros((5, 1)), 2)
 
 
 def test_streams_are_those_of_numpy_after_its_mixing() -> None:

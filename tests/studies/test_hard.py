@@ -9,7 +9,7 @@ from doors import command, obeys
 from sepv.reference import hard
 
 from sepv import schemes
-from sepv.errors import ProblemError, StepFailure
+from sepv.errors import StepFailure
 from sepv.problem import Problem
 from sepv.schemes import Scheme
 from sepv.solve import Status
@@ -50,13 +50,6 @@ def test_the_other_implicit_schemes_leave_nothing_unmarked(scheme) -> None:
     for seen in run(scheme, cases, steps=60, laws=0):
         assert not seen.wrong, f"{seen.case.name}: {seen.wrong}, {seen.worst}"
         assert sum(seen.statuses.values()) == 60
-
-
-def test_a_structure_off_by_1e_12_is_refused_when_the_problem_is_made() -> None:
-    case = hard.by_name("nearly-skew-1e-12")
-    with pytest.raises(ProblemError, match="skew"):
-        replace(case.problem, check=True)
-    replace(hard.by_name("nearly-skew-1e-16").problem, check=True)
 
 
 def broken(change) -> list[Seen]:

@@ -9,7 +9,6 @@ from doors import command, obeys
 
 import sepv
 from sepv import problems, schemes
-from sepv.errors import UsageError
 from sepv.simulate import _truncation as bounded
 from sepv.studies._solvability.branch import End, follow
 from sepv.studies._solvability.map import Ending, chance_outside, solvability_map
@@ -59,14 +58,6 @@ def test_bounded_levels_have_solutions_as_far_as_asked() -> None:
         y = np.repeat(np.asarray(problem.initial)[:, None], 2, axis=1)
         for sign in (1, -1):
             assert follow(problem, y, sign * furthest).end.tolist() == [End.RANGE, End.RANGE]
-
-
-def test_midpoint_can_be_followed_and_others_are_refused() -> None:
-    assert follow(FOLDED, START, 0.1, schemes.midpoint).end.tolist() == [End.RANGE, End.RANGE]
-    with pytest.raises(UsageError, match="Δ alone"):
-        follow(FOLDED, START, 0.1, schemes.discrete_gradient)
-    with pytest.raises(UsageError, match="not 0"):
-        follow(FOLDED, START, 0.0)
 
 
 def test_the_map_agrees_with_the_fold_of_lotka_volterra() -> None:

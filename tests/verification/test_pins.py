@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from doors import command
 
-from sepv.errors import Skipped, UsageError
+from sepv.errors import Skipped
 from sepv.schemes import Scheme
 from sepv.schemes._midpoint import step as midpoint
 from sepv.verification import Effort, Verdict, verify
@@ -122,13 +122,6 @@ def test_laws_side_by_side_find_the_same_to_the_bit(tmp_path: Path, monkeypatch:
         files.append([{**law, "seconds": 0} for law in found])
     assert files[0] == files[1]
     assert {law["law"]: law["verdict"] for law in files[0]} == dict.fromkeys(laws.split(","), "holds")
-
-
-def test_a_scheme_that_cannot_travel_is_refused_in_words() -> None:
-    with pytest.raises(UsageError, match="another process can import"):
-        verify(lambda problem, y, h, dW: y, laws=["energy", "casimir"], jobs=2)
-    with pytest.raises(UsageError, match="jobs"):
-        verify("midpoint", jobs=0)
 
 
 def test_a_worker_that_dies_is_an_error_of_its_law(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,7 +15,6 @@ from sepv.properties._orders.local_orders import Slope, order_shown
 from sepv.properties.test_mean_square_order import MARGIN, order_above
 
 import sepv
-from sepv.errors import UsageError
 from sepv.verification import PROFILES, SUITE, Effort, Finding, Report, Verdict, load_laws
 from sepv.verification._junit_and_badge import badge_json
 from sepv.verification._profiles import found, missing, profiled, requirements
@@ -181,19 +180,6 @@ def test_requirements_measure_their_laws_and_those_of_a_method() -> None:
     report = sepv.verify("euler-maruyama", require="energy", effort=FEW)
     assert [f.law for f in report.findings] == ["contract", "reproducibility", "energy", "right-limit"]
     assert report.exit_code == 1
-
-
-def test_a_wrong_requirement_is_refused() -> None:
-    orders = ("order", "order-0", "order--1", "order-nan", "order-1/0", "order-1e9")
-    for wrong in ("", ",", "nonsense", *orders, "energy-1", [], [3]):
-        with pytest.raises(UsageError, match=r"profile|an order after"):
-            requirements(wrong)
-
-
-def test_requirements_and_laws_exclude_each_other_and_an_empty_option_is_refused() -> None:
-    with pytest.raises(UsageError, match="profiles to require, or a list of laws"):
-        sepv.verify("midpoint", require="energy", laws=["energy"])
-    command("verify midpoint --require ''", 2)
 
 
 def test_the_commands_of_the_page_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -62,12 +62,6 @@ def test_the_problem_of_a_strategy_has_no_name_and_a_token_says_so() -> None:
         report.replay("energy")
 
 
-def test_a_law_without_a_witness_is_not_replayed() -> None:
-    report = sepv.verify("midpoint", laws="identity", effort=FEW)
-    with pytest.raises(sepv.UsageError, match="identity, which ended in: holds"):
-        report.replay("identity")
-
-
 def test_a_named_scheme_and_problem_are_replayed_by_the_command_in_every_output(reader: Reader) -> None:
     report = measured("midpoint", "pendulum")
     for text in (str(report), report.html(), junit_xml(report)):

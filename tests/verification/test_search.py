@@ -13,7 +13,6 @@ from sepv.reference.faults.saboteurs.noise import _with
 
 from benchmarks.power import FAULTS, Fault, measured, power
 from sepv import problems, schemes
-from sepv.errors import UsageError
 from sepv.problem import Array, Problem, Systems
 from sepv.schemes import Scheme
 from sepv.verification import Case, Cases, Effort, Law, Measurement, Run, Verdict, load_laws, searched, verify
@@ -103,12 +102,6 @@ def test_a_law_of_which_few_cases_are_left_does_not_hold() -> None:
     assert found.verdict is Verdict.INCONCLUSIVE
     assert "% of the cases were measured: a law holds on 25 % at least" in found.message
     assert report.exit_code == 1
-
-
-@pytest.mark.parametrize("limit", [0.0, -1.0, float("nan"), "1"])
-def test_a_longest_step_is_a_positive_number_or_a_function(limit: Any) -> None:
-    with pytest.raises(UsageError, match="longest_step, a number > 0"):
-        replace(schemes.energy_preserving, longest_step=limit)
 
 
 # Of the subtler faults, those that err by a power of the step: their cases have to be made for them.

@@ -153,20 +153,6 @@ def test_a_file_and_a_name_on_the_command_line(reader: Reader) -> None:
     assert "pendulum, h = " in shown
 
 
-@pytest.mark.parametrize(
-    ("asked", "words"),
-    [
-        ("canonical-seperable", "did you mean 'canonical-separable'"),
-        ("tests.verification.test_users_problems:FEW", "which is Effort"),
-        ([], "problems, one at least"),
-        (3, "which is int"),
-    ],
-)
-def test_what_is_no_problem_is_refused_in_words(asked: Any, words: str) -> None:
-    with pytest.raises(sepv.UsageError, match=words.replace("(", r"\(")):
-        verdicts("midpoint", asked, "energy")
-
-
 def test_a_strategy_of_something_else_is_an_error_that_says_so() -> None:
     finding = sepv.verify("midpoint", laws="energy", problems=st.integers(), effort=FEW).findings[0]
     assert finding.verdict is Verdict.ERROR
