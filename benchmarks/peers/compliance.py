@@ -1,13 +1,13 @@
 """The compliance table of other libraries' solvers: ``python -m benchmarks.peers.compliance --out docs/compliance.md``.
 
-Every law on every solver of the adapters, as `sepv verify` measures it, with orders and energy defects in numbers.
+Every law on every solver of the adapters, as `sepv verify` measures it, and energy defects in numbers.
 Solvers of which a script in the folder ``peers`` beside the output shows less than is documented are marked
 (`benchmarks.peers.deviations`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -106,31 +106,20 @@ def _energy(solver: Scheme | PathSolver, problem: Problem, T: float) -> str:
 def document(found: Sequence[Row], deviations: Sequence[Deviation], command: str) -> str:
     """The page, in Markdown."""
     contradicted = {d.solver for d in deviations}
-    own = ", ".join(s.problem for s in SETUPS)
-    numbers = [
-        "solvers",
-        "claimed order, mean-square / weak",
-        f"measured order, {own}",
-        f"energy defect, {own}",
-    ]
-    first: dict[tuple[str, ...], list[str]] = {}
-    for r in found:
-        mark = " †" if r.name.split(",")[0] in contradicted else ""
-        orders = ", ".join(o.partition(" [")[0] for o in r.orders)
-        first.setdefault((r.claimed + mark, orders, ", ".join(r.energy)), []).append(r.name)
+
     releases = dict.fromkeys(f"{r.library} {r.release}" for r in found)
     notes = _grouped((note.partition(": ")[2], note.partition(": ")[0]) for r in found for note in r.notes)
     sources = _grouped((r.source, r.name) for r in found if r.library != "sepv")
     parts = [
-        "# Laws and orders of other libraries' Stratonovich solvers",
+        "# Laws of other libraries' Stratonovich solvers",
         f"Made by `{command}` with sepv {__version__}; not edited by hand. Releases: {', '.join(releases)}.",
         _introduction(),
-        "## Orders and energy",
-        markdown(numbers, [(_listed(names), *cells) for cells, names in first.items()]),
-        "† less than documented: [shown in the library's own terms](deviations.md)." if contradicted else "",
         "## Laws",
-        _laws(found),
+        _laws(found, contradicted),
+        "† less than documented: [shown in the library's own terms](deviations.md)." if contradicted else "",
         "\n".join(notes),
+        "## Energy",
+        _energy_defects(found),
         "## Where the claimed orders come from",
         "\n".join(sources),
     ]
@@ -152,12 +141,29 @@ def _listed(names: Sequence[str]) -> str:
     return "; ".join(name.removeprefix(f"{before} ") if before else name for name, before in pairs)
 
 
-def _laws(found: Sequence[Row]) -> str:
+def _energy_defects(found: Sequence[Row]) -> str:
+    """The range of the energy defects of other libraries' solvers beside the defect of sepv's own scheme."""
+    lines, own = [], found[0]
+    for at, setup in enumerate(SETUPS):
+        others = {r.name: r.energy[at] for r in found[1:]}
+        failed = [f"{name}: {text}" for name, text in others.items() if text.endswith("failed")]
+        values = sorted(float(text) for text in others.values() if not text.endswith("failed"))
+        span = [f"other solvers {values[0]:.2g} to {values[-1]:.2g}"] if values else []
+        lines.append("; ".join([f"- {setup.problem}: {own.name} {own.energy[at]}", *span, *failed]))
+    text = (
+        f"The largest |H(y_n) − H(y_0)| of {PATHS} paths over [0, 1] with {ENERGY_STEPS} steps, in units of "
+        "eps·|∇H|·|y|:"
+    )
+    return "\n".join([text, "", *lines])
+
+
+def _laws(found: Sequence[Row], contradicted: Collection[str]) -> str:
     """A line for each group of solvers with the same verdicts on the same laws."""
-    measured_laws = [law for law in LAWS if any(law in r.verdicts for r in found)]
+    left_out = [law for law in LAWS if not any(law in r.verdicts for r in found)]
     groups: dict[tuple[tuple[str, str], ...], list[str]] = {}
     for r in found:
-        groups.setdefault(tuple(r.verdicts.items()), []).append(r.name)
+        mark = " †" if r.name.split(",")[0] in contradicted else ""
+        groups.setdefault(tuple(r.verdicts.items()), []).append(r.name + mark)
     lines = []
     for verdicts, names in groups.items():
         claimed = {law: mark.removesuffix(" +") for law, mark in verdicts if mark.endswith("+")}
@@ -169,8 +175,8 @@ def _laws(found: Sequence[Row]) -> str:
         held = [law for law, mark in others.items() if mark == MARKS[Verdict.HOLDS]]
         lines.append((_listed(names), kept, ", ".join(held)))
     caption = (
-        f"{len(measured_laws)} laws were measured: {', '.join(measured_laws)}. Whole paths were measured only for "
-        "claimed laws. A law that a line does not name is not claimed, and violated, open or not applicable."
+        f"Not measured: {', '.join(left_out) or 'none'}. Whole paths were measured only for claimed laws. A measured "
+        "law that a line does not name is not claimed, and violated, open or not applicable."
     )
     heading = ("solvers", "claimed laws that hold", "hold, not claimed")
     return f"{caption}\n\n{markdown(heading, lines)}"
@@ -184,13 +190,12 @@ This page shows which laws these solvers satisfy on dy = B(y)∇H(y)(dt + Σ_j c
 or Casimirs, so a violated law that is not claimed is no fault. Two things are claimed for another library's solver: a
 step depends on its arguments alone (*contract*), and it has the order for commutative noise that the documentation or,
 where it is silent, theory states. The noise is commutative because all noises drive one field. Each solver runs through
-its own library's code in float64, with the increment given.
+its own library's code in float64, with the increment given. [Orders by kind of noise](solvers.md) have a page.
 
-- **Orders** are slopes of the rms error against the exact flow over [0, {setup.T:g}] with {steps} steps; sepv's own
-  scheme begins with {setup.steps[0] // 2}. Solvers of one state at a time get {FIRST_LOOK} paths, which leaves more
-  verdicts open. Verdicts use confidence intervals; the nominal false-alarm rate of a run is {FALSE_ALARM:g}.
-- **Energy defects** are the largest |H(y_n) − H(y_0)| of {PATHS} paths over [0, 1] with {ENERGY_STEPS} steps, in units
-  of eps·|∇H|·|y|.
+- Orders over paths are slopes of the rms error against the exact flow over [0, {setup.T:g}] with {steps} steps; sepv's
+  own scheme begins with {setup.steps[0] // 2}. Solvers of one state at a time get {FIRST_LOOK} paths, which leaves more
+  verdicts open. Verdicts use confidence intervals; the nominal false-alarm rate of a run is {FALSE_ALARM:g}. The files
+  `results/LIBRARY/VERSION.json` have the measured orders.
 - A solver that carries a state from step to step is measured over whole paths, and in one step with a fresh state.
 - A space-time Lévy area is a normal variable, from a stream whose key is the increment. Other Lévy areas are zero,
   because the brackets of the noise fields vanish here."""

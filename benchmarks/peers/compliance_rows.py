@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,14 +16,12 @@ from sepv.verification._report import MARKS
 
 @dataclass(frozen=True)
 class Row:
-    """The measured behaviour of one solver: a line of both tables.
+    """The measured behaviour of one solver: a line of the table.
 
     Attributes
     ----------
-    claimed : str
-        The mean-square order for (1.1) that the library's documentation, or else theory, states; and the weak one.
-    orders, energy : tuple of str
-        The measured order with its interval, and the largest energy defect in energy ulps, for each of `SETUPS`.
+    energy : tuple of str
+        The largest energy defect in energy ulps, for each of `SETUPS`.
     verdicts : dict of law name to mark
     notes : tuple of str
         Reasons of the verdict "error", and paths that failed.
@@ -33,8 +31,6 @@ class Row:
     release: str
     solver: str
     source: str
-    claimed: str
-    orders: tuple[str, ...]
     energy: tuple[str, ...]
     verdicts: dict[str, str]
     notes: tuple[str, ...] = ()
@@ -54,8 +50,6 @@ def scheme_row(library: str, scheme: Scheme, cells: Mapping[tuple[str, str], Any
         release=release(library),
         solver=scheme.name.removeprefix(f"{library} "),
         source=scheme.source,
-        claimed=" / ".join(f"{o:g}" for o in (scheme.mean_square_order, scheme.weak_order) if o is not None),
-        orders=_orders(findings["mean-square-order"]["measured"]),
         energy=tuple(cells[scheme.name, f"energy defect, {s.problem}"] for s in SETUPS),
         verdicts={
             name: MARKS[Verdict(f["verdict"])] + (" +" if f["claimed"] else "")
@@ -94,25 +88,9 @@ def path_row(library: str, solver: PathSolver, cells: Mapping[tuple[str, str], A
         release=release(library),
         solver=solver.name.removeprefix(f"{library} "),
         source=solver.source,
-        claimed=f"{solver.mean_square_order:g}",
-        orders=tuple(_interval(*cell["order"]) for cell in found),
         energy=tuple(cells[solver.name, f"energy defect, {s.problem}"] for s in SETUPS),
         verdicts={
             law: f"{MARKS[verdict]} +" for law, (verdict, _, _) in path_verdicts(solver, cells).items()
         },
         notes=tuple(cell["note"] for cell in found if cell["note"]),
     )
-
-
-def _orders(measured: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
-    """The cells of the measured order, from the law's witness; a dash where it measured none."""
-    found = {m["problem"]: m for m in measured}
-    cells = []
-    for setup in SETUPS:
-        m = found.get(setup.problem)
-        cells.append("–" if m is None else _interval(m["estimate"], *m["interval"]))
-    return tuple(cells)
-
-
-def _interval(value: float, low: float, high: float) -> str:
-    return f"{value:.2f} [{low:.2f}, {high:.2f}]"
