@@ -1,7 +1,6 @@
 """Schemes for several Hamiltonians and their papers: ``python -m benchmarks.hamiltonians > docs/class.md``.
 
-It says what each scheme claims, which laws hold without a claim and which do not, and the slopes of one step by
-quadrature. Some six minutes of one core.
+It says what each scheme claims, which laws hold without a claim and which do not. Some six minutes of one core.
 """
 
 from __future__ import annotations
@@ -12,9 +11,7 @@ from collections.abc import Iterable, Sequence
 
 import sepv
 from benchmarks import additive_noise, over, start
-from sepv import problems
 from sepv.console import markdown
-from sepv.problem import column
 from sepv.verification import LAWS, Finding, Report, Verdict
 
 SCHEMES = (
@@ -25,8 +22,6 @@ SCHEMES = (
     "darboux-lie",
     "drift-preserving",
 )
-SLOPES = ("local-mean-square", "local-weak")
-KINDS = ("general", "commutative", "one", "additive")  # of noise
 # (scheme, where it comes from, what is claimed there, what is claimed here beyond that)
 CLAIMS = (
     (
@@ -77,12 +72,12 @@ DIFFERENCES = """## Verdicts compared with the papers
 
 *darboux-lie* is the midpoint rule in logarithms. It has mean-square order 1 for one noise (`lotka-volterra`), and order
 ½ for three noises whose fields do not commute (`random-lotka-volterra`). No scheme that uses only increments has a
-higher order (J. Clark and R. Cameron 1980). Liu and Wang prove order 1 of an integrator of their own. Only the
-abstract and the introduction of their paper were read: nothing here is a verdict about it.
+higher order (J. Clark and R. Cameron 1980). Liu and Wang prove order 1 of an integrator of their own. Only the abstract
+and the introduction of their paper were read: nothing here is a verdict about it.
 
 The statements of the other papers hold where they were measured. E[H] is right up to h³ a step for the midpoint rules,
-and up to h² for *isospectral-midpoint*. Laws about H measure *darboux-lie* on `lotka-volterra`, whose
-exact flow keeps H.
+and up to h² for *isospectral-midpoint*. Laws about H measure *darboux-lie* on `lotka-volterra`, whose exact flow
+keeps H.
 """
 ADDITIVE = """## Additive noise
 
@@ -95,13 +90,9 @@ pairs of paths, with standard errors (`python -m benchmarks.additive_noise`):
 VERDICTS = """## Verdicts
 
 Every claimed law holds unless its line says “red or open”. The lists have the laws that hold or are violated without a
-claim.
-"""
-SLOPES_TEXT = """## Slopes
-
-Each cell has the slopes of *local-mean-square* and of *local-weak* for one kind of noise. An order p needs the slopes
-p + ½ and p + 1. Where noises do not commute, the reference of the first law is the log-ODE with Lévy areas, which
-shows no more than order 1.
+claim. `sepv verify SCHEME --law local-mean-square,local-weak` prints the slopes that show the orders for each kind of
+noise. Where noises do not commute, the reference of the first law is the log-ODE with Lévy areas, which shows no more
+than order 1.
 """
 
 
@@ -133,25 +124,6 @@ def is_red(finding: Finding) -> bool:
     return finding.claimed and finding.verdict is Verdict.VIOLATED
 
 
-def slopes(reports: dict[str, Report]) -> str:
-    """The least slopes of one step by quadrature, a column for each kind of noise."""
-    rows = []
-    for name, report in reports.items():
-        least: dict[str, dict[str, float]] = {law: {} for law in SLOPES}
-        for law, own in least.items():
-            for m in (report.finding(law).witness or {}).get("measured", ()):
-                kind, slope = column(problems.by_name(m["problem"])), m["slope"]
-                if slope is not None:
-                    own[kind] = min(slope, own.get(kind, slope))
-        rows.append(
-            [
-                name,
-                *("; ".join(f"{own[kind]:.2f}" for own in least.values() if kind in own) for kind in KINDS),
-            ]
-        )
-    return table(["scheme", *KINDS], rows)
-
-
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the page."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -168,9 +140,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
     print(ADDITIVE + additive_noise.table() + "\n")
     print(VERDICTS)
     print(verdicts(reports))
-    if set(SLOPES) <= set(chosen.laws):
-        print(SLOPES_TEXT)
-        print(slopes(reports))
 
 
 if __name__ == "__main__":

@@ -1,7 +1,6 @@
 """The made lines of the laws' pages: ``python -m benchmarks.law_pages`` writes them from the records of the laws.
 
-The head of a page, `page_of`, comes from the record, up to the formula; the rest is written by hand. The table of
-docs/laws.md has a row for each law.
+The head of a page, `page_of`, comes from the record, up to the formula; the rest is written by hand.
 """
 
 from __future__ import annotations
@@ -41,23 +40,10 @@ def page(law: Law, text: str) -> str:
     return head(law) + text[text.index("$$") :]
 
 
-def index(laws: list[Law], text: str) -> str:
-    """The text of docs/laws.md with a new table."""
-    rows = "".join(f"| [{x.name}](laws/{x.name}.md) | {_cell(x.statement)} |\n" for x in laws)
-    return re.sub(r"(?m)(?<=^\|---\|---\|\n)(\|.*\n)*", lambda _: rows, text, count=1)
-
-
-def _cell(text: str) -> str:
-    return text.replace("|", r"\|")
-
-
 def main() -> None:
-    laws = load_laws()
-    for law in laws:
+    for law in load_laws():
         file = page_of(law)
         file.write_text(page(law, file.read_text(encoding="utf-8")), encoding="utf-8")
-    file = DOCS / "laws.md"
-    file.write_text(index(laws, file.read_text(encoding="utf-8")), encoding="utf-8")
 
 
 if __name__ == "__main__":

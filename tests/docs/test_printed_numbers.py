@@ -1,6 +1,5 @@
 """Numbers that stand in the prose of docs/, computed again; and docs/class.md, which benchmarks.hamiltonians prints."""
 
-import re
 from types import SimpleNamespace
 from typing import Any
 
@@ -131,25 +130,13 @@ PAGE = doc("class.md")
 
 def test_the_page_has_the_text_of_the_command_and_all_names() -> None:
     claims = maker.table(["scheme", "source", "claimed there", "claimed here besides"], maker.CLAIMS)
-    for part in (maker.TITLE, maker.DIFFERENCES, claims, maker.VERDICTS, maker.SLOPES_TEXT):
+    for part in (maker.TITLE, maker.DIFFERENCES, claims, maker.VERDICTS):
         assert part in PAGE
     assert set(maker.SCHEMES) == set(schemes.HAMILTONIANS) == {row[0] for row in maker.CLAIMS}
 
 
 def test_the_page_says_what_is_measured_now() -> None:
-    """Slopes by quadrature, and one verdict, of the quickest scheme."""
+    """The verdicts of the quickest scheme."""
     laws = "poisson-map,energy-drift,local-mean-square,local-weak"
     report = sepv.verify("isospectral-midpoint", laws=laws)
-    now = maker.slopes({"isospectral-midpoint": report}).splitlines()[-1]
-    (shown,) = [
-        row
-        for row in PAGE.partition("## Slopes")[2].splitlines()
-        if row.startswith("| isospectral-midpoint ")
-    ]
-    assert numbers(now) == pytest.approx(numbers(shown), abs=0.02)
-    assert len(numbers(now)) == 6
     assert maker.verdicts({"isospectral-midpoint": report}).splitlines()[-1] in PAGE
-
-
-def numbers(row: str) -> list[float]:
-    return [float(number) for number in re.findall(r"\d\.\d+", row)]
