@@ -22,10 +22,10 @@ def to_markdown() -> str:
     lines = [
         "# What does not hold as printed",
         "",
-        "This page lets you read D. Cohen and G. Dujardin, *Energy-preserving integrators for stochastic Poisson",
-        "systems* (2014) with what holds instead. Each entry quotes the sentence with its neighbours; […] is quoted in",
-        "an entry above. The evidence is computed and decides; brackets say how it satisfies what the passage assumes.",
-        "`python -m benchmarks.errata` makes this page, `sepv reproduce --errata` computes it on a terminal.",
+        "These sentences of D. Cohen and G. Dujardin, *Energy-preserving integrators for stochastic Poisson systems*",
+        "(2014) are quoted with their neighbours; […] is quoted in an entry above. Computed evidence decides; its",
+        "brackets say how it satisfies what the passage assumes. `python -m benchmarks.errata` makes this page,",
+        "`sepv reproduce --errata` computes it on a terminal.",
     ]
     quoted: set[str] = set()
     for entry, measured in errata():

@@ -26,7 +26,7 @@ def page_of(law: Law) -> Path:
 def head(law: Law) -> str:
     """The lines of a page up to its formula: the statement, and the facts of the record."""
     file = f"test_{law.name.replace('-', '_')}.py"
-    facts = f"Source: {law.source}. Unit: {law.unit}. [{file}](../../properties/{file}). [Terms](../laws.md#terms)."
+    facts = f"Source: {law.source}. Unit: [{law.unit}](../laws.md#terms). [{file}](../../properties/{file})."
     facts += " Every scheme claims it." if law.always_claimed else ""
     text = law.statement
     text = (

@@ -27,6 +27,8 @@ from sepv.verification import Effort, Verdict
 COMMAND = "python -m benchmarks.peers.solvers"
 # Half-way to the next lower order, as the laws about orders have it.
 MARGIN = 0.25
+# An order of one step stands in the table, beside the documented one.
+IN_THE_TABLE = "of one step"
 WORDS = {Verdict.HOLDS.value: "kept", Verdict.VIOLATED.value: "no", Verdict.NOT_APPLICABLE.value: "–"}
 
 
@@ -48,7 +50,7 @@ def line(solver: Solver, kind: str, found: Mapping[tuple[str, str], Any]) -> Lin
     documented, converges = "Itô" if solver.ito else "Stratonovich", limit_of(limit)
     # A solver that hands state on is what its paths are; its one step is another method.
     short = [] if solver.path else [
-        f"{word} order {_number(order)} of one step (documented: {claim:g})"
+        f"{word} order {_number(order)} {IN_THE_TABLE} (documented: {claim:g})"
         for word, order, claim in (("strong", found_strong, strong), ("weak", found_weak, weak))
         if claim is not None and order < claim - MARGIN
     ]  # fmt: skip
@@ -117,11 +119,15 @@ def document(found: Mapping[str, Sequence[Line]], deviations: Sequence[Deviation
         parts += [f"## {library} {release(library)}", table(library, own)]
         parts.append(_sources(library, own))
     lines = [each for own in found.values() for each in own]
-    short = [f"- {each.cells[0]}, {each.cells[1]}: {'; '.join(each.short)}" for each in lines if each.short]
+    short = [f"{each.cells[0]}, {each.cells[1]}" for each in lines if each.short]
+    besides = {
+        f"{each.cells[0]}, {each.cells[1]}": [text for text in each.short if IN_THE_TABLE not in text]
+        for each in lines
+    }
     parts += [
         f"Casimirs (*casimir*) and structure (*poisson-map*) on these problems: {_kept(lines)}.",
-        "## Where less was measured than is documented",
-        "\n".join(short) or "Nowhere.",
+        "## Less than documented (†)",
+        "\n".join(f"- {name}: {'; '.join(texts)}" for name, texts in besides.items() if texts),
         "[Shown in the library's own terms](deviations.md)."
         * any(_is_about(d.solver, entry) for d in deviations for entry in short),
     ]
@@ -190,16 +196,15 @@ given increments. Noise is *commutative* if the brackets of its fields vanish, *
 
 {problems}
 
-A cell has the measured *strong order; weak order*, and in brackets the documented order, if there is one, where it
-differs by more than 0.1. † marks less than documented. A cell is empty if the solver does not support the kind of
-noise. *Limit* is the documented solution; the mean of a short step tests it. Solvers of Itô equations got Itô's form,
-with the same solution.
+A cell has the measured *strong order; weak order*, and in brackets the documented order where it differs by more than
+0.1. † marks less than documented. A cell is empty if the solver does not support the kind of noise. *Limit* is the
+documented solution; the mean of a short step tests it. Solvers of Itô equations got Itô's form of the same equation.
 
 - **Orders** follow from errors of one step by quadrature, as in the laws *local-mean*, *local-mean-square* and
   *local-weak*. The reference resolves strong orders up to 1, or up to 1.5 for a solver that uses space-time areas of
   commutative noise.
-- **Paths**: the rms error at T = {T:g} with {", ".join(map(str, STEPS))} steps was measured too. The last section lists
-  confidence intervals below the documented order, which miss the true order with nominal probability {ALPHA:g}.
+- **Paths**: the rms error at T = {T:g} with {", ".join(map(str, STEPS))} steps was measured too. The last section has
+  the intervals below the documented order. They miss the true order with nominal probability {ALPHA:g}.
 - **§**: the solver carries a state from step to step; the strong order is that of paths.
 - **Areas** are those of the reference's path. Left alone, torchsde and sdeint draw approximations of A_ij, whose fixed
   quality makes the order ½ again for small steps (P. Kloeden and E. Platen 1992, §5.8)."""

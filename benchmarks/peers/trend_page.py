@@ -13,11 +13,11 @@ from sepv.verification import Verdict
 # Half of the lowest order that a consistent scheme has, ½: an error that falls so has a limit of 0.
 LEAST_SLOPE = 0.25
 
-INTRODUCTION = """This page shows what each recorded version of a library was found to do, and when that changed. Its
-Stratonovich solvers ran through the library's own code, in a fresh environment. A solver claims the orders that its
-documentation states for noise that commutes ([all laws, of the newest versions](compliance.md)). A cell names those
-of *local-mean*, *local-mean-square*, *local-weak*, *mean-square-order* and *right-limit* that are not found to hold.
-The records, `results/LIBRARY/VERSION.json`, have every verdict, defect, seed and package; none is ever overwritten.
+INTRODUCTION = """This page shows in which recorded version of a library a verdict changed. Its Stratonovich solvers ran
+through the library's own code, in a fresh environment. A solver claims the orders that its documentation states for
+noise that commutes. The laws are *local-mean*, *local-mean-square*, *local-weak*, *mean-square-order* and
+*right-limit*; where a verdict changed, a cell names those that are not found to hold. The records,
+`results/LIBRARY/VERSION.json`, have every verdict, defect, seed and package; none is ever overwritten.
 
 ```sh
 python -m benchmarks.peers.releases sdeint 0.2.4 0.3.0       # measure versions, and add their records
@@ -35,13 +35,17 @@ def page(found: dict[str, list[Record]]) -> str:
 
 def _library(records: Sequence[Record]) -> Iterator[str]:
     last = latest(records)
-    alike: dict[tuple[str, ...], list[str]] = {}  # solvers with the same cells share a row
-    for name in solvers(records):
-        alike.setdefault(tuple(cell(r, name) for r in last), []).append(name)
-    yield markdown(
-        ["solver", *(r.version for r in last)],
-        [("; ".join(names), *cells) for cells, names in alike.items()],
-    )
+    found = changes(records)
+    if found:
+        alike: dict[tuple[str, ...], list[str]] = {}  # solvers with the same cells share a row
+        for name in solvers(records):
+            alike.setdefault(tuple(cell(r, name) for r in last), []).append(name)
+        yield markdown(
+            ["solver", *(r.version for r in last)],
+            [("; ".join(names), *cells) for cells, names in alike.items()],
+        )
+    else:
+        yield f"No verdict differs between {', '.join(r.version for r in last)} ([verdicts](compliance.md))."
     slow = [name for name, entry in last[-1].solvers.items() if _falls_slowly(entry)]
     if slow:
         yield (
@@ -49,7 +53,6 @@ def _library(records: Sequence[Record]) -> Iterator[str]:
             "with h, by a lower order: the limit is not shown to be another one."
         )
     yield _measured_with(last)
-    found = changes(records)
     if found:
         yield "**What changed**"
         yield markdown(
@@ -62,8 +65,6 @@ def _library(records: Sequence[Record]) -> Iterator[str]:
                 for c in found
             ],
         )  # fmt: skip
-    else:
-        yield "No verdict changed."
     shown = deviations(records)
     if shown:
         yield "**Where a measurement differs from its documentation** ([its own notes](deviations.md))"

@@ -218,19 +218,16 @@ ENTRIES = (
     ),
     Erratum(
         place="Remark 3.5, and with it Theorem 3.4",
-        quote="The stochastic midpoint method is known to have mean-square order 1 in the present context (see Theorem "
-        "2.6 in [17]). Since the local difference between this scheme and the energy-preserving method (2.1) satisfies "
-        "estimates (3.8) and (3.9), Lemma 2.1 of [16] with `p1 = 2` and `p2 = 3/2` ensures that the method (2.1) also "
-        "has mean-square order 1. … " + SETS.removesuffix("For example, … ") + "For example,",
+        quote=SETS.removesuffix("For example, … ") + "For example,",
         printed="the estimates in the proofs above extend straightforwardly, by preservation of the energy",
         criterion="the midpoint scheme, with which these proofs compare and whose order they take from a context of "
         "global bounds, stays in the smallest convex set that contains the energy level, as (2.1) does",
         hypotheses="those of Theorem 3.4: H and B are smooth, and each level of H is in the compact convex set that it "
         "bounds",
         right="a step is left out: change H and B outside a neighbourhood of the convex set, where it is compact, so "
-        "that they are bounded with their derivatives. (2.1) and the exact solution do not see the change, and "
-        "Theorem 3.3 applies. The conclusion stands. It matters little for §4: on the oscillator and the rigid body "
-        "(3.4) is (2.1), and the pendulum's f has bounded derivatives on ℝ² (Remark 3.4)",
+        "that they are bounded with their derivatives. The change affects neither (2.1) nor the exact solution, and "
+        "Theorem 3.3 applies. The conclusion stands. In §4 the step is needed for none of oscillator and rigid body, "
+        "where (3.4) is (2.1), and pendulum, whose f has bounded derivatives on ℝ² (Remark 3.4)",
         evidence=_comparison,
     ),
     Erratum(
@@ -255,10 +252,9 @@ ENTRIES = (
         criterion="the energy level H(y) = H(y0) is bounded: energy is what the argument rests on",
         hypotheses="parameters and y0 of §4.4; the states satisfy y > 0 and H(y) = H(y0) to rounding",
         right="the level is unbounded, and f is unbounded on it, so that neither this argument nor the assumption of "
-        "Theorem 3.4 covers §4.4; there are three coordinates. The exact solution stays in a compact set by its "
-        "Casimir y1² y2 y3 = K besides: with it H is 2y1 − 2 ln y1 + 2y3 − 3 ln y3 + y2 + ln K. (2.1) does not keep "
-        "that Casimir. Order 1 is observed all the same (`sepv reproduce 4.6`), and `sepv reproduce theory` shows "
-        "what becomes of long paths",
+        "Theorem 3.4 covers §4.4. The Casimir y1² y2 y3 = K keeps the exact solution in a compact set: with it H is "
+        "2y1 − 2 ln y1 + 2y3 − 3 ln y3 + y2 + ln K. (2.1) does not keep that Casimir. Order 1 is observed all the same "
+        "(`sepv reproduce 4.6`), and `sepv reproduce theory` shows what becomes of long paths",
         evidence=_level,
     ),
 )  # fmt: skip

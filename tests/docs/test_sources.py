@@ -29,7 +29,7 @@ def test_citations_are_recognised() -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
 def test_every_work_that_a_page_names_is_listed_with_what_was_read(page: Path) -> None:
-    rows = [row for row in SOURCES.splitlines() if row.startswith("| ")]
+    rows = [row for row in SOURCES.splitlines() if row.startswith("- ")]
     for name, year in cited(page.read_text("utf-8")):
         assert name in ("November",) or any(name in row and year in row for row in rows), f"{name} {year}"
     for number in re.findall(r"arXiv:? ?(\d{4}\.\d{4,5})", page.read_text("utf-8")):
@@ -39,4 +39,4 @@ def test_every_work_that_a_page_names_is_listed_with_what_was_read(page: Path) -
 def test_every_library_is_listed() -> None:
     libraries = [folder.name for folder in (ROOT / "results").iterdir() if folder.is_dir()]
     assert libraries
-    assert all(re.search(rf"^\| {library} \d", SOURCES, re.MULTILINE) for library in libraries)
+    assert all(re.search(rf"^- {library} \d", SOURCES, re.MULTILINE) for library in libraries)
