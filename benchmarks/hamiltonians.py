@@ -82,7 +82,7 @@ keeps H.
 ADDITIVE = """## Additive noise
 
 *drift-preserving* is for dy = B(y)∇H dt + Σ c_j g_j dW_j with constant vectors g_j. By the abstract of its paper it
-keeps the exact drift of the energy and of quadratic Casimirs. Abstract and introduction were read, not the experiments:
+keeps the exact drift of the energy and of quadratic Casimirs. The paper's experiments were not read:
 `pushed-rigid-body` is a problem of our own. The table shows by how much its means grow from t = 0 to T = 1, by 10,000
 pairs of paths, with standard errors (`python -m benchmarks.additive_noise`):
 
@@ -91,8 +91,7 @@ VERDICTS = """## Verdicts
 
 Every claimed law holds unless its line says “red or open”. The lists have the laws that hold or are violated without a
 claim. `sepv verify SCHEME --law local-mean-square,local-weak` prints the slopes that show the orders for each kind of
-noise. Where noises do not commute, the reference of the first law is the log-ODE with Lévy areas, which shows no more
-than order 1.
+noise.
 """
 
 

@@ -142,9 +142,8 @@ def table(library: str, own: Sequence[Line]) -> str:
         row = rows.setdefault(name.removeprefix(f"{library} "), {"limit": limit})
         # A solver that hands state on is what its paths are.
         own = f"{paths.partition(' [')[0]} §" if "§" in step else step
-        row[kind] = f"{beside(own, strong)}; {beside(weak_step.removesuffix(' §'), weak)}" + " †" * bool(
-            each.short
-        )
+        orders = [beside(own, strong), beside(weak_step.removesuffix(" §"), weak)]
+        row[kind] = "; ".join(orders[: 1 if orders[1] == "1.00" else 2]) + " †" * bool(each.short)
     groups: dict[tuple[str, ...], list[str]] = {}
     for name, row in rows.items():
         groups.setdefault(tuple(row.get(key, "") for key in ("limit", *KINDS)), []).append(name)
@@ -197,8 +196,9 @@ given increments. Noise is *commutative* if the brackets of its fields vanish, *
 {problems}
 
 A cell has the measured *strong order; weak order*, and in brackets the documented order where it differs by more than
-0.1. † marks less than documented. A cell is empty if the solver does not support the kind of noise. *Limit* is the
-documented solution; the mean of a short step tests it. Solvers of Itô equations got Itô's form of the same equation.
+0.1. A weak order of 1.00 is left out where the documentation states no other. † marks less than documented. A cell is
+empty if the solver does not support the kind of noise. *Limit* is the documented solution; the mean of a short step
+tests it. Solvers of Itô equations got Itô's form of the same equation.
 
 - **Orders** follow from errors of one step by quadrature, as in the laws *local-mean*, *local-mean-square* and
   *local-weak*. The reference resolves strong orders up to 1, or up to 1.5 for a solver that uses space-time areas of

@@ -69,10 +69,10 @@ def _library(records: Sequence[Record]) -> Iterator[str]:
     if shown:
         yield "**Where a measurement differs from its documentation** ([its own notes](deviations.md))"
         yield markdown(
-            ["script", "statement", "seen in", "mended in"],
+            ["script", "seen in", "mended in"],
             [
                 (
-                    f"[`{d.script}`](peers/{d.script})", d.title, ", ".join(d.seen) or "none of these",
+                    f"[`{d.script}`](peers/{d.script})", ", ".join(d.seen) or "none of these",
                     d.mended or ("not yet" if d.seen else "–"),
                 )
                 for d in shown

@@ -1,10 +1,10 @@
 """rebound whfast, coordinates=barycentric: symplectic with one planet, but not with two.
 
 The script prints the largest entry of Φ′JΦ′ᵀ − J for one step, by differences of order four. In barycentric coordinates
-it falls like h³, also for planets of a hundredth of the mass. In the three other coordinates it is the error of the
-differences. The reason: positions and velocities relative to the centre of mass have the brackets {Q_i, V_j} = δ_ij/m_i
-− 1/M. The Kepler step moves each planet by itself, which preserves the first term alone. Relative to 1/m the defect is
-the mass ratio, 1e-3 for Jupiter, times (h times the frequency)³. The step stays reversible, and of order 2.
+it falls like h³ with two planets. In the three other coordinates it is the error of the differences. The reason:
+positions and velocities relative to the centre of mass have the brackets {Q_i, V_j} = δ_ij/m_i − 1/M. The Kepler step
+moves each planet by itself, which preserves the first term alone. Relative to 1/m the defect is the mass ratio, 1e-3
+for Jupiter, times (h times the frequency)³. The step stays reversible, and of order 2.
 
 Exit code 1 while this is so, 0 where the step with two planets is symplectic.
 """
@@ -67,7 +67,7 @@ def defect(m, h, coordinates):
 
 print(f"rebound {rebound.__version__} whfast: coordinates, masses, and the defect for h = 0.08, 0.04, 0.02")
 for name in ("jacobi", "democraticheliocentric", "whds", "barycentric"):
-    for m in (np.array([1.0, 0.1]), np.array([1.0, 0.1, 0.03]), np.array([1.0, 0.001, 0.0003])):
+    for m in (np.array([1.0, 0.1]), np.array([1.0, 0.001, 0.0003])):
         found = [defect(m, h, name) for h in (0.08, 0.04, 0.02)]
         values = ", ".join(f"{value:.0e}" for value in found)
         print(f"{name:22} {m.tolist()!s:20} {values}")
