@@ -7,7 +7,7 @@ Solvers of which a script in the folder ``peers`` beside the output shows less t
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -45,6 +45,10 @@ COMMAND = "python -m benchmarks.peers.compliance"
 # Energy defects are those of this many paths and steps.
 PATHS = 256
 ENERGY_STEPS = 64
+# The columns of `kept`, and a sentence for the laws that they do not name.
+KEPT = ("claimed laws that hold", "hold, not claimed")
+UNNAMED = "A measured law that a line does not name is not claimed, and violated, open or not applicable."
+HOLDS = MARKS[Verdict.HOLDS]
 # Marks that are read as words.
 WORDS = {MARKS[Verdict.VIOLATED]: "violated", MARKS[Verdict.INCONCLUSIVE]: "open"}
 
@@ -157,6 +161,14 @@ def _energy_defects(found: Sequence[Row]) -> str:
     return "\n".join([text, "", *lines])
 
 
+def kept(verdicts: Mapping[str, str]) -> tuple[str, str]:
+    """How many claimed laws hold and which do not, and the laws that hold without a claim, from the marks of laws."""
+    claimed = {law: mark.removesuffix(" +") for law, mark in verdicts.items() if mark.endswith("+")}
+    failed = [f"{law} {WORDS.get(mark, mark)}" for law, mark in claimed.items() if mark != HOLDS]
+    held = [law for law, mark in verdicts.items() if mark == HOLDS]
+    return "; ".join([f"{len(claimed) - len(failed)} of {len(claimed)}", *failed]), ", ".join(held)
+
+
 def _laws(found: Sequence[Row], contradicted: Collection[str]) -> str:
     """A line for each group of solvers with the same verdicts on the same laws."""
     left_out = [law for law in LAWS if not any(law in r.verdicts for r in found)]
@@ -164,33 +176,21 @@ def _laws(found: Sequence[Row], contradicted: Collection[str]) -> str:
     for r in found:
         mark = " †" if r.name.split(",")[0] in contradicted else ""
         groups.setdefault(tuple(r.verdicts.items()), []).append(r.name + mark)
-    lines = []
-    for verdicts, names in groups.items():
-        claimed = {law: mark.removesuffix(" +") for law, mark in verdicts if mark.endswith("+")}
-        others = {law: mark for law, mark in verdicts if not mark.endswith("+")}
-        failed = [
-            f"{law} {WORDS.get(mark, mark)}" for law, mark in claimed.items() if mark != MARKS[Verdict.HOLDS]
-        ]
-        kept = f"{len(claimed) - len(failed)} of {len(claimed)}" + "".join(f"; {text}" for text in failed)
-        held = [law for law, mark in others.items() if mark == MARKS[Verdict.HOLDS]]
-        lines.append((_listed(names), kept, ", ".join(held)))
-    caption = (
-        f"Not measured: {', '.join(left_out) or 'none'}. Whole paths were measured only for claimed laws. A measured "
-        "law that a line does not name is not claimed, and violated, open or not applicable."
-    )
-    heading = ("solvers", "claimed laws that hold", "hold, not claimed")
-    return f"{caption}\n\n{markdown(heading, lines)}"
+    lines = [(_listed(names), *kept(dict(verdicts))) for verdicts, names in groups.items()]
+    missing = f"Not measured: {', '.join(left_out) or 'none'}."
+    caption = f"{missing} Whole paths were measured only for claimed laws. {UNNAMED}"
+    return f"{caption}\n\n{markdown(('solvers', *KEPT), lines)}"
 
 
 def _introduction() -> str:
     setup = SETUPS[0]
     steps = ", ".join(map(str, setup.steps))
     return f"""\
-This page shows which laws these solvers satisfy on dy = B(y)∇H(y)(dt + Σ_j c_j ∘dW_j). None is made to preserve energy
-or Casimirs, so a violated law that is not claimed is no fault. Two things are claimed for another library's solver: a
-step depends on its arguments alone (*contract*), and it has the order for commutative noise that the documentation or,
-where it is silent, theory states. The noise is commutative because all noises drive one field. Each solver runs through
-its own library's code in float64, with the increment given. [Orders by kind of noise](solvers.md) have a page.
+The laws were measured on dy = B(y)∇H(y)(dt + Σ_j c_j ∘dW_j). No solver is made to preserve energy or Casimirs, so a
+violated law that is not claimed is no fault. Two things are claimed for another library's solver: a step depends on its
+arguments alone (*contract*), and it has the order for commutative noise that the documentation or, where it is silent,
+theory states. The noise is commutative because all noises drive one field. Each solver runs through its own library's
+code in float64, with the increment given. [Orders by kind of noise](solvers.md) have a page.
 
 - Orders over paths are slopes of the rms error against the exact flow over [0, {setup.T:g}] with {steps} steps; sepv's
   own scheme begins with {setup.steps[0] // 2}. Solvers of one state at a time get {FIRST_LOOK} paths, which leaves more

@@ -16,7 +16,7 @@ from typing import Any
 import click
 from sepv.reference.peers.peer import installed, load, names
 
-from benchmarks.peers.compliance import _listed
+from benchmarks.peers.compliance import KEPT, UNNAMED, _listed, kept
 from benchmarks.peers.compliance_measurements import law_cells, release
 from benchmarks.peers.deviations import Deviation, deviations_shown_by
 from benchmarks.peers.kept_measurements import measured
@@ -30,9 +30,6 @@ from sepv.verification._report import MARKS
 
 COMMAND = "python -m benchmarks.peers.integrators"
 ROUNDING = "integrator-rounding.md"
-# Every scheme claims this law. It has no column where it holds for every integrator.
-FIRST = "contract"
-LEGEND = "holds · – violated · ? open · n/a not applicable · error · + claimed · † see below"
 ASKED = ("contract", "symplecticity", "volume", "symmetry", "reversibility", "deterministic-order", "energy")
 
 
@@ -64,22 +61,20 @@ def document(
 ) -> str:
     """The page, in Markdown."""
     marked = {d.solver for d in (*differing, *rounded)}
-    all_keep = all(Verdict(row.found[FIRST]["verdict"]) is Verdict.HOLDS for row in found)
-    asked = [law for law in ASKED if law != FIRST or not all_keep]
-    groups: dict[tuple[str, ...], list[Row]] = {}
+    groups: dict[tuple[str, str], list[Row]] = {}
     for row in found:
-        own = [row.found[law] for law in asked]
-        marks = [MARKS[Verdict(f["verdict"])] + (" +" if f["claimed"] else "") for f in own]
-        groups.setdefault(tuple(marks), []).append(row)
-    lines = [(_listed([_name(row, marked) for row in group]), *marks) for marks, group in groups.items()]
-    heads = ("integrators (claimed order)", *asked)
+        marks = {
+            law: MARKS[Verdict(f["verdict"])] + " +" * bool(f["claimed"]) for law, f in row.found.items()
+        }
+        groups.setdefault(kept(marks), []).append(row)
+    lines = [(_listed([_name(row, marked) for row in group]), *texts) for texts, group in groups.items()]
     versions = dict.fromkeys(f"{row.library} {row.release}" for row in found)
     parts = [
         "# What integrators of samplers and simulators keep",
         f"Made by `{command}` with sepv {__version__} and {', '.join(versions)}; not edited by hand.",
         INTRODUCTION,
-        markdown(heads, lines),
-        LEGEND + f". All integrators claim and keep *{FIRST}*." * all_keep,
+        markdown(("integrators (claimed order)", *KEPT), lines),
+        f"Measured: {', '.join(ASKED)}. {UNNAMED}",
         "\n".join(_marks(differing, rounded)),
         "\n".join(_reasons(found, marked)),
         "## What is claimed",
@@ -132,8 +127,9 @@ def _reasons(found: Sequence[Row], marked: Collection[str]) -> Iterator[str]:
 
 INTRODUCTION = """\
 Each integrator runs through its own library's code, in float64, on random systems H = ½pᵀM⁻¹p + V(q) with up to three
-degrees of freedom. Only the options in its name are set. A violated law that is not claimed is no fault. Libraries of
-particles have one mass for each, so they get no full matrix M.
+degrees of freedom. Only the options in its name are set. Libraries of particles have one mass for each, so they get no
+full matrix M. All claim *contract*. The documentation or the method's name claims the rest: *symplecticity* and
+*volume*, *symmetry* and *reversibility*, *deterministic-order*. A violated law that is not claimed is no fault.
 
 Step sizes lie inside a proved contraction radius. In such short steps the error of an explicit method of order 8 is
 rounding, and laws hold that it violates in longer steps. REBOUND's integrators of planetary systems, WHFAST to EOS, run

@@ -52,7 +52,7 @@ def _library(records: Sequence[Record]) -> Iterator[str]:
             f"{', '.join(slow)}: *right-limit* extrapolates means by the order that is claimed. The error itself falls "
             "with h, by a lower order: the limit is not shown to be another one."
         )
-    yield _measured_with(last)
+
     if found:
         yield "**What changed**"
         yield markdown(
@@ -85,22 +85,6 @@ def _falls_slowly(entry: dict[str, Any]) -> bool:
     limit, order = (entry["laws"].get(law) for law in ("right-limit", "mean-square-order"))
     both = limit and order and limit["verdict"] == order["verdict"] == Verdict.VIOLATED.value
     return bool(both and order["defect"] is not None and order["defect"] > LEAST_SLOPE)
-
-
-def _measured_with(records: Sequence[Record]) -> str:
-    """Name what computes: first what all records share, then what each version has besides."""
-    each = {record.version: _companions(record) for record in records}
-    shared = [name for name in next(iter(each.values())) if all(name in names for names in each.values())]
-    besides = {version: [n for n in names if n not in shared] for version, names in each.items()}
-    others = [f"{version} with {', '.join(names)}" for version, names in besides.items() if names]
-    return f"Measured with {'; '.join(filter(None, [', '.join(shared), *others]))}."
-
-
-def _companions(record: Record) -> list[str]:
-    """List Python, the packages that compute, and the date of a record."""
-    packages, python = record.data["environment"]["packages"], record.data["environment"]["python"]
-    named = [f"{n} {packages[n]}" for n in ("jax", "torch", "numpy", "scipy") if n in packages]
-    return [f"Python {python}", *named, record.data["date"]]
 
 
 def _few(besides: Sequence[str]) -> str:
