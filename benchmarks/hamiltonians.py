@@ -76,8 +76,7 @@ higher order (J. Clark and R. Cameron 1980). Liu and Wang prove order 1 of an in
 and the introduction of their paper were read: nothing here is a verdict about it.
 
 The statements of the other papers hold where they were measured. E[H] is right up to h³ a step for the midpoint rules,
-and up to h² for *isospectral-midpoint*. Laws about H measure *darboux-lie* on `lotka-volterra`, whose exact flow
-keeps H.
+and up to h² for *isospectral-midpoint*.
 """
 ADDITIVE = """## Additive noise
 

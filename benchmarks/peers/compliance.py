@@ -192,12 +192,11 @@ arguments alone (*contract*), and it has the order for commutative noise that th
 theory states. The noise is commutative because all noises drive one field. Each solver runs through its own library's
 code in float64, with the increment given. [Orders by kind of noise](solvers.md) have a page.
 
-- Orders over paths are slopes of the rms error against the exact flow over [0, {setup.T:g}] with {steps} steps; sepv's
-  own scheme begins with {setup.steps[0] // 2}. Solvers of one state at a time get {FIRST_LOOK} paths, which leaves more
-  verdicts open. Verdicts use confidence intervals; the nominal false-alarm rate of a run is {FALSE_ALARM:g}. The files
-  `results/LIBRARY/VERSION.json` have the measured orders.
+- Paths run over [0, {setup.T:g}] with {steps} steps; sepv's own scheme begins with {setup.steps[0] // 2}. Solvers of
+  one state at a time get {FIRST_LOOK} paths, which leaves more verdicts open. The nominal false-alarm rate of a run is
+  {FALSE_ALARM:g}. The files `results/LIBRARY/VERSION.json` have the measured orders.
 - A solver that carries a state from step to step is measured over whole paths, and in one step with a fresh state.
-- A space-time Lévy area is a normal variable, from a stream whose key is the increment. Other Lévy areas are zero,
+- A space-time Lévy area is a normal variable from a stream whose key is the increment. Other Lévy areas are zero,
   because the brackets of the noise fields vanish here."""
 
 

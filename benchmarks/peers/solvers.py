@@ -147,9 +147,11 @@ def table(library: str, own: Sequence[Line]) -> str:
     groups: dict[tuple[str, ...], list[str]] = {}
     for name, row in rows.items():
         groups.setdefault(tuple(row.get(key, "") for key in ("limit", *KINDS)), []).append(name)
-    return markdown(
-        ("solvers", "limit", *KINDS), [("; ".join(names), *cells) for cells, names in groups.items()]
+    lines = markdown(
+        ("solvers", *KINDS), [("; ".join(names), *cells) for (_, *cells), names in groups.items()]
     )
+    itos = [name for name, row in rows.items() if row["limit"] == "Itô"]
+    return f"{lines}\n\nThese solve Itô's equation: {'; '.join(itos)}." if itos else lines
 
 
 def _sources(library: str, own: Sequence[Line]) -> str:
@@ -197,8 +199,8 @@ given increments. Noise is *commutative* if the brackets of its fields vanish, *
 
 A cell has the measured *strong order; weak order*, and in brackets the documented order where it differs by more than
 0.1. A weak order of 1.00 is left out where the documentation states no other. † marks less than documented. A cell is
-empty if the solver does not support the kind of noise. *Limit* is the documented solution; the mean of a short step
-tests it. Solvers of Itô equations got Itô's form of the same equation.
+empty if the solver does not support the kind of noise. The mean of a short step tests the limit, which is the
+documented solution. Solvers of Itô equations got Itô's form of the same equation.
 
 - **Orders** follow from errors of one step by quadrature, as in the laws *local-mean*, *local-mean-square* and
   *local-weak*. The reference resolves strong orders up to 1, or up to 1.5 for a solver that uses space-time areas of

@@ -44,15 +44,14 @@ def _library(records: Sequence[Record]) -> Iterator[str]:
             ["solver", *(r.version for r in last)],
             [("; ".join(names), *cells) for cells, names in alike.items()],
         )
+        slow = [name for name, entry in last[-1].solvers.items() if _falls_slowly(entry)]
+        if slow:
+            yield (
+                f"{', '.join(slow)}: *right-limit* extrapolates means by the order that is claimed. The error itself "
+                "falls with h, by a lower order: the limit is not shown to be another one."
+            )
     else:
         yield f"No verdict differs between {', '.join(r.version for r in last)} ([verdicts](compliance.md))."
-    slow = [name for name, entry in last[-1].solvers.items() if _falls_slowly(entry)]
-    if slow:
-        yield (
-            f"{', '.join(slow)}: *right-limit* extrapolates means by the order that is claimed. The error itself falls "
-            "with h, by a lower order: the limit is not shown to be another one."
-        )
-
     if found:
         yield "**What changed**"
         yield markdown(

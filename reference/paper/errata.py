@@ -226,8 +226,8 @@ ENTRIES = (
         "bounds",
         right="a step is left out: change H and B outside a neighbourhood of the convex set, where it is compact, so "
         "that they are bounded with their derivatives. The change affects neither (2.1) nor the exact solution, and "
-        "Theorem 3.3 applies. The conclusion stands. In §4 the step is needed for none of oscillator and rigid body, "
-        "where (3.4) is (2.1), and pendulum, whose f has bounded derivatives on ℝ² (Remark 3.4)",
+        "Theorem 3.3 applies. The conclusion stands. §4 does not need the step: on the oscillator and the rigid body "
+        "(3.4) is (2.1), and the pendulum's f has bounded derivatives on ℝ² (Remark 3.4)",
         evidence=_comparison,
     ),
     Erratum(

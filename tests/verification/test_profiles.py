@@ -204,5 +204,5 @@ def test_the_page_lists_every_profile_with_its_laws() -> None:
 def test_a_law_more_is_a_new_version() -> None:
     rows = re.findall(r"^\| (\d+) \| sepv .*$", DOC, re.MULTILINE)
     assert rows == [str(n + 1) for n in range(SUITE)]
-    last = re.findall(rf"^\| {SUITE} \| sepv .*$", DOC, re.MULTILINE)[0]
-    assert re.findall(r"\*([a-z-]+)\*", last) == [law.name for law in LAWS]
+    last = re.findall(rf"^\| {SUITE} \| sepv \S+ \| (\d+) \|$", DOC, re.MULTILINE)
+    assert last == [str(len(LAWS))]
