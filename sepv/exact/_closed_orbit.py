@@ -29,8 +29,6 @@ def closed_orbit(problem: Problem, y0: Array) -> Orbit | None:
 
     It closes where it crosses the plane through y0 that is normal to f, in the direction of f and close to y0.
     """
-    from scipy.optimize import brentq
-
     f = vector_field(problem, y0)
     speed, size = float(np.linalg.norm(f)), float(np.linalg.norm(y0))
     if not speed or not size:
@@ -46,12 +44,21 @@ def closed_orbit(problem: Problem, y0: Array) -> Orbit | None:
         back = np.flatnonzero((ahead[1:-1] < 0) & (ahead[2:] >= 0) & near[2:])
         if back.size:
             first = back[0] + 1
-            begun, state = float(times[first]), y0 + moved[:, first]
-            period = begun + brentq(
-                lambda t, start=state: float(f @ (exact_flow(problem, t, start).y.reshape(-1) - y0)),
-                0.0,
-                times[first + 1] - begun,
-            )
+            period = float(times[first]) + _return(problem, y0 + moved[:, first], y0, f, float(times[1]))
             return Orbit(period, exact_flow(problem, period * np.arange(PHASES) / PHASES, y0).y)
         reach *= 2
     return None
+
+
+def _return(problem: Problem, start: Array, y0: Array, f: Array, longest: float) -> float:
+    """The time in [0, longest] at which the flow from `start` crosses the plane through y0 with the normal f.
+
+    By Newton's method: near y0 the distance f·(y − y0) rises at the rate f·f(y) > 0. It ends at rounding or at a time
+    that comes again, within the few steps of a smooth function on a short interval.
+    """
+    time, seen = 0.0, set()
+    while time not in seen:
+        seen.add(time)
+        y = exact_flow(problem, time, start).y.reshape(-1)
+        time = min(max(time - float(f @ (y - y0) / (f @ vector_field(problem, y))), 0.0), longest)
+    return time
