@@ -235,7 +235,7 @@ def linear_solve(A: Array, b: Array) -> Array:
             return np.array([[v / determinant if determinant else math.nan] for v in numerators])
         numerators, determinant = cramer(A, b)
         return np.asarray(np.stack(numerators) / determinant)
-    matrices, sides = np.moveaxis(A, -1, 0), b.T[..., None]
+    matrices, sides = A.transpose(2, 0, 1), b.T[..., None]
     try:
         return np.asarray(np.linalg.solve(matrices, sides)[..., 0].T, dtype=np.float64)
     except np.linalg.LinAlgError:

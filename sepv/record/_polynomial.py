@@ -204,24 +204,27 @@ class _Sums:
     def __call__(self, y: NDArray[Any]) -> NDArray[Any]:
         """The values of all rows at states y (d, M), of shape (rows, M)."""
         values = self._values(y)
-        return values if self.rows is None else values[self.rows]
+        return values if self.rows is None else values.take(self.rows, axis=0)
 
     def _values(self, y: NDArray[Any]) -> NDArray[Any]:
         """The values (sums, M) of the distinct sums."""
         terms, sums = self.places.shape
         if terms == 1:
             return np.zeros((sums, y.shape[1]), dtype=np.result_type(y, np.float64))
-        powers = np.empty((self.top + 1, *y.shape), dtype=y.dtype)
-        powers[0], powers[1:] = 1, y
-        for k in range(1, self.top):
-            np.multiply(powers[k], y, out=powers[k + 1])
+        d = len(y)
+        powers = np.empty(((self.top + 1) * d, y.shape[1]), dtype=y.dtype)
+        powers[:d], powers[d : 2 * d] = 1, y[: self.top * d]
+        for k in range(2 * d, len(powers), d):
+            np.multiply(powers[k - d : k], y, out=powers[k : k + d])
         rule = self._at_once if terms * sums * y.shape[1] <= FEW else self._in_layers
-        return rule(powers.reshape((self.top + 1) * len(y), y.shape[1]))  # M may be 0
+        return rule(powers)
 
     def _at_once(self, powers: NDArray[Any]) -> NDArray[Any]:
         one = len(self.factors) == 1
-        monomials = powers[self.factors[0]] if one else np.multiply.reduce(powers[self.factors])
-        terms = self.coefficients * monomials[self.places]
+        # `take` is twice as fast as an index for few states.
+        monomials = powers.take(self.factors[0] if one else self.factors, axis=0)
+        monomials = monomials if one else np.multiply.reduce(monomials)
+        terms = self.coefficients * monomials.take(self.places, axis=0)
         # np.add.reduce would sum a single column in pairs.
         values: NDArray[Any] = np.add.accumulate(terms)[-1] if terms.shape[2] == 1 else np.add.reduce(terms)
         return values
