@@ -1,10 +1,11 @@
 """The laws, one theorem a file: each file has a `law`, and a test that any runner can call with a scheme.
 
-Files with an underscore hold the measurements that laws share. `_orders` measures orders of convergence, of one step by
-quadrature and of sampled paths. `_sequential` samples paths until the verdict is clear. `_without_solution` proves that
-a step has no solution. `_growth`, `_decay`, `_trace_formula`, `_poisson_map`, `_reversal`, `_way_back` and
-`_states_of_a_path` have one theorem each, used by two or three laws. `_structures` tests conditions on B.
-`_without_memory` has those checks of the law *contract* that need several calls of a step.
+Files with an underscore hold the measurements that laws share. `_orders` measures orders of convergence, of one step
+by quadrature and of sampled paths. `_exact_step` solves a step in extended precision. `_sequential` samples paths
+until the verdict is clear. `_without_solution` proves that a step has no solution. `_growth`, `_decay`,
+`_trace_formula`, `_poisson_map`, `_reversal`, `_way_back` and `_states_of_a_path` have one theorem each, used by two
+or three laws. `_structures` tests conditions on B. `_without_memory` has those checks of the law *contract* that need
+several calls of a step.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from sepv.properties._orders.integrable import users_orbits
     from sepv.properties._orders.local_errors import local_errors
     from sepv.properties._orders.long_times import EnergyPath, Stopped, allowed_rounding, trend
+    from sepv.properties._orders.several_fields import heun
 
 __getattr__, __dir__ = lazily(
     __name__,
@@ -36,5 +38,6 @@ __getattr__, __dir__ = lazily(
         "_orders.integrable": "users_orbits",
         "_orders.local_errors": "local_errors",
         "_orders.long_times": "EnergyPath Stopped allowed_rounding trend",
+        "_orders.several_fields": "heun",
     },
 )

@@ -18,12 +18,12 @@ from sepv.properties import StrongErrors
 from sepv.properties import gaussian_rule_for as rule_for
 from sepv.properties import mean_square_slope as slope
 from sepv.properties._orders.local_errors import local_states, one_step, rule_degree
+from sepv.properties._orders.several_fields import refined
 
 from benchmarks.peers.compliance_measurements import _text_of, release
 from benchmarks.peers.kept_measurements import Cell
 from benchmarks.peers.solver import KINDS, Solver, problem_of
 from sepv._version import __version__
-from sepv.exact import rough_reference as refined
 from sepv.problem import Array, Problem, matvec, noise_field
 from sepv.problem._hamiltonians import noise_slope
 from sepv.schemes import Scheme

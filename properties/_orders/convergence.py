@@ -19,10 +19,9 @@ from typing import Any
 
 import numpy as np
 from sepv.properties._failed_step import failed_step
+from sepv.properties._orders.several_fields import ends as exact_ends
+from sepv.properties._orders.several_fields import finer, refined
 
-from sepv.exact import exact_ends
-from sepv.exact import finer_increments as finer
-from sepv.exact import rough_reference as refined
 from sepv.problem import Array, HamiltoniansProblem, Problem
 from sepv.record import EPS
 from sepv.schemes import Scheme

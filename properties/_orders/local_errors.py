@@ -23,11 +23,11 @@ import numpy as np
 from sepv.properties._failed_step import first_failed
 from sepv.properties._orders.gaussian import Rule, point_rule, rule_for
 from sepv.properties._orders.local_moments import FULL_DEGREE, SPLIT, exponents, moments_at, moments_of
+from sepv.properties._orders.log_ode import field, log_flow, runge_kutta
 
 from sepv import problems
 from sepv.errors import Skipped
-from sepv.exact import FlowFailure, exact_flow, log_flow, runge_kutta
-from sepv.exact import log_flow_field as field
+from sepv.exact import FlowFailure, exact_flow
 from sepv.problem import (
     Array,
     HamiltoniansProblem,
@@ -97,7 +97,7 @@ class LocalErrors:
     mean, rms and weak (L,) are |E[y1 − φ]|, (E|y1 − φ|²)^½ and |E g(y1) − E g(φ)|, the largest over states and test
     functions, with lengths in the problem's own unit (`sepv.verification._units`); `rms` is NaN where only moments of
     the exact solution are known. For several Hamiltonians that do not commute it is the distance from the log-ODE of
-    step two (`sepv.exact._log_flow`), which is O(h^{3/2}) from the solution.
+    step two (`sepv.properties._orders.log_ode`), which is O(h^{3/2}) from the solution.
     """
 
     problem: str

@@ -18,10 +18,10 @@ from collections.abc import Callable
 from itertools import combinations_with_replacement, product
 
 import numpy as np
+from sepv.properties._orders.log_ode import runge_kutta
 from sepv.reference.generator import is_linear, moments
 
 from sepv.errors import Skipped
-from sepv.exact import runge_kutta
 from sepv.problem import Array, HamiltoniansProblem, PolynomialSystem, Problem, noise_field, vector_field
 from sepv.record import EPS
 from sepv.schemes import DORMAND_PRINCE_8

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from sepv.properties import local_errors
+from sepv.properties import heun, local_errors
 
 from sepv import problems, schemes
-from sepv.exact import heun
 from sepv.problem import Array
 from sepv.record import EPS
 from sepv.schemes import weakly

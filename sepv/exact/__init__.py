@@ -1,8 +1,7 @@
-"""The exact flow at the random time h + Σ c_jΔW_j (Proposition 2.1), and references where there is none.
+"""The exact flow at the random time h + Σ c_jΔW_j (Proposition 2.1).
 
 Read `_flow` first; it takes a closed form (`_closed_forms`) where the problem has one, else a dense solution
-(`_dense_flow`). `_several_structures` and `_log_flow` are for the wider classes, `_truncation_error` has the error
-of Remark 2.1's clip.
+(`_dense_flow`). `_truncation_error` has the error of Remark 2.1's clip.
 """
 
 from __future__ import annotations
@@ -12,11 +11,4 @@ from sepv.exact._closed_orbit import PHASES, Orbit, closed_orbit
 from sepv.exact._dense_flow import FlowFailure
 from sepv.exact._flow import ExactFlow as ExactFlow
 from sepv.exact._flow import exact_flow as exact_flow
-from sepv.exact._log_flow import field as log_flow_field
-from sepv.exact._log_flow import log_flow as log_flow
-from sepv.exact._log_flow import runge_kutta
-from sepv.exact._several_structures import ends as exact_ends
-from sepv.exact._several_structures import finer as finer_increments
-from sepv.exact._several_structures import heun
-from sepv.exact._several_structures import refined as rough_reference
 from sepv.exact._truncation_error import clipping_error as clipping_error

@@ -13,13 +13,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sepv.properties._orders.local_errors import local_errors
 from sepv.properties._orders.local_moments import exponents
+from sepv.properties._orders.log_ode import log_flow
+from sepv.properties._orders.several_fields import ends, refined
 from sepv.reference.generator import moments
 
 import sepv
 from sepv import problems, schemes
 from sepv.errors import UsageError
-from sepv.exact import log_flow
-from sepv.exact._several_structures import ends, refined
 from sepv.problem import (
     Array,
     HamiltoniansProblem,
@@ -166,7 +166,7 @@ def test_the_reference_agrees_with_another_one_to_what_it_says() -> None:
     # The increments are the same path's; its areas over 256 steps are drawn again, so that of this one only a coarse
     # reference is made.
     assert np.allclose(fine.coarse(256).dW, rough.dW, atol=1e-15)
-    from sepv.exact._log_flow import path
+    from sepv.properties._orders.log_ode import path
 
     half = path(problem, y0, 0.5 / 64, rough.coarse(64).dW, rough.coarse(64).areas)
     distance = float(np.sqrt(np.mean(np.sum((half - y) ** 2, axis=0))))

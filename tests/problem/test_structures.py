@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sepv.properties._orders.several_fields import finer
 from sepv.reference.equations_by_class import equation_for
 from sepv.reference.steps import reference_step
 
 import sepv
 from sepv import problems, schemes
 from sepv.errors import ProblemError, StepFailure
-from sepv.exact._several_structures import finer
 from sepv.problem import (
     CommutingStructure,
     PolynomialSystem,

@@ -9,13 +9,13 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
 from scipy.special import gamma, ndtr
+from sepv.properties._orders.several_fields import heun
 from sepv.reference.paper import deterministic, extensions, lemma, local, remarks
 from sepv.reference.paper.several_with_areas import step_with_areas
 
 from sepv import problems
 from sepv.exact import exact_flow
 from sepv.exact._dense_flow import FlowFailure
-from sepv.exact._several_structures import heun
 from sepv.problem import Problem, vector_field
 from sepv.problem._fields import derivative_along
 from sepv.problems._common import structure

@@ -7,7 +7,7 @@ scheme's. That error is estimated from the same path with half as many steps. It
 finest step and adds at most 3 % to its rms, 0.01 to a slope over step sizes that differ by 16.
 
 **Several Hamiltonians.** Where all fields commute y(T) is the flow of T f_0 + Σ c_j W_j(T) f_j at the time 1. Else the
-reference is the log-ODE of step two (`sepv.exact._log_flow`) over a rough path, increments and Lévy areas,
+reference is the log-ODE of step two (`sepv.properties._orders.log_ode`) over a rough path, increments and Lévy areas,
 refined FINER times: of mean-square order 1 whether or not the noises commute, so that against a scheme of
 order 1 its error is smaller by FINER, and far smaller against one of order ½. It is estimated by the
 distance from twice as long steps. The reference is twice the one less the other: this extrapolation hardly changes
@@ -17,9 +17,9 @@ errors of paths, and their mean is O(δ²), for weak order 2.
 from __future__ import annotations
 
 import numpy as np
+from sepv.properties._orders.log_ode import log_flow, path
 
-from sepv.exact._flow import exact_flow
-from sepv.exact._log_flow import log_flow, path
+from sepv.exact import exact_flow
 from sepv.problem import Array, HamiltoniansProblem, Problem, combined_field, commutes, each_noise, is_several
 from sepv.simulate import RoughPath, areas, wiener
 

@@ -1,0 +1,91 @@
+"""Results that no scheme influences, kept between runs in the user's cache: random test cases, reference solutions.
+
+They are a fifth of the time of a run of all laws. A change of sepv's own files, or another version of Python or NumPy,
+makes them anew.
+"""
+
+from __future__ import annotations
+
+import pickle
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from sepv.files import cache_folder, write_atomically
+
+T = TypeVar("T")
+# The most results of one kind: twice as many as a run of all laws has. Those that were used last stay.
+MOST = 2048
+
+
+class Kept:
+    """The results of one kind, by a text that determines them. They are read at the first use."""
+
+    def __init__(self, kind: str) -> None:
+        self.kind, self.added = kind, False
+        self.results: dict[str, Any] | None = None
+
+    def get(self, key: str, make: Callable[[], T]) -> T:
+        """The result for this key; `make` computes it where it is not kept. What `make` raises is not kept."""
+        if self.results is None:
+            self.results = self._read()
+        made = self.results.pop(key) if key in self.results else self._made(make)
+        self.results[key] = made
+        return made
+
+    def _made(self, make: Callable[[], T]) -> T:
+        made = make()
+        self.added = True
+        return made
+
+    def save(self) -> None:
+        """Write the results if some are new; nothing where the folder cannot be written to."""
+        if self.added and self.results is not None:
+            last = dict(list(self.results.items())[-MOST:])
+            with suppress(OSError):
+                write_atomically(str(_path(self.kind)), pickle.dumps((_sources(), last)))
+            self.added = False
+
+    def _read(self) -> dict[str, Any]:
+        # A file that is torn, of other sources or of somebody's own is made again.
+        with suppress(Exception):
+            sources, results = pickle.loads(_path(self.kind).read_bytes())
+            if sources == _sources():
+                return dict(results)
+        return {}
+
+
+@cache
+def kept(kind: str) -> Kept:
+    """The results of this kind in this process."""
+    _KINDS.append(found := Kept(kind))
+    return found
+
+
+_KINDS: list[Kept] = []
+
+
+def save_all() -> None:
+    """Write the results of all kinds that have new ones."""
+    for own in _KINDS:
+        own.save()
+
+
+def _path(kind: str) -> Path:
+    return cache_folder("kept") / f"{kind}.pickle"
+
+
+@cache
+def _sources() -> Any:
+    """The versions and files on which results depend."""
+    reference = find_spec("sepv.reference")
+    assert reference is not None
+    folders = [Path(__file__).parent, *map(Path, reference.submodule_search_locations or ())]
+    files = sorted(path for folder in folders for path in folder.rglob("*.py"))
+    return sys.version, np.__version__, [(str(p), p.stat().st_mtime_ns, p.stat().st_size) for p in files]
