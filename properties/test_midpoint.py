@@ -5,13 +5,13 @@ For s stages (Cohen and Hairer, BIT 51, 2011) it is the s-stage Gauss method: b_
 
 from __future__ import annotations
 
-from sepv.reference.steps import reference_step
+from sepv.properties._exact_step import exact_step
 
 from sepv.problem import Problem, Systems
 from sepv.schemes import Scheme, ask
 from sepv.verification import Case, Cases, Effort, Measurement, require, searched
 from sepv.verification._cases.of_law import only
-from sepv.verification._tolerance import DIGITS, state_error
+from sepv.verification._tolerance import state_error
 
 
 def quadratic(problem: Problem) -> bool:
@@ -25,8 +25,8 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)
     method = "midpoint" if scheme.stages == 1 else f"gauss-{scheme.stages}"
-    exact = reference_step(method, case.problem, case.y, h, case.dW, DIGITS)
-    error, bound = state_error(exact.y1, exact.condition, problem, y, y1, h, dW, scheme)
+    exact, condition = exact_step(method, case.problem, case.y, h, case.dW)
+    error, bound = state_error(exact, condition, problem, y, y1, h, dW, scheme)
     name = "the midpoint rule" if scheme.stages == 1 else f"the {scheme.stages}-stage Gauss method"
     return Measurement(error, bound, f"y1 = {y1.tolist()}, {error:.3g} ulp from {name}")
 

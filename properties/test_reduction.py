@@ -5,15 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from sepv.properties._exact_step import exact_step
 from sepv.properties._structures import is_constant
 from sepv.reference.equations_by_class import equation_for
-from sepv.reference.steps import reference_step
 
 from sepv.problem import GivenProblem, PolynomialSystem, StructuresProblem
 from sepv.schemes import Scheme, Systems, ask
 from sepv.verification import Case, Cases, Effort, Measurement, require, searched
 from sepv.verification._cases.case import with_noise
-from sepv.verification._tolerance import DIGITS, state_error
+from sepv.verification._tolerance import state_error
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
@@ -22,16 +22,16 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     y1 = ask(scheme, problem, y, h, dW)
     if scheme.systems == Systems.SEVERAL and isinstance(case.problem, PolynomialSystem):
         single = replace(case.problem, noise_structures=())
-        exact = reference_step("energy-preserving", single, case.y, h, case.dW, DIGITS)
-        error, bound = state_error(exact.y1, exact.condition, problem, y, y1, h, dW, scheme)
+        exact, condition = exact_step("energy-preserving", single, case.y, h, case.dW)
+        error, bound = state_error(exact, condition, problem, y, y1, h, dW, scheme)
         return Measurement(error, bound, f"y1 = {y1.tolist()}, {error:.3g} ulp from (2.1), all G_j = B")
     method = equation_for(scheme.systems, scheme.stages)
     if problem.c.any() and scheme.stages == 1:
-        exact = reference_step("averaged-vector-field", case.problem, case.y, h, case.dW, DIGITS)
+        exact, condition = exact_step("averaged-vector-field", case.problem, case.y, h, case.dW)
         name = "(2.2)"
     elif problem.c.any():
         # Constant B, s stages: the equations are the general ones, with one matrix at all stages.
-        exact = reference_step(method, case.problem, case.y, h, case.dW, DIGITS)
+        exact, condition = exact_step(method, case.problem, case.y, h, case.dW)
         name = "the method for constant B"
     else:
         quiet = ask(scheme, problem, y, h, np.zeros_like(dW))
@@ -39,9 +39,9 @@ def check(scheme: Scheme, case: Case) -> Measurement:
             return Measurement(
                 float("inf"), 0.0, f"c = 0, but dW changes y1 from {quiet.tolist()} to {y1.tolist()}"
             )
-        exact = reference_step(method, case.problem, case.y, h, case.dW, DIGITS)
+        exact, condition = exact_step(method, case.problem, case.y, h, case.dW)
         name = "the deterministic method"
-    error, bound = state_error(exact.y1, exact.condition, problem, y, y1, h, dW, scheme)
+    error, bound = state_error(exact, condition, problem, y, y1, h, dW, scheme)
     return Measurement(error, bound, f"y1 = {y1.tolist()}, {error:.3g} ulp from {name}")
 
 

@@ -16,6 +16,7 @@ from statistics import median
 from typing import Any
 
 import numpy as np
+from sepv.properties._exact_step import exact_step
 from sepv.reference.arithmetic import context
 from sepv.reference.equations_by_class import equation_for
 from sepv.reference.steps import reference_step
@@ -39,7 +40,7 @@ from sepv.verification import (
     state_ulp,
 )
 from sepv.verification._cases.commuting import critical_step
-from sepv.verification._tolerance import DIGITS, quadrature_rounding, state_error
+from sepv.verification._tolerance import quadrature_rounding, state_error
 
 # A vector's `rounding` bounds the error of one evaluation of the equation in binary64. As in
 # sepv.verification._tolerance, a factor of 4 covers implementations that order the same operations differently.
@@ -86,14 +87,14 @@ def _against_mpmath(scheme: Scheme, case: Case, near: Array | None = None) -> Me
     method = equation_for(scheme.systems, scheme.stages)
     # Stages cannot be computed from y1: their equation is solved from y.
     try:
-        exact = reference_step(
-            method, case.problem, case.y, h, case.dW, DIGITS, start=start if scheme.stages == 1 else None
+        exact, condition = exact_step(
+            method, case.problem, case.y, h, case.dW, start if scheme.stages == 1 else None
         )
     except StepFailure as failure:
         if failure.status.startswith(UNDEFINED):
             return Measurement(float("inf"), 0.0, f"y1 = {y1.tolist()}, and no refusal: {failure.status}")
         raise
-    error, bound = state_error(exact.y1, exact.condition, problem, y, y1, h, dW, scheme)
+    error, bound = state_error(exact, condition, problem, y, y1, h, dW, scheme)
     equation = method if isinstance(method, str) else method.name
     name = "the solution of (2.1)" if equation == "energy-preserving" else equation
     return Measurement(error, bound, f"y1 = {y1.tolist()}, {error:.3g} ulp from {name}")

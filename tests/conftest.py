@@ -19,6 +19,7 @@ from click.testing import CliRunner, Result
 from hypothesis import HealthCheck, settings
 from reader import Reader
 
+from sepv import _kept
 from sepv.commands._cli import main
 
 # Cases are large by nature: too slow a draw is no finding here.
@@ -53,6 +54,15 @@ QUICK = (
     "tests/verification/test_tolerance.py", "tests/verification/test_search.py", "tests/verification/test_poisson.py",
     "tests/test_arguments.py", "tests/test_imports.py", "tests/docs/test_docstrings.py", "tests/docs/test_names.py",
 )  # fmt: skip
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _no_changed_case_is_kept(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Tests that change how cases are drawn leave none of them to a user's runs."""
+    folder = tmp_path_factory.mktemp("kept")
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(_kept, "_path", lambda kind: folder / f"{kind}.pickle")
+        yield
 
 
 @pytest.hookimpl(optionalhook=True)

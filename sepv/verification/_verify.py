@@ -14,6 +14,7 @@ from typing import Any
 
 from sepv._arguments import is_number, require_whole
 from sepv._journal import Crashed, attempted, interruption_answered
+from sepv._kept import save_all
 from sepv.errors import ClusterFailure, SepvError, Skipped, TargetError, UsageError
 from sepv.schemes import Scheme, Step, load_scheme, require_trusted, words_for
 from sepv.verification import _side_by_side as side_by_side
@@ -141,6 +142,7 @@ def verify(
         if law.name not in by_law:
             unmeasured = law.finding(Verdict.NOT_MEASURED, message=why)
             by_law[law.name] = replace(unmeasured, claimed=law.claimed_by(candidate))
+    save_all()
     findings = asked_afresh(scheme, [by_law[law.name] for law in chosen], problems)
     report = Report(candidate, findings, effort, interrupted, known.claims, target, required=required)
     gaps = known.gaps((law.name for law in chosen), candidate.name, report.problems)

@@ -40,6 +40,7 @@ def main() -> None:
 
 def answer(say: Any) -> None:
     """Load the scheme once, then measure group after group."""
+    from sepv._kept import save_all
     from sepv.verification._law import Run
     from sepv.verification._laws import load_laws
     from sepv.verification._verify import load_candidate, measure
@@ -60,6 +61,7 @@ def answer(say: Any) -> None:
             say("law", law.name, None)
             work = partial(measure, law, scheme, run, task.timeout, task.failures.get(law.name))
             say("law", law.name, attempted(law.name, work, kept=False))
+        save_all()
 
 
 def _read(groups: SimpleQueue[list[str]], end: Callable[[], None]) -> None:

@@ -155,6 +155,7 @@ def maker(system_of: SystemOf, dimensions: Sequence[int] = (), *, shows: bool = 
         end = at_the_end(case, levels)
         return case if end == case else _inside(end)
 
+    make.__name__ = system_of.__name__  # by which cases are kept
     return make
 
 

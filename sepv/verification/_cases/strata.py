@@ -21,6 +21,7 @@ from zlib import crc32
 from hypothesis import assume
 from hypothesis import strategies as st
 
+from sepv._kept import kept
 from sepv.verification._cases.case import Case
 from sepv.verification._cases.covering import Design, Pair, Partial, Row, pairwise, shown_pairs
 
@@ -317,12 +318,18 @@ def _design(space: Space) -> Design:
 
 @cache
 def _content(make: Make, levels: tuple[tuple[str, Stratum], ...], seed: int) -> Case:
-    """The case of these strata and this seed. Its content does not depend on its batch."""
+    """The case of these strata and this seed, kept between runs. Its content does not depend on its batch."""
     alone = _without_batch(levels)
     if alone != levels:
         stratum, random = dict(levels)[BATCH.name], Random(f"{seed} {levels}")
         batch = random.randint(int(stratum.low), int(stratum.high))
         return replace(_content(make, alone, seed), batch=batch)
+    return kept(f"cases-{make.__name__}").get(
+        f"{seed} {levels}", lambda: _drawn_until_made(make, levels, seed)
+    )
+
+
+def _drawn_until_made(make: Make, levels: tuple[tuple[str, Stratum], ...], seed: int) -> Case:
     random = Random(f"{seed} {[(axis, stratum.name) for axis, stratum in levels]}")
     # Sizes in a tail are drawn once: those that show fewer faults would be drawn less often.
     wanted = {axis: ended(stratum, random) for axis, stratum in levels}
