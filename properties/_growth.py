@@ -22,7 +22,7 @@ def exponent(times: Array, errors: Array) -> tuple[float, float]:
     squares = errors**2
     total, paths = squares.sum(axis=1), squares.shape[1]
     x = np.log(times) - np.mean(np.log(times))
-    # Without its only path the jackknife has an empty sample, whose logarithm is not finite.
+    # With one path the jackknife leaves an empty sample, whose logarithm is not finite.
     with np.errstate(divide="ignore", invalid="ignore"):
         value = 0.5 * float(x @ np.log(total / paths)) / float(x @ x)
         half = jackknife_half(0.5 * (x @ np.log((total[:, None] - squares) / (paths - 1))) / (x @ x), LEVEL)

@@ -56,7 +56,7 @@ def tangent(scheme: Scheme, case: Case) -> StepSlope:
     answers = _steps(scheme, problem, poisson.shifted(y, widths), h, dW)
     y1 = answers[:, 0]
     # The residual at the shifted states is below twice that at y, and a part for y near 0: a shift is 3 widths at most,
-    # and inside the contraction radius y1 moves by as much again.
+    # and y1 moves by as much again inside the contraction radius.
     residual = 2 * step_residual(problem, y, y1, h, dW, scheme)
     residual += scheme.eps * operations(problem, scheme.stages) * 2 * poisson.POINTS * float(widths.max())
     error = amplification(scheme, case) * float(residual.max())

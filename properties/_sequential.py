@@ -30,13 +30,13 @@ FALSE_ALARM = 1e-4
 # mean-square-order, weak-order, right-limit, commutation, rounding.
 STATISTICAL_LAWS = 5
 FIRST_LOOK = 512
-# The factor between looks: few looks leave each a larger share of the false alarms.
+# The factor between the numbers of paths of two looks. With few looks each gets a larger share of the false alarms.
 GROWTH = 4
-# A scheme that takes one state at a time gets this fraction of the paths, and at least a first look.
+# A scheme without batches gets this fraction of the paths, and at least a first look.
 SINGLE = 8
-# An early look, at which it may hold but cannot fail: 8,000 steps, which suffice for most right schemes.
+# The early look of such a scheme, which may say "holds" but not "violated": 8,000 steps suffice for most right schemes.
 EARLY = 96
-# The level at which its orders hold. The laws about one step see a lower order by quadrature; sampling shows that steps
+# The level at which its orders hold. Laws about one step detect a lower order by quadrature; sampling shows that steps
 # compose.
 HOLD = 1e-3
 # From this claimed order on the mean square error depends on increments too rare for plain sampling.
@@ -47,7 +47,7 @@ FEW = ((6, (8, 12, 16)), (5, (8, 16, 32)))
 # refuse a step on a large increment, as a fixed-point iteration does where it is no contraction, and shows its order
 # at smaller steps. Leaving such paths out would be a bias.
 REFUSED, HALVED = 1 / 4, 2
-# Multiples of the paths that are tried to tell how many a verdict would take.
+# Multiples of the paths that are tried, to say how many paths would decide.
 _MORE = tuple(4**k for k in range(1, 9))
 
 
@@ -62,7 +62,7 @@ class Setup:
     unit: float = 1.0  # of time, for A_h of Remark 2.1
 
     def build(self) -> Problem:
-        """The problem itself."""
+        """The problem of the setup."""
         return problems.by_name(self.problem) if self.given is None else self.given
 
 
@@ -162,7 +162,7 @@ def hold_level(scheme: Scheme, run: Run) -> float:
 
 
 def budget(scheme: Scheme, effort: Effort) -> int:
-    """The most paths of a law: fewer for a scheme that takes one state at a time."""
+    """The largest number of paths of a law: fewer for a scheme that takes one state at a time."""
     return effort.paths if scheme.batched else min(effort.paths, max(FIRST_LOOK, effort.paths // SINGLE))
 
 
@@ -309,7 +309,7 @@ def _look(
         if any(errors.failures):
             return errors, None
         assessment = assess(problem, errors, alpha, 1.0)
-        # So few paths refute nothing: intervals of heavy tails are too short for that.
+        # An early look refutes nothing: with so few paths intervals of heavy tails are too short.
         early = paths < min(FIRST_LOOK, most)
         if assessment.verdict is Verdict.HOLDS or (assessment.verdict is Verdict.VIOLATED and not early):
             break
@@ -317,7 +317,7 @@ def _look(
 
 
 def _wanted(scheme: Scheme, setup: Setup, assess: Assess, errors: StrongErrors, alpha: float) -> str:
-    """The number of paths that would settle it, if the means are as seen."""
+    """The number of paths that would decide, if the means stay as they are."""
     paths, problem = errors.squared.shape[1], setup.build()
     for factor in _MORE:
         if assess(problem, errors, alpha, factor).verdict is not Verdict.INCONCLUSIVE:

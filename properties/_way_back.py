@@ -31,7 +31,7 @@ def measured(scheme: Scheme, case: Case, back: Callable[[Array], Array]) -> Meas
     residual = step_residual(problem, y, y1, h, dW, scheme)
     residual = residual + step_residual(problem, y1, returned, -h, -dW, scheme)
     if isinstance(problem, (HamiltoniansProblem, DampedProblem)):
-        # The references have no condition for these equations.
+        # The reference solver computes no condition number for these equations.
         bound = np.full(y.size, amplification(scheme, case) * float(residual.max()))
     else:
         method = equation_for(scheme.systems, scheme.stages)

@@ -19,11 +19,11 @@ from sepv.verification import Case
 
 # The least distance of states, as a share of the result: closer ones may have one result by rounding.
 APART = 2.0**-20
-# The share of a step without a solution that is asked in between.
+# The steps in between are short: this share of the step without a solution.
 SHORT_OF_FOLD = 2.0**-10
 # States in each repeated call of a scheme that takes batches: ten thousand steps, in less than twice the time.
 LANES = 10
-# Records built in turn until one has the address of its predecessor; and until an address is new.
+# The most records that are built until one has the address of its predecessor, and until one has a new address.
 ADDRESSES, FRESH = 16, 64
 # A step of more than 30 ms is repeated only as often as fits in this many seconds.
 MOST_SECONDS = 30.0
@@ -68,7 +68,7 @@ def refuses_again(scheme: Scheme, case: Case) -> None:
     def outcome(share: float) -> Array | None:
         try:
             return ask(scheme, problem, y, share * h, share * dW)
-        except SepvError:  # NaN, or a system that it does not take, is no state either
+        except SepvError:  # NaN, or a skipped system, is no state either
             return None
 
     seen = [outcome(share) for share in (SHORT_OF_FOLD, 1.0, SHORT_OF_FOLD, 1.0, SHORT_OF_FOLD)]
@@ -109,7 +109,7 @@ def forgets_problems(scheme: Scheme, problem: Problem, y: Array, h: float, dW: A
     Python mostly gives a freed record's memory to the next one of its size. A memory by `id` then returns the wrong
     problem's result. Where the address differs, other addresses are tried.
     """
-    if np.array_equal(first, y):  # a rest point: half the noise gives the same
+    if np.array_equal(first, y):  # at a rest point half the noise gives the same result
         return
     whole, missed = shown(problem), 0
     elsewhere: list[Problem] = []
@@ -133,7 +133,7 @@ def forgets_problems(scheme: Scheme, problem: Problem, y: Array, h: float, dW: A
 
 
 def _as_others(problem: Problem, factor: float) -> Problem:
-    """The problem with so much of its noises, H and ∇H, behind functions of their own."""
+    """The problem with a multiple of its noises, and with H and ∇H as new functions."""
 
     def times(function: Any) -> Any:
         return function and (lambda y: factor * function(y))
@@ -148,7 +148,7 @@ def _as_others(problem: Problem, factor: float) -> Problem:
 
 
 def again(scheme: Scheme, case: Case, before: Array | None) -> None:
-    """Ask a case once more, after all others."""
+    """Measure a case once more, after all others."""
     if before is not None and not np.array_equal(before, answer := ask(scheme, *case.build())):
         raise SchemeFault(
             expected="one answer for one question, in whichever order questions come",

@@ -35,7 +35,7 @@ from sepv.verification._cases.strata import Stratum
 
 # A scheme's Δ differs by its roundings, a share of 2⁻⁵⁰: the proof holds for every Δ within this share.
 ROOM = Fraction(1, 1024)
-# The classes of which such steps are made.
+# The classes of systems with such steps.
 MADE = (Systems.SINGLE, Systems.NAMBU, Systems.SEVERAL)
 # Exponents of 2 of the share by which a step is beyond a fold: mostly small, so that two half steps have solutions.
 BEYOND = (-6, -6, -6, -5, -4, -3, -1, 0, 3)
@@ -73,7 +73,7 @@ def legendre_sum(stages: int) -> int:
 
 
 def proof(case: Case, stages: int = 1) -> NoSolution | None:
-    """Why the step has no solution; None where this does not say that it has none."""
+    """The proof that the step has no solution; None if this argument does not apply."""
     data = case.problem
     if not isinstance(data, PolynomialSystem) or data.noise_hamiltonians:
         return None
@@ -204,7 +204,7 @@ def _folds(q: list[float], x: float, factor: float, w: float, stages: int) -> li
 
 
 def _in(d: int, k: int, coefficients: dict[int, float]) -> Polynomial:
-    """The polynomial in y_k with these coefficients."""
+    """A polynomial in y_k from its coefficients."""
     return poly.polynomial(d, [(tuple(n * (i == k) for i in range(d)), v) for n, v in coefficients.items()])
 
 
@@ -216,7 +216,7 @@ def _system(
     H: Polynomial,
     entry: Polynomial,
 ) -> PolynomialSystem:
-    """B_kj as it is, other entries of B outside of row k, and noises."""
+    """A random system with the given entry B_kj, other entries of B outside of row k, and noises."""
     k, j, others = places
     if systems is Systems.NAMBU:
         # B(y)v = g v × ∇C with C = y_l: the only entries are ±g at (k, j), l the third place.

@@ -22,7 +22,7 @@ from sepv.verification._cases.families import of_casimirs
 from sepv.verification._cases.of_law import only
 from sepv.verification._cases.random_cases import placed
 
-# Systems beyond dimension three for schemes for (1.1), the same with every seed.
+# Numbers of systems beyond dimension three for schemes for (1.1); they are the same with every seed.
 SYSTEMS = 12
 
 

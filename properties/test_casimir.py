@@ -22,7 +22,7 @@ from sepv.verification._tolerance import casimir_ulp
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """The largest defect of a Casimir of the case, evaluated at the binary64 states in extended precision."""
+    """Measure the largest defect of a Casimir of the case, evaluated at the binary64 states in extended precision."""
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)
     exact = exact_problem(case.problem, 40)

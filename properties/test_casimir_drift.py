@@ -26,7 +26,7 @@ def with_casimirs(case: Case) -> Case | None:
 
 
 def quantity(problem: Problem, A: Array, y: Array, h: float) -> Quantity:
-    """C with its rate. States inside the step may be farther out than both ends: by a push of each noise."""
+    """A Casimir C with its rate. States inside the step may be farther out than its ends by the push of each noise."""
     form, rate = "bᵀy", 0.0
     if A.ndim == 2:
         vectors = noise_vectors(problem)
@@ -48,7 +48,7 @@ def _size(A: Array, y: Array) -> Array:
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """The worst Casimir; the bound is that of `sepv.properties._trace_formula` with |∇C| ≤ |A|(|y0| + |y1|)."""
+    """Measure the worst Casimir; the bound is that of `sepv.properties._trace_formula` with |∇C| ≤ |A|(|y0| + |y1|)."""
     problem, y, h, _ = case.build()
     casimirs = (*problem.casimirs, *problem.linear_casimirs)
     measurements = (measured(scheme, problem, y, h, quantity(problem, A, y, h)) for A in casimirs)

@@ -21,7 +21,7 @@ from sepv.verification._law import pathwise
 T, STEPS = 0.5, (4, 16, 64)
 # Half the distance to the neighbouring multiples of ½.
 MARGIN = 0.25
-# The order of each problem, and True if no scheme that sees only increments has a higher one.
+# The order of each problem, and True if no scheme that uses only increments has a higher one.
 EXPECTED = {
     "commuting-rotations": (1.0, False),
     "commuting-oscillators": (1.0, False),

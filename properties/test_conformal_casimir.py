@@ -18,7 +18,7 @@ def with_casimirs(case: Case) -> Case | None:
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """The worst C(y1) − e^{−pγh}C(y0), p = 2 and 1; the bound is that of `sepv.properties._decay`."""
+    """Measure the largest C(y1) − e^{−pγh}C(y0), p = 2 and 1; the bound is that of `sepv.properties._decay`."""
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)
     exact = exact_problem(case.problem, 40)

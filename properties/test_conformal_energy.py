@@ -25,7 +25,7 @@ def homogeneous(case: Case) -> Case | None:
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """H(y1) − e^{−pγh}H(y0); the bound is that of `sepv.properties._decay`."""
+    """Measure H(y1) − e^{−pγh}H(y0); the bound is that of `sepv.properties._decay`."""
     problem, y, h, dW = case.build()
     p = degree_of(case)
     if not p:

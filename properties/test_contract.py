@@ -38,13 +38,13 @@ from sepv.verification._cases.case import taken_by, to_json, to_token
 from sepv.verification._cases.users_problems import may_ask
 from sepv.verification._search_log import Check
 
-# States in a batch: more than one, and few, because the law "reproducibility" has larger batches.
+# The number of states in a batch. It is small, because the law "reproducibility" has larger batches.
 BATCH = 3
-# Roundings by which a sum in another order may differ, in single precision more than APART.
+# The roundings by which a sum in another order may differ; in single precision they are more than APART.
 OTHERWISE = 64
-# A state so near that the digits of a key, or single precision, do not tell it; and 256 roundings of the result.
+# The distance of a state that rounded keys and single precision do not tell apart: 256 roundings of the result.
 NEAR, LEAST_APART = 1 + 2.0**-40, 2.0**-44
-# Steps without a solution that are asked twice.
+# The number of steps without a solution that are asked for twice.
 REFUSED = 2
 # Calls for the last case: a fault with a shorter period is met for certain. They take a quarter of a second of (2.1).
 # For a step of 200 µs a state, the sampled laws make a hundred times as many calls.
@@ -65,7 +65,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     problem, y, h, dW = _as_seen(scheme, case)
     first = _keeps(scheme, problem, y, h, dW, (0.75, 0.5))
     keeps_states(scheme, problem, y, h / 8, dW / 8, APART)
-    # Only a third of the cases, for time.
+    # A third of the cases suffices, and saves time.
     if (np.any(problem.c * dW) or not problem.noises) and case.given == "bare functions":
         forgets_problems(scheme, problem, y, h, dW, first)
     if scheme.batched:
@@ -111,7 +111,7 @@ def _keeps(
     _takes_any_layout(scheme, problem, y, h, dW, first)
     if max(scheme.solver_tolerance, scheme.eps) <= LEAST_APART and may_ask(scheme, problem, NEAR * y):
         tells_apart(y, NEAR * y, first, ask(scheme, problem, NEAR * y, h, dW), LEAST_APART)
-    # Zero components move a little in between, which shows a step that starts from its last result.
+    # Zero components move a little in between, to reveal a step that starts from its last result.
     moved = np.where(y == 0, np.max(np.abs(y)) / 64, y)
     for factor in between:
         if may_ask(scheme, problem, factor * moved):
@@ -168,7 +168,7 @@ def _takes_any_layout(scheme: Scheme, problem: Problem, y: Array, h: float, dW: 
 
 
 def _spread(a: Array) -> Array:
-    """A view with the same numbers, which skips every other one of its memory."""
+    """A strided view with the same numbers: it skips every other place of its memory."""
     spread: Array = np.repeat(a, 2, axis=-1)[..., ::2]
     return spread
 
@@ -227,7 +227,7 @@ def _moves(scheme: Scheme, case: Case) -> bool:
 
 
 def _step_seconds(scheme: Scheme, case: Case) -> float | None:
-    """Seconds a state in a step as short as those of paths; for a scheme that takes batches, as one state of MANY.
+    """The seconds that a state takes in a step as short as those of paths; with batches, as one state of MANY.
 
     None where the scheme refuses the step.
     """
@@ -247,7 +247,7 @@ def _step_seconds(scheme: Scheme, case: Case) -> float | None:
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
-    """Search; where nothing is found, ask all of it backwards, steps that are refused, and one step TIMES times.
+    """Search for a fault; without one, repeat all cases backwards, refused steps, and one step TIMES times.
 
     A corpus witness with a problem given by name is repeated too.
     """

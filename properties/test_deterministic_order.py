@@ -79,7 +79,7 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:  # noqa: ARG001 - n
     )  # fmt: skip
 
 
-# A state whose errors show no slope decides only where no other does; a problem is not left out.
+# A state whose errors show no slope decides only if no other state does: no problem is left out.
 _OF_STATES = (Verdict.VIOLATED, Verdict.HOLDS, Verdict.INCONCLUSIVE)
 _OF_PROBLEMS = (Verdict.VIOLATED, Verdict.INCONCLUSIVE, Verdict.HOLDS)
 

@@ -27,7 +27,7 @@ STEPS = 3
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """The largest defect of H over a few steps, evaluated at the binary64 states in extended precision.
+    """Measure the largest defect of H over a few steps, evaluated at the binary64 states in extended precision.
 
     The bound follows from the residual alone and needs no contraction. So there are steps beyond the radius too
     (`sepv.verification._cases.fixed_cases.long_steps`, and their shrunk forms), which a scheme may refuse.

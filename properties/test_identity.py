@@ -51,7 +51,7 @@ law = searched(
     steps=74,
     cases=Cases(
         where={"state": ("anywhere", "∇H = 0")},
-        # Most faults depend on Δ, and show neither at rest nor where h = 0 without noise.
+        # Most faults depend on Δ. They show neither at a rest point nor where h = 0 without noise.
         blind={"state": ("∇H = 0",), "m": ("0",)},
         adapt=unmoved,
         fixed={Systems.SINGLE: lambda: (PENDULUM_AT_REST,)},

@@ -27,17 +27,17 @@ from sepv.verification._cases.from_problem import describe
 from sepv.verification._cases.users_problems import items
 from sepv.verification._law import sparing
 
-# Paths on an orbit: the interval of the growth is over paths. Fewer for a scheme that takes one state at a time.
+# The number of paths on an orbit, over which the growth has an interval. A scheme without batches gets fewer.
 PATHS, SPARED_PATHS = 8, 4
 # The factor on the distance of the means with `--deep`, and the examples there.
 DEEPER, DEEP_EXAMPLES = 8, 1000
-# Steps are halved so often for a scheme that takes short ones alone.
+# The most halvings of the step for a scheme that states a longest step.
 SHORTER = 3
 _RANKS = (Verdict.VIOLATED, Verdict.ERROR, Verdict.INCONCLUSIVE, Verdict.HOLDS)
 
 
 def run(law: Law, scheme: Scheme, own: Run) -> Finding:
-    """The worst of the trend and of the power of h over all orbits, each as a share of what is allowed."""
+    """Judge the trend and the power of h on all orbits; the worst share of what is allowed decides."""
     if scheme.asks or scheme.systems in OF_SEVERAL:
         why = "the scheme is for several fields, which c = () leaves alone"
         return law.finding(Verdict.NOT_APPLICABLE, message=why)
@@ -79,7 +79,7 @@ def _orbits(scheme: Scheme, seed: int) -> Iterator[Any]:
 
 
 def _taken(scheme: Scheme, orbits: Orbits) -> Orbits:
-    """The orbits with steps that the scheme says it takes; raises Skipped where they are too short."""
+    """The orbits with steps that the scheme accepts; raises Skipped if they are too short."""
     y = orbits.of(1)[:, 0]
     for halved in range(SHORTER + 1):
         shorter = replace(orbits, steps=orbits.steps << halved)

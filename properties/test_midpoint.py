@@ -21,7 +21,7 @@ def quadratic(problem: Problem) -> bool:
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """The distance from the midpoint rule solved to 30 digits, or from the s-stage Gauss method."""
+    """Measure the distance from the midpoint rule solved to 30 digits, or from the s-stage Gauss method."""
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)
     method = "midpoint" if scheme.stages == 1 else f"gauss-{scheme.stages}"

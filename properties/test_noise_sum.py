@@ -16,7 +16,7 @@ from sepv.verification import Case, Cases, Effort, Measurement, require, searche
 from sepv.verification._amplification import amplification
 from sepv.verification._cases.case import with_noise
 
-# The triple c_j, G_j or H_j, and ΔW_j.
+# A noise: its c_j, its G_j or H_j, and ΔW_j.
 Noise = tuple[float, tuple[tuple[int, int, Polynomial], ...] | Polynomial, float]
 
 
@@ -70,7 +70,7 @@ def _key(data: PolynomialSystem) -> str:
 
 
 def _ordered(case: Case, data: PolynomialSystem, noises: Sequence[Noise]) -> Case:
-    """The step with these noises, each with its structure or Hamiltonian and its increment."""
+    """The case with its noises replaced by the given ones, each with its structure or Hamiltonian and increment."""
     c, parts, dW = zip(*noises, strict=True)
     changes: dict[str, Any] = {"noise": c, _key(data): parts}
     return replace(case, problem=replace(data, **changes), dW=dW)
@@ -93,7 +93,7 @@ def _given_orders(case: Case, given: GivenProblem) -> dict[str, Case]:
 
 
 def _furthest(scheme: Scheme, case: Case, others: dict[str, Case]) -> Measurement:
-    """The largest distance of the other cases' steps from that of `case`."""
+    """The largest distance of the steps of other cases from the step of `case`."""
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)
     residual = float(step_residual(problem, y, y1, h, dW, scheme).max())

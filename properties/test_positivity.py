@@ -19,7 +19,7 @@ from sepv.verification._cases.of_law import only
 from sepv.verification.strategies import coefficients, noises
 
 NAMES = ("a", "b", "d", "nu", "mu", "noise")
-# Few systems, with all signs, and many steps: recording a system takes as long as a dozen steps. The first system is
+# Few systems, with all signs, and many steps, because recording a system takes as long as a dozen steps. The first is
 # the paper's.
 SYSTEMS = tuple(
     NamedProblem("lotka-volterra", tuple((n, tuple(v)) for n, v in zip(NAMES, values, strict=True)))
@@ -93,7 +93,7 @@ def _rate(field: Array, y: Array) -> float:
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """1 for a state outside the domain or NaN, else 0. A refused step leaves no state, and counts as not measured."""
+    """Measure 1 for a state outside the domain or NaN, else 0. A refused step leaves no state, and is not measured."""
     problem, y, h, dW = case.build()
     if problem.domain is None:
         raise Skipped("the problem has no domain to leave")

@@ -45,7 +45,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     return worst
 
 
-# Parts of h that a split leaves to it.
+# Ways to move a share of h into the noise.
 _SHARES = (
     ("half of h in the noise", 0.5),
     ("nearly all of h in the noise", 2.0**-10),

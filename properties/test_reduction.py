@@ -17,7 +17,7 @@ from sepv.verification._tolerance import state_error
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """The distance from (2.2), or from the deterministic step, at 30 digits."""
+    """Measure the distance from (2.2), or from the deterministic step, at 30 digits."""
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)
     if scheme.systems == Systems.SEVERAL and isinstance(case.problem, PolynomialSystem):

@@ -70,7 +70,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 
 def _judged(scheme: Scheme, case: Case, why: NoSolution, answer: Any, name: str) -> Measurement:
-    """The residual in the component that has no solution, in ulp of y; nothing where the step is refused."""
+    """The residual in the component that has no solution, in ulp of y; 0 if the step is refused."""
     problem, y, h, dW = case.build()
     try:
         y1 = answer()
@@ -124,7 +124,7 @@ def _run(_: Law, scheme: Scheme, this_run: Run) -> Finding:
     inner = _law(scheme.stages)
     if "reference" in scheme.claims:
         finding = inner.run(inner, scheme, this_run)
-        # Steps that the scheme does not take (`longest_step`) are none that it fails to refuse.
+        # A step longer than the scheme's `longest_step` need not be refused.
         if (
             finding.verdict in (Verdict.INCONCLUSIVE, Verdict.NOT_APPLICABLE)
             and scheme.longest_step is not None
@@ -139,7 +139,7 @@ def _run(_: Law, scheme: Scheme, this_run: Run) -> Finding:
 
 
 def _returned(scheme: Scheme, seed: int) -> str:
-    """A sentence: what a scheme makes of steps at which (2.1) has no solution."""
+    """A sentence on the states that a scheme returns for steps at which (2.1) has no solution."""
     seen: Counter[str] = Counter()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the scheme's own warnings are not findings
@@ -157,7 +157,7 @@ def _returned(scheme: Scheme, seed: int) -> str:
 
 
 def _named(problem: Problem, y: Array, h: float, dW: Array, y1: Array) -> str:
-    """y0, the explicit step, or a state."""
+    """The name of a returned state: y0, the explicit step, or another."""
     if np.array_equal(y1, y):
         return "y0"
     explicit = y + problem.random_step(h, dW) * vector_field(problem, y)

@@ -48,7 +48,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 
 def one_at_a_time(scheme: Scheme) -> str:
-    """The reason why the law does not apply, or ""."""
+    """The reason why the law does not apply to a scheme without batches, or ""."""
     return "" if scheme.batched else "the scheme takes one state at a time: there is no batch to depend on"
 
 

@@ -22,7 +22,7 @@ def reversible(case: Case) -> Case | None:
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """|y0′ − y0| for y0′ = ρΦ(ρΦ(y0)).
+    """Measure |y0′ − y0| for y0′ = ρΦ(ρΦ(y0)).
 
     R(ρa, ρb; Δ) = −ρR(a, b; Δ) = ρR(a, b; −Δ): y0′ solves the equation of the step from y1 with −h and −ΔW, up to the
     residual of the second step, and the bound is that of the law "symmetry".

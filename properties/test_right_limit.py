@@ -26,13 +26,13 @@ from sepv.schemes import Scheme
 from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 from sepv.verification._law import pathwise, sparing
 
-# The law must not hold for a limit whose noise or drift is wrong by this much; twice as much where steps are spared.
+# The share of noise or drift that must be found wrong; twice as much for a scheme without batches.
 RESOLUTION, SPARED = 0.01, 0.02
 # Smaller shares are no violation: powers of h that the extrapolation leaves out could cause them.
 LEAST = 0.001
 # The least fall of the rms error: half-way between order ½ and a wrong limit, whose error does not fall.
 FALL = 0.25
-# A quarter of the movement; no problem of the suite has so small a drift.
+# A drift that causes less than a quarter of the movement is judged more coarsely; no problem of the suite has one.
 HIDDEN = 4.0
 
 

@@ -52,7 +52,7 @@ RUNS = (("rigid-body", 0.01, 256), ("pendulum", 0.01, 256), ("rigid-body", 0.125
 NAMBU_RUNS = (RUNS[0], ("lotka-volterra", 2.0**-8, 256), RUNS[2])
 # Runs for several structures.
 SEVERAL_RUNS = (("commuting-rotations", 0.01, 256), ("commuting-oscillators", 0.01, 256))
-# The factor on the steps with `--deep`, and the examples there.
+# With `--deep`: the factor on the steps, and the number of examples.
 DEEPER, DEEP_EXAMPLES = 8, 1000
 # The number of paths where steps are spared, with half the steps, and for each problem the run with the largest ones.
 # Paths times steps fall from 46,080 to 7,168, and the smallest visible drift is 2.1 times as large.
@@ -76,7 +76,7 @@ BEYOND, EXPLODED = 1e150, 1e100
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
-    """The worst of size, drift and growth over the runs, in ulp of H over √n."""
+    """Judge size, drift and growth of the defects of all runs, in ulp of H over √n."""
     judged: list[Judged] = []
     effort = this_run.effort
     lines, broken, skipped, checks = [], [], [], 0

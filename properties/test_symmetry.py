@@ -14,7 +14,7 @@ from sepv.verification import Case, Cases, Effort, Measurement, require, searche
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """|y0′ − y0| after a step with (h, ΔW) and one with (−h, −ΔW)."""
+    """Measure |y0′ − y0| after a step with (h, ΔW) and one with (−h, −ΔW)."""
     problem, _, h, dW = case.build()
     return measured(scheme, case, lambda y1: _back(scheme, problem, y1, h, dW))
 

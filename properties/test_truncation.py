@@ -37,13 +37,13 @@ from sepv.verification._law import about_noise
 from sepv.verification._units import rates_at, units_for
 
 STEPS = tuple(2.0**-n for n in range(1, 21))
-# The step sizes at which each noise is asked, and their range in the unit of time: no two noises have the same ones.
+# The number of step sizes for each noise, and their range in the unit of time. No two noises have the same sizes.
 SIZES, SMALLEST, LARGEST = 11, 2.0**-60, 0.5
 PARTS, REACH = 16, 1 / 8
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
-    """Increments truncated with the scheme's k, for h from 1/2 to 2⁻²⁰."""
+    """Measure increments truncated with the scheme's k, for h from 1/2 to 2⁻²⁰."""
     k, points = scheme.truncation, point_law(scheme.increments)
     if points is not None:
         text = f"{points.name} increments are bounded by {points.bound:.4g} √h: there is nothing to truncate"
@@ -83,7 +83,7 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
 def _ratios(h: float, k: int, seed: int) -> list[tuple[float, str]]:
     """Each quantity divided by its bound, with its description."""
     raw = wiener.increments(seed, T=h, steps=1, noises=1, paths=512)
-    # Draws alone would hardly reach A_h: multiples of them are added.
+    # Random draws hardly reach A_h, so multiples of them are added.
     zeta = bounded.truncate(np.concatenate([raw, 8 * raw]), h, k) / math.sqrt(h)
     bound = bounded.truncation_bound(h, k)
     loss = float(lost_variance(h, k))

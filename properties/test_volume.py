@@ -41,7 +41,7 @@ def volume_kept(case: Case) -> Case | None:
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """|det Φ′ − 1|, det from an LU factorisation with partial pivoting.
+    """Measure |det Φ′ − 1|, with det from an LU factorisation with partial pivoting.
 
     Its error is d u|L||U| (Higham, Theorem 9.3). As |L| ≤ 1, each of its steps at most doubles the largest entry of a
     column: the sums of the columns of |U| are below 2^d times these entries.

@@ -42,7 +42,7 @@ from sepv.verification._units import units_for
 PAIRS, SMALLEST, LARGEST = 36, 2.0**-40, 2.0**-2
 # The ratio of the two step sizes of a pair.
 APART = 4.0
-# Factors on c_j, in turn: noises as the problem has them, and large and small ones.
+# Factors on c_j, in turn: the problem's own noises, and larger and smaller ones.
 LOUDER = (1.0, 16.0, 1 / 16)
 # The range's upper end in the problem's own time, as a share of the coarsest step of a slope: errors are O(x) from the
 # first term of their expansion, and slopes change by O(x).
@@ -50,12 +50,12 @@ FINER = 2.0**-6
 # Errors in the same units of time are equal for every formula of hf and ΔW_jf. The room is for schemes that are not
 # such a formula, but choose between two of different constants.
 ROOM = 2.0
-# Larger errors count as this large, so that their squares are numbers.
+# Larger errors are cut to this size, so that their squares stay finite.
 MOST = 1e100
 
 
 def drawn(rng: np.random.Generator, low: float, high: float, count: int) -> Array:
-    """`count` numbers between low and high, one from each of as many equal parts of [log low, log high]."""
+    """Draw `count` numbers, one from each of as many equal parts of [log low, log high]."""
     share = (np.arange(count) + rng.random(count)) / count
     return np.asarray(low * (high / low) ** share)
 
@@ -105,7 +105,7 @@ class Pair:
 
 
 def lower_order(scheme: Scheme, run: Run) -> tuple[tuple[float, float, str] | None, int]:
-    """A slope that is too low at some h, the slope needed and both in words, or None; and the number of steps made.
+    """Find a slope that is too low at some h: the slope, the one needed and both in words, or None; and the steps made.
 
     In the problem's own unit of time a right scheme's error is Σ K_ab u^a v^b (1 + O(√h)), 2a + b = 2p + 1, with the
     same K_ab whatever that unit is. So a pair accuses where its slope is that of a lower order, and its error exceeds

@@ -215,7 +215,7 @@ def slope(errors: StrongErrors, alpha: float) -> Estimate:
     x = np.log(errors.h)[kept]
     x = x - x.mean()
     weights = x / np.sum(x * x)
-    # Without the one group that has all of an error, only rounding is left.
+    # If one group has all of an error, the others have only rounding.
     least = floors(errors)[kept] ** 2
     return jackknife(
         errors.squared[kept], lambda mean: float(0.5 * (weights @ np.log(np.maximum(mean, least)))), alpha

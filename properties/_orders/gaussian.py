@@ -29,7 +29,7 @@ from sepv.simulate import truncation as bounded
 _FINE = 96
 # The length at which a panel without upper end is cut: the weight has fallen by 1e-35 there.
 _REACH = 12.7
-# Nodes of a tail, which cost no step of the scheme.
+# Nodes of a tail. They cost no step of the scheme.
 TAIL = 8
 # Points in each variable of the product rules for three, four and five noises.
 FEW = {1: 8, 2: 6, 3: 6, 4: 4, 5: 3}

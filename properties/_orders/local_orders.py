@@ -85,7 +85,7 @@ def judge_slope(  # noqa: PLR0911  (one return for each meaning of a slope)
 
 
 def _over(x: Array, y: Array) -> Slope:
-    """The slope by least squares over the last points."""
+    """The least-squares slope of the last points."""
     x, y = x[-POINTS:], y[-POINTS:]
     centred = x - np.mean(x)
     value = float(centred @ y / (centred @ centred))

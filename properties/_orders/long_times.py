@@ -45,7 +45,7 @@ from sepv.verification._law import Verdict
 PERIODS, SHORT = 4, 2
 # Distances of the means, in windows. The last one is longer where more effort is asked.
 APART = (0.1875, 0.375, 0.75, 1.5)
-# The bound of a trend, in L A: see above.
+# The bound of a trend, in units of L A (see the module's docstring).
 LEAKS = 4.0
 # The change of the energy by which theory is for shorter steps, beside the largest kinetic energy, and how often it is
 # halved before anything is said.
@@ -98,7 +98,7 @@ class Judged:
     share: float = 0.0
     text: str = ""
     steps: int = 0
-    # The energy is kept to rounding; and it moves so far that the step is no short one.
+    # Two findings: the energy is kept to rounding; it moves so far that the step is not short.
     kept: bool = False
     gross: bool = False
 

@@ -184,7 +184,7 @@ def rounds_step_sizes(scheme: Scheme, problem: Problem) -> float | None:
     rounded to 24 binary digits, both are the same step for seven of eight h, in every digit. The error of a step is
     then up to 2⁻²⁴ h|f| for h → 0: no order at all. Its slope does not tell it from a solver's tolerance.
     """
-    if scheme.dtype != "float64" or scheme.solver_tolerance > NUDGE:  # they say that they are no more exact
+    if scheme.dtype != "float64" or scheme.solver_tolerance > NUDGE:  # a stated tolerance is no more exact
         return None
     units, asked = units_of(problem), guarded(scheme)
     starts = np.array(list(sample_states(problem, units.length))[:STATES]).T
