@@ -27,9 +27,9 @@ from sepv.errors import UsageError
 from sepv.problem import Array
 from sepv.simulate import _wiener as wiener
 
-# Fine steps in each step of a scheme that asks for areas: the shape of their law then hardly depends on the a_ij.
+# Fine steps in each step of a scheme that asks for areas: enough that their law hardly depends on that of the a_ij.
 MORE = 8
-# The offset of this second stream of seeds, far from seeds given by hand.
+# The offset of the seeds of the areas, far from seeds given by hand.
 _SECOND = 2**40
 
 
@@ -48,7 +48,7 @@ def points(xi: Array) -> tuple[Array, Array]:
 
 
 def bridges(noises: int) -> Array:
-    """The H_i (m, Q) of the nodes of `points`, for two noises at least."""
+    """The space-time areas H_i (m, Q) at the nodes of `points`, for two noises at least."""
     n = noises + noises * (noises - 1) // 2
     return np.sqrt(n / 12) * np.concatenate([np.eye(noises, n), -np.eye(noises, n)], axis=1)
 

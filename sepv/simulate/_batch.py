@@ -16,7 +16,7 @@ from sepv.simulate import _truncation as bounded
 from sepv.simulate._results.reductions import Summary
 from sepv.solve import Status
 
-# Paths computed together: enough to hide NumPy's cost of a call, few enough that increments stay small.
+# Paths computed together: enough to hide NumPy's cost of a call, and few enough for small arrays of increments.
 CHUNK = 1024
 # Axes before the paths, by name of an ensemble's arrays.
 AXES: dict[str, tuple[str, ...]] = {
@@ -98,7 +98,7 @@ class Ensemble:
             )  # fmt: skip
         attrs = {k: v for k, v in self.about.items() if isinstance(v, (str, int, float))}
         if hasattr(self.y, "store_path"):
-            # The arrays stay on disk, and are read where they are indexed.
+            # The arrays stay on disk; indexing reads them.
             kept = xarray.open_zarr(
                 self.y.store_path.store, consolidated=False, mask_and_scale=False, drop_variables=["work"]
             )
@@ -178,7 +178,7 @@ class Batch:
             self.worst[1, alive] = np.maximum(self.worst[1, alive], drift[1:].max(axis=0, initial=0.0))
 
     def result(self, W: Array, states: Array | None = None) -> Ensemble:
-        """The ends so far."""
+        """The present ends of the paths, as an ensemble."""
         gradients, structures, iterations, divisions, continuations = (int(v) for v in self.work)
         ends = Ensemble(
             self.y, W, self.status, self.failed, self.worst[0], self.worst[1], gradients, structures, iterations,
@@ -195,13 +195,13 @@ class Carried:
         self.states: Any = None  # of a scheme without batches a list, one a path
 
     def of(self, lane: int) -> Any:
-        """The state of one path, of a scheme with batches as a batch of one; None at the beginning."""
+        """The state of one path, as a batch of one if the scheme takes batches; None at the beginning."""
         if self.states is None or not self.batched:
             return self.states and self.states[lane]
         return lanes(self.states, [lane])
 
     def keep(self, alive: np.ndarray) -> None:
-        """Drop the paths that the mask leaves out."""
+        """Keep the paths in the mask, and drop the others."""
         if self.states is not None and not alive.all():
             kept = np.flatnonzero(alive)
             self.states = lanes(self.states, kept) if self.batched else [self.states[k] for k in kept]
@@ -262,7 +262,7 @@ def batch_step(
                 code[lane] = Status.NO_CONVERGENCE
             states.append(state)
     if stateful:
-        # A failed path goes no further: at the beginning it has no state, and any other stands in.
+        # A failed path stops. If it has no state yet, the state of another path takes its place.
         there = next((s for s in states if s is not None), None)
         states = [there if s is None else s for s in states]
         carried.states = joined_lanes(states) if scheme.batched and there is not None else states

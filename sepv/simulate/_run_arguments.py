@@ -40,7 +40,7 @@ def checked(
 
 
 def require_drawable(run: Run, h: float, seed: int, paths: range, refine: int | None) -> None:
-    """Raise where increments for the scheme cannot be drawn, or its answer to one step is no state."""
+    """Raise if increments for the scheme cannot be drawn, or if its answer to one step is no state."""
     if run.scheme.asks:
         raise UsageError(
             expected="a scheme that sees increments alone: nothing else is drawn for many or long paths",

@@ -19,7 +19,7 @@ from sepv.problem import Array
 
 # Levels of at most this many increments share the path's first stream.
 TOP = 64
-# Rounds of mixing: numpy's seeding of SFC64 has 12; its author takes 18 for three words.
+# Rounds of mixing. NumPy seeds SFC64 with 12 rounds; its author uses 18 for three words.
 MIXING = 18
 # The low six bits of a word number the streams of a path: more levels than 2**58 steps have.
 STREAMS = 64
@@ -64,12 +64,12 @@ class Grid(NamedTuple):
 
     @property
     def streams(self) -> int:
-        """The number of streams a path needs."""
+        """The number of streams that a path needs."""
         return 1 + self.halvings - self.top
 
 
 def grid(steps: int, refine: int | None = None) -> Grid:
-    """The grid of `steps` steps; a UsageError for more halvings than they allow."""
+    """The grid of `steps` steps; a UsageError if they cannot be halved so often."""
     halvings = (steps & -steps).bit_length() - 1
     if refine is not None:
         if not 0 <= refine <= halvings:

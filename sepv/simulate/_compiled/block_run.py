@@ -46,7 +46,7 @@ class Chunk:
         lanes = 1 if task.count <= FEW else layout.LANES
         self.task, self.problem, self.driver = task, problem, ordinary("driver")
         self.kernel: Kernel = kernel(task.scheme, problem, lanes=lanes, compensated=task.compensated)
-        # The exception of a solve that compiled code called; compiled code passes none on.
+        # The exception of a solve that compiled code called: exceptions do not pass through compiled code.
         self.raised: BaseException | None = None
         module, m, blocks = self.kernel.module, problem.noises, -(-task.count // lanes)
         self.lanes = lanes
@@ -98,7 +98,7 @@ class Chunk:
         integers[layout.STATUS * L :][busy] = found.status
         counts = found.iterations, found.gradient_evaluations, found.structure_evaluations
         for place, count in zip((layout.WORK, layout.EVALUATIONS, layout.STRUCTURES), counts, strict=True):
-            # Work that a kernel does not count is its iterations times the cost of one.
+            # If a kernel counts no work, the work is its iterations times the cost of one.
             integers[4 * L + place] += count.sum() if place == layout.WORK or integers[4 * L + place] else 0
         return 0
 
@@ -134,11 +134,11 @@ class Chunk:
 
     @property
     def done(self) -> int:
-        """The number of steps done."""
+        """The number of steps that are done."""
         return int(self.I[-1, 4 * self.lanes + layout.DONE])
 
     def _settle(self) -> None:
-        """Set the blocks to the initial state, if no step has done so."""
+        """Set the blocks to the initial state, unless a step has done so."""
         if self.done == 0:
             self._run(0)
 

@@ -13,8 +13,8 @@ from sepv.record import Polynomial
 Expression = str | None
 Table = list[list[Expression]]
 
-# Coefficients that are written into the code. Others are parameters: problems that differ only in their coefficients
-# then share one compiled kernel.
+# Coefficients that are written into the code. Others are parameters, so that problems that differ in coefficients only
+# share one compiled kernel.
 _PLAIN = {0.0, 0.5, 1.0, 2.0, 3.0, 4.0, -0.5, -1.0, -2.0, -3.0, -4.0}
 
 

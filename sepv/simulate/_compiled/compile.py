@@ -30,7 +30,7 @@ from sepv.simulate._compiled.schemes import Collocation, Formula, formula_of
 from sepv.simulate._compiled.stages import StagesWriter
 from sepv.simulate._compiled.writer import ExplicitWriter, Writer
 
-# The most paths that run one by one: a block of lanes would be mostly empty. The bits are the same.
+# The most paths that run one by one: they would leave a block of lanes mostly empty. The bits are the same.
 FEW = 8
 # The largest d: the code of a step is written out for every component, and longer code takes too long to compile.
 LARGEST_DIMENSION = 16
@@ -80,7 +80,7 @@ def _loaded(code: RecordedProblem, formula: Formula, lanes: int, compensated: bo
     noises = code.problem.noises
     text, parameters = _written(code, formula, noises, lanes, compensated)
     gradients, structures = code.cost(formula.recorded, formula.names(noises))
-    # Stages cost as much as the method of one stage, plus B at each.
+    # A stage costs as much as the method of one stage, and an evaluation of B.
     read = np.array([*code.problem.c, *parameters], dtype=np.float64)
     return Kernel(load(text), read, gradients, structures * formula.stages)
 
@@ -88,7 +88,7 @@ def _loaded(code: RecordedProblem, formula: Formula, lanes: int, compensated: bo
 def _written(
     problem: RecordedProblem, formula: Formula, noises: int, lanes: int, compensated: bool
 ) -> tuple[str, list[float]]:
-    """A module's source, and the parameters that its kernel reads after the c_j."""
+    """The source of a module, and the parameters that its kernel reads after the c_j."""
     kind: type[Writer] = NewtonWriter if formula.implicit else ExplicitWriter
     if isinstance(formula, Collocation):
         kind = StagesWriter

@@ -34,7 +34,7 @@ _LN2_HIGH, _LN2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 
 
 def _emits(instruction: Callable[[Any, Any], Any]) -> Callable[..., Any]:
-    """Code of a single instruction, made by the builder of the arguments."""
+    """An intrinsic of a single instruction, which the builder emits from the arguments."""
     return lambda context, builder, signature, arguments: instruction(builder, arguments)  # noqa: ARG005 - numba's
 
 

@@ -19,9 +19,9 @@ from sepv.simulate._compiled.signatures import OPTIONS, call_left_over
 
 # Placeholders for names that a generated module defines; the values here are never used.
 _made: Any = None
-# The number of lanes in a block, and of those that go on together.
+# The number of lanes in a block, and in a group of lanes that continue together.
 L = GROUP = 0
-# For `iterated`: lanes in the first loop, whose piece may take two at a time; its iterations; the further ones.
+# For `iterated`: the lanes in the first loop, whose piece may take two at a time; its iterations; further iterations.
 TOGETHER = STEPS = FAST = 0
 # Offsets in the integers of a block.
 BUSY = ALIVE = STATUS = EVALUATIONS = STRUCTURES = LIVING = WORK = 0
@@ -199,7 +199,7 @@ def staged(  # noqa: PLR0912 - in one piece, as the method reads
 
 
 def sums(S: Any, I: Any, buffer: Any, group: int, rule: int, q: Any) -> None:
-    """Compute G_i = Σ W_in ∇H(u_n) of a group, node by node; nothing if a sweep is written out."""
+    """Compute G_i = Σ W_in ∇H(u_n) of a group, node by node. If a sweep is written out, do nothing."""
     prefer_512_bit()
     if STRAIGHT:
         return

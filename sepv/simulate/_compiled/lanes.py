@@ -106,7 +106,7 @@ def normals(rng: Any, s: int, out: Any, first: int, apart: int, count: int, scra
                 raw[k] = _next(rng, s, k)
                 out[i, j, k], done = _first(raw[k])
                 late[k] = not_(done)
-            # Bits tell which lanes need more, one in a hundred: a branch for each lane would cost more than their work.
+            # Bits mark the lanes that need more draws, one in a hundred. A branch for each lane would cost more.
             for block in range(0, lanes, 64):
                 bits = marked(late, block)
                 while bits != 0:

@@ -36,7 +36,7 @@ SWEEPS, MIDDLE_SWEEPS, ROUGH_SWEEPS = 4, 5, 2
 # mean of 1e-4 roundings a step, a tenth of that for each further step.
 FIRST_STEPS = 2
 LARGE = 6
-# Newton steps of groups, before lanes that are not done are left over.
+# Newton steps of a group; lanes that are not done after them are left over.
 FAST = 8
 
 
@@ -135,7 +135,7 @@ class NewtonWriter(Writer):
         return self.problem.increment(code, self.formula.recorded, y, z, self.known)
 
     def kept_inside(self, code: CodeBuilder, y: list[str], z: list[str]) -> list[str]:
-        """z, or NaN if its state is outside the domain: such a lane is never done."""
+        """The increment z, or NaN if its state is outside the domain, so that the lane is never done."""
         if not self.has_domain():
             return z
         code.lines.append(f"inside = {self.inside(code, y, z)}")
@@ -169,7 +169,7 @@ class NewtonWriter(Writer):
         return self.problem.residual(code, formula, y, z, self.known, states), _matrix(code, self.P, states)
 
     def iteration(self) -> list[str]:
-        """A step of all lanes and its test; a lane in any trouble stays busy, and is left over."""
+        """A step of all lanes and its test. A lane that fails the test stays busy, and is left over in the end."""
         n = self.unknowns
         code = CodeBuilder(self.parameters)
         code.lines += self.random_step()

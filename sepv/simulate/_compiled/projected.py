@@ -76,13 +76,13 @@ class ProjectedWriter(Writer):
         return [*code.lines, *end]
 
     def moved(self, code: CodeBuilder, y: list[str], z: list[str], found: list[Expression]) -> list[str]:
-        """z less the correction for the invariants' change, whose size is m."""
+        """The increment z less the correction for the invariants' change, which has the size m."""
         c = [shown(v) for v in self.problem.moved_back(code, y, z, found)]
         code.lines.append(magnitude(c))
         return [code.let(f"{a} - {b}") for a, b in zip(z, c, strict=True)]
 
     def ending(self, code: CodeBuilder, y: list[str], z: list[str], otherwise: str) -> list[str]:
-        """Set BUSY by a test that the lane is done and in the domain; `otherwise` where it was not busy."""
+        """Set BUSY by a test that the lane is done and in the domain, and to `otherwise` if it was not busy."""
         inside = self.problem.domain(code, [code.let(f"{a} + {b}") for a, b in zip(y, z, strict=True)])
         return [
             "later = (m * m <= LEFT * (scale * before)) & (before < INF)",

@@ -248,7 +248,7 @@ class RecordedProblem(Recorded):
 
 
 def printed(code: CodeBuilder, inputs: Sequence[tuple[Any, Sequence[str]]], outputs: Any) -> list[Expression]:
-    """Write the outputs into a text under the names of the inputs' components; the name "0.0" is zero."""
+    """Write the outputs as text under the names of the inputs' components; the name "0.0" is zero."""
     values = {
         x.index: None if name == "0.0" else name
         for vector, names in inputs

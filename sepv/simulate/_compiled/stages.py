@@ -22,7 +22,7 @@ from sepv.simulate._compiled.code_builder import CodeBuilder, shown
 from sepv.simulate._compiled.schemes import Collocation, at
 from sepv.simulate._compiled.writer import Writer
 
-# Sweeps before the first test, which costs half a sweep, and sweeps after it. While one lane of a block goes on, a
+# Sweeps before the first test, which costs half a sweep, and sweeps after it. While one lane of a block continues, a
 # sweep costs as much as for forty lanes, and Newton's iteration for one lane a hundred times as much.
 BLIND, TESTED = 8, 40
 FUSED = 2
@@ -117,7 +117,7 @@ class StagesWriter(Writer):
         return code.lines
 
     def blind(self) -> list[str]:
-        """Code of first sweeps without a test, with averages at the nodes of the stages: that suffices for a start."""
+        """Code of first sweeps without a test. Averages at the nodes of the stages suffice for a start."""
         code = CodeBuilder(self.parameters)
         y, R = self.lane(code)
         for _ in range(FUSED if self.straight else 1):
@@ -178,7 +178,7 @@ class StagesWriter(Writer):
         return code.lines
 
     def ladder(self) -> list[int]:
-        """Nodes of the rules; each is tried where the one before did not suffice."""
+        """The nodes of the rules; each rule is tried if the one before did not suffice."""
         found = [self.nodes]
         while not self.exact and 2 * found[-1] <= MAX_NODES:
             found.append(2 * found[-1])

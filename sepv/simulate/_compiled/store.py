@@ -54,7 +54,7 @@ def linked(text: str) -> Iterator[ModuleType]:
     seen = set[str]()
     while open_:
         module = open_.pop()
-        # The contents of a package depend on what was imported; linked functions are not in it.
+        # A package is left out: its contents depend on what was imported, and no linked function is in it.
         if module.__name__ in seen or not module.__name__.startswith("sepv.") or hasattr(module, "__path__"):
             continue
         seen.add(module.__name__)
@@ -88,12 +88,12 @@ def name_of(text: str) -> str:
     return "sepv_kernel_" + hashlib.sha256(b"\0".join(parts)).hexdigest()[:24]
 
 
-# A module that one thread is executing is in sys.modules already, where another would find only a part of it.
+# A module that one thread is still executing is already in sys.modules, where another thread would find a part of it.
 _LOADING = threading.RLock()
 
 
 def _by_one_thread(function: Callable[[str], ModuleType]) -> Callable[[str], ModuleType]:
-    """The function with its answers kept; a thread that asks while another is answered waits."""
+    """Cache the results of a function; while one thread computes a result, others wait."""
     kept = cache(function)
 
     @wraps(function)

@@ -105,7 +105,7 @@ class Writer(ABC):
         return f"scale = {' + '.join(f'abs({v})' for v in y)}"
 
     def random_step(self) -> list[str]:
-        """The lines of the data of the step."""
+        """The lines that compute Δ and the other data of the step."""
         lines = ["delta = h", "noise = 0.0"]
         lines += ["span = h"] if "span" in self.known else []
         for j in range(self.noises):

@@ -21,12 +21,12 @@ from sepv.workers import Halted, halted
 PathProgress = Callable[[int, int], None] | None
 
 
-# Path-steps between two checks that the chunk is still wanted and Ctrl-C was not pressed: some hundredths of a second.
+# Path-steps between two checks for Ctrl-C and for a chunk that is no longer wanted: some hundredths of a second.
 PIECE = 2**21
 
 
 def chunk_of(task: Task, problem: Problem) -> Any:
-    """The chunk before its first step, in NumPy or with a kernel compiled for it."""
+    """A chunk before its first step, in NumPy or with its compiled kernel."""
     if task.compiled:
         from sepv.simulate._compiled.block_run import Chunk
 
@@ -77,7 +77,7 @@ class Total(ABC):
 
 @dataclass(frozen=True)
 class Reducing:
-    """Compute a chunk and its summaries on the worker; with `keep` return the chunk as well."""
+    """Computes a chunk and its summaries on the worker; with `keep` it returns the chunk too."""
 
     functionals: Functionals
     keep: bool
@@ -118,7 +118,7 @@ class InMemory(Total):
         self.done = np.zeros(task.count, dtype=bool)
 
     def take(self, _number: int, task: Task, chunk: Any) -> None:
-        """Put a chunk's ends into their places; a chunk that is the whole ensemble is kept itself."""
+        """Put the ends of a chunk into their places. A chunk that is the whole ensemble is kept as it is."""
         whole, here = self.ensemble, slice(task.first, task.first + task.count)
         if task.count == self.paths:
             whole = replace(whole, **{key: getattr(chunk, key) for key in AXES})
@@ -226,7 +226,7 @@ class OnDisk(Total):
         return self.reduced.add(number, chunk.status.size, without_paths(chunk), summaries)
 
     def finished(self) -> tuple[np.ndarray, Ensemble]:
-        """The numbers of the paths in the store; the arrays have places for all."""
+        """The numbers of the paths in the store. The arrays have places for all paths."""
         first = [int(n) * self.size for n in np.flatnonzero(self.there)]
         parts = [np.arange(p, min(p + self.size, self.paths)) for p in first]
         return np.concatenate(parts) if parts else np.empty(0, dtype=np.int64), self.result()

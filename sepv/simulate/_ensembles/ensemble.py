@@ -30,11 +30,11 @@ from sepv.workers import count as threads_of
 ENGINES = ("auto", "numpy", "compiled")
 # Chunks for each worker, so that a slow worker does not keep the others waiting.
 SHARES = 4
-# Path-steps of a chunk that travels or is kept: some tenths of a second, large beside a scheduler's millisecond.
+# Path-steps of a chunk that is sent or stored: some tenths of a second, long beside a scheduler's millisecond.
 PATH_STEPS = 2**24
 # The most paths in such a chunk: the engine's arrays for them take some 20 MB.
 LARGEST = 16 * CHUNK
-# The most paths where ends are sent whole and shares are large enough: some 80 MB for each thread.
+# The most paths of a chunk whose ends are sent as a whole: some 80 MB for each thread.
 FARTHEST = 4 * LARGEST
 
 
@@ -300,7 +300,7 @@ def _about(whole: Task, problem: Problem, dW: Any) -> dict[str, Any]:
     known = (whole.scheme, problem, whole.y0.tobytes(), whole.h)
     try:
         fingerprint = (_kept_fingerprint if whole.compiled else _fingerprint)(*known)
-    except TypeError:  # a scheme without a hash is not cached
+    except TypeError:  # a scheme without a hash cannot be cached
         fingerprint = _fingerprint(*known)
     law = point_law(whole.scheme.increments)
     return {

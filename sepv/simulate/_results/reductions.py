@@ -17,7 +17,7 @@ import numpy as np
 from sepv.errors import UsageError
 from sepv.simulate._results.sketch import Sketch, sketch
 
-# The fewest values for which a target standard error counts: that of a few values may be small by chance.
+# The fewest values for which a target standard error counts. With few values it may be small by chance.
 FEWEST = 1024
 
 Functionals = Mapping[str, Callable[[Any], Any]]

@@ -55,7 +55,7 @@ class ZarrStore:
         kind = np.dtype(dtype).kind
         return self.group.create_array(
             name, shape=shape, chunks=chunks, dtype=dtype, fill_value=_FILL[kind], dimension_names=axes,
-            # The digits of states are as good as random: only integers can be compressed.
+            # Only integers can be compressed, because the digits of states look random.
             compressors=None if kind == "f" else "auto",
         )  # fmt: skip
 
@@ -74,7 +74,7 @@ class ZarrStore:
             if line[0] < 0:
                 return None
             contents = {name: array[..., self._place(number)] for name, array in self.arrays.items()}
-        except Exception:  # a torn file fails in many ways, in the decoders and before
+        except Exception:  # an incomplete file can fail anywhere, in the decoders or before
             return None
         counts = line[1:]
         if _checksum(number, contents, counts) != line[0]:
@@ -108,7 +108,7 @@ def _group(zarr: Any, where: Any, about: dict[str, Any]) -> Any:
     if not isinstance(found, dict):
         raise _other(target, "it was not written by sepv")
     differ = [key for key in sorted({*found, *about}) if found.get(key) != about.get(key)]
-    differ.sort(key="fingerprint".__eq__)  # the least informative, so named last
+    differ.sort(key="fingerprint".__eq__)  # the least informative reason comes last
     if differ:
         key = differ[0]
         raise _other(
