@@ -18,15 +18,15 @@ from sepv.verification._cases.ends import beyond, in_other_units
 from sepv.verification._law import Law, Measurement
 
 Parts = dict[int, float]
-# The measurement of another case by the same law; None where it cannot be made.
+# The measurement of another case by the same law, or None if that fails.
 MeasuredAgain = Callable[[Case], Measurement | None]
 # Relative defects below this may come from a solver's tolerance: eight times √eps, the default of many solvers.
 MOST_TOLERANCE = 2.0**-23
 
-# A term is named where it makes this share of all defects of single parts; a product where single parts make less than
-# the second share of it, and where half of a part leaves half of it, to a tenth.
+# A term is named if it makes this share of all defects of single parts; a product if single parts make less than
+# the second share of it, and if half of a part leaves half of it, to a tenth.
 MOST, LEAST, HALF = 0.95, 1e-3, (0.45, 0.55)
-# The most parts of a step of which pairs are asked.
+# The largest number of parts of a step whose pairs are measured.
 PARTS = 5
 
 

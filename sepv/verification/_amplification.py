@@ -12,7 +12,7 @@ from sepv.verification._contraction import CONTRACTION, has_majorants
 
 def amplification(scheme: Scheme, case: Case) -> float:
     """A bound of ‖(I − ∂R/∂y1)⁻¹‖_∞: 1/(1 − κ) inside the contraction radius, computed for the paper's problems."""
-    # Several Hamiltonians that are functions stay inside a measured radius: the references lack their equation.
+    # Several Hamiltonians that are functions use a measured radius, because the references lack their equation.
     if has_majorants(case) or isinstance(case.build()[0], HamiltoniansProblem):
         return 1 / (1 - CONTRACTION)
     method = equation_for(scheme.systems, scheme.stages)

@@ -66,7 +66,7 @@ def contraction_ball(problem: Problem, y: Array) -> tuple[float, float]:
         B, g, dB, H = majorants(problem, reach)
         field = np.max(np.maximum(matvec(B, g), pushes(problem)[:, None]), axis=0)
         slope = np.max(np.sum(matvec(dB, g) + matmul(B, H), axis=1), axis=0)
-        # Where nothing moves every step is short enough; majorants that overflow leave no step at all.
+        # If nothing moves, every step is short enough. If majorants overflow, no step is.
         radii = np.minimum(
             np.where(field > 0, balls / field, np.inf), np.where(slope > 0, CONTRACTION / slope, np.inf)
         )

@@ -26,7 +26,7 @@ class Witness:
     id: str  # LAW/NUMBER
     systems: Systems
     found: str  # the scheme of the simplified counterexample: a saboteur, or one that does not claim the law
-    caught: tuple[str, ...]  # all schemes that this case accuses
+    caught: tuple[str, ...]  # all schemes that violate the law in this case
     case: Case
 
 

@@ -28,7 +28,7 @@ from sepv.verification._verify import TimedOut, deadline
 STEPS, FINER = 40, 3
 # The seconds for all courses of a report. What was stepped until then is shown.
 SECONDS = 10.0
-# A course ends where a state is larger than the first by this factor: what follows would flatten the rest.
+# A course ends when a state is larger than the first by this factor; larger ones would flatten the picture.
 FAR = 100.0
 
 

@@ -74,7 +74,7 @@ def show(laws: Iterable[Law], systems: Systems, out: Console) -> None:
         return Table(heads, rows, "Cases in each stratum", ruled=True)
 
     left = order
-    while left:  # as many laws beside each other as fit
+    while left:  # as many columns of laws as fit
         count = next((n for n in range(len(left), 1, -1) if fits(strata(left[:n]), out)), 1)
         print_table(strata(left[:count]), out)
         left = left[count:]

@@ -183,7 +183,7 @@ def _drawn(key: str, value: Any) -> bool:
 
 
 def to_toml(scheme: str, findings: Iterable[Finding]) -> str:
-    """A first file of expected failures: the claimed laws that are violated; a person adds the reasons.
+    """A first file of expected failures, with the claimed laws that are violated. A person adds the reasons.
 
     Unclaimed violations are not failures, and are not listed: a scheme that gains a law must not fail a build.
     """

@@ -17,7 +17,7 @@ from typing import Any
 from sepv.verification._cases.case import has_words
 from sepv.verification._law import Finding, Verdict
 
-# A process that takes longer says nothing.
+# Seconds after which a process is ended without an answer.
 SECONDS = 60.0
 _ANSWER = (
     "from sepv.verification import _fresh, _verify\n"  # `_verify` imports this file, which does not import it
@@ -26,7 +26,7 @@ _ANSWER = (
 
 
 def asked_afresh(target: Any, findings: Sequence[Finding], problems: Any = None) -> tuple[Finding, ...]:
-    """The findings; a violation whose counterexample does not violate in a fresh process says so."""
+    """The findings, with a note on each violation whose counterexample does not violate in a fresh process."""
     named = isinstance(target, str) and ":" in target and _words(problems)
     again = [f for f in findings if _may_be_replayed(f)] if named else []
     if not again:
@@ -65,7 +65,7 @@ def _words(problems: Any) -> bool:
 
 
 def answer(replay: Callable[..., Finding]) -> None:
-    """In the fresh process: a question on stdin, the verdicts on stdout; what the scheme prints goes to stderr."""
+    """Answer, in the fresh process, a question on stdin with verdicts on stdout; the scheme prints to stderr."""
     out = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
     question = json.load(sys.stdin)

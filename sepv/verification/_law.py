@@ -26,7 +26,7 @@ class Verdict(Enum):
     INCONCLUSIVE = "inconclusive"
     NOT_APPLICABLE = "not_applicable"
     ERROR = "error"
-    # Interrupted before a decision: no statement about the scheme.
+    # The run was interrupted before a decision, which says nothing about the scheme.
     NOT_MEASURED = "not_measured"
 
     @property
@@ -175,7 +175,7 @@ class Effort:
 
 
 def sparing(scheme: Scheme, effort: Effort) -> bool:
-    """True if few steps are taken: for a scheme that takes one state at a time, unless more paths are requested."""
+    """True if few steps are made: for a scheme that takes one state at a time, unless more paths are requested."""
     return not scheme.batched and effort.paths <= Effort.paths
 
 

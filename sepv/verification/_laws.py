@@ -53,9 +53,9 @@ LAWS = (
 SAMPLED = ("mean-square-order", "weak-order", "right-limit", "commutation")
 # Laws that share errors of one step.
 LOCAL = ("local-mean", "local-mean-square", "local-weak")
-# Asked before the others: they take half a second, and most faults show in them.
+# Laws measured first: they take half a second, and show most faults.
 SOON = ("identity", "energy", "casimir")
-# Laws that ask for many steps of one state come last, the most expensive at the end.
+# Laws measured last: they make many steps of one state. The most expensive law is at the end.
 DEAR = 2000
 
 
@@ -75,7 +75,7 @@ def load_laws(names: Iterable[str] | None = None) -> list[Law]:
 
 
 def soonest(laws: Iterable[Law]) -> list[Law]:
-    """The laws in the order in which they are asked, so that a violation is seen soon; families stay together."""
+    """The laws in the order of measurement, which shows a violation soon and keeps families together."""
     asked = list(laws)
     steps = {law.name: law.spared or law.steps for law in asked}
     for family in (SAMPLED, LOCAL):

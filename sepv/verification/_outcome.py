@@ -69,7 +69,7 @@ class Report:
 
     @property
     def problems(self) -> tuple[str, ...]:
-        """The words that named the scheme's problems; empty if it is for every system, or objects were given."""
+        """The words that named the scheme's problems; empty for a whole class, and for problems given as objects."""
         words = tuple(getattr(item, "text", "") for item in self.scheme.problems)
         return words if all(words) else ()
 
@@ -203,7 +203,7 @@ EFFORT = ("seed", "examples", "paths", "designs", "shrink_checks", "corpus")
 def fails(f: Finding, pinned: frozenset[str] | None = None) -> bool:
     """True if a finding makes the exit code 1. Under a pin of these laws every violation must be listed."""
     if f.verdict in (Verdict.ERROR, Verdict.NOT_MEASURED):
-        return False  # these have other exit codes
+        return False  # errors and interrupts have other exit codes
     if f.expected is not None:
         return f.verdict is not Verdict.VIOLATED
     if not f.claimed:

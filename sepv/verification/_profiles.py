@@ -55,7 +55,7 @@ PROFILES = (
     Profile("2.1", "(2.1)", ("reference", "expansion", "midpoint", "reduction")),
 )
 NAMES = tuple(p.name for p in PROFILES)
-# Larger orders than any scheme has are typing errors.
+# Requested orders beyond this are typing errors.
 _LARGEST = 100
 
 

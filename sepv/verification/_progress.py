@@ -16,7 +16,7 @@ from sepv.verification._verify import LawProgress
 
 # Seconds after which a law may be called late, and after which the current case is named.
 LATE, SLOW = 5.0, 2.0
-# The number of steps from which a law's time is mostly steps, if a step takes more than ten microseconds.
+# With this many steps the time of a law is mostly that of steps, if a step takes more than ten microseconds.
 MANY = 10000
 
 
@@ -64,7 +64,7 @@ class Course:
         if many:
             spent = sum(max(0.0, f.seconds - pace * law.cost) for law, f in many)
             per_step = spent / sum(self.steps(w) for w, _ in many)
-            # For a scheme that takes batches these are mostly calls.
+            # With batches most of this time is spent on calls.
             step = min(step, per_step) if timed else per_step
         return pace, step
 

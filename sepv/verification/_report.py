@@ -49,7 +49,7 @@ def show(report: Report, out: Console, *, debug: bool = False) -> None:
 
 
 def same_error(message: str) -> str:
-    """The line by which two errors are one: a scheme that cannot be called has the same error for every law."""
+    """The line that identifies an error: a scheme that cannot be called has the same error for every law."""
     return "".join(message.splitlines()[-3:][:1])
 
 

@@ -82,7 +82,7 @@ class _Budget:
 
 @dataclass(frozen=True)
 class _Question:
-    """A question of a law to one scheme: where its cases come from, and its measurement of one case."""
+    """A law on one scheme: the source of its cases, and its measurement of one case."""
 
     where: Question
     check: Check
@@ -225,7 +225,7 @@ def _explore(log: SearchLog, scheme: Scheme, effort: Effort, question: _Question
             raise
     except BaseException:
         if simplifying is None:
-            raise  # a defect of this suite, not of the scheme, which must be seen
+            raise  # a defect of this suite, and not of the scheme, must not be hidden
 
 
 def _visit(log: SearchLog, scheme: Scheme, visited: Iterable[Case], question: _Question) -> None:

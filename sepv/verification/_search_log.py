@@ -16,8 +16,8 @@ from sepv.verification._cases.case import Case
 from sepv.verification._law import Finding, Law, Measurement, Verdict
 
 Check = Callable[[Scheme, Case], Measurement]
-# The share of a law's cases that must be measured of a scheme that states its longest step. One that skips problems
-# says what it is for, and may be for few of them.
+# The share of a law's cases that must be measured if the scheme states its longest step. A scheme that skips problems
+# may be made for few of them.
 LEAST_SHARE = 0.25
 
 
@@ -33,7 +33,7 @@ class SearchLog:
         self.crash: tuple[Case, Exception] | None = None  # a fault that no violation may hide
         self.skipped: dict[str, int] = {}
         self.lacking = 0  # skipped cases that every scheme for the class is to take
-        self.share: float | None = None  # of the design that was measured, where cases were lacking
+        self.share: float | None = None  # the measured share of the design, if cases were left out
 
     @property
     def failed(self) -> bool:

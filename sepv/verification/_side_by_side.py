@@ -22,13 +22,13 @@ from typing import Any
 from sepv._journal import BYTES, Crashed, Notes, ended_with, interruption_answered
 from sepv.errors import UsageError
 
-# Seconds from SIGTERM, on which a worker ends its own children, to SIGKILL.
+# Seconds between SIGTERM, on which a worker ends its own children, and SIGKILL.
 GRACE = 1.0
 
 
 @dataclass(frozen=True)
 class LawJob:
-    """A scheme, by name where it has one, and how to measure it: every worker is told this first."""
+    """The first message to each worker: the scheme, by name if it has one, and how to measure it."""
 
     scheme: Any
     claims: frozenset[str]
@@ -71,7 +71,7 @@ class _Worker:
 
     def _write(self, data: bytes) -> None:
         assert self.process.stdin
-        with suppress(BrokenPipeError):  # the reader sees its end
+        with suppress(BrokenPipeError):  # the reader notices that the process has ended
             self.process.stdin.write(data)
             self.process.stdin.flush()
 
@@ -112,7 +112,7 @@ def run(
         while busy:
             try:
                 worker, word = answers.get(timeout=0.5)
-            except queue.Empty:  # so that Ctrl-C is seen on every system
+            except queue.Empty:  # a time limit, because some systems notice Ctrl-C only between waits
                 continue
             if isinstance(word, Crashed):
                 busy.discard(worker)

@@ -99,7 +99,7 @@ def _largest(structure: Any, *states: Array) -> Array:
 
 def operations(problem: Problem, stages: int = 1) -> float:
     """The constant K of the module's docstring."""
-    terms, degree, nodes = 6, 2, 2 * (stages + 4)  # of a quadrature that is refined until it is exact
+    terms, degree, nodes = 6, 2, 2 * (stages + 4)  # nodes of a quadrature that is refined until it is exact
     if isinstance(problem.gradient, PolynomialMap) and isinstance(problem.structure, PolynomialMap):
         rows = [*problem.gradient.rows, *problem.structure.rows]
         if isinstance(problem, HamiltoniansProblem):

@@ -243,7 +243,7 @@ def replay(scheme: str | Scheme | Step, law: str, witness: dict[str, Any], probl
 
 
 def survived(law: Law, key: str, ask: Callable[[], Finding], effort: Effort | None = None) -> Finding:
-    """The finding of `ask`, or of an earlier process of this run; an error if that process died."""
+    """The finding of `ask`, or of an earlier process of this run, or an error if that process died."""
     try:
         return attempted(key, ask)
     except Crashed as crash:

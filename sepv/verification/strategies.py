@@ -39,7 +39,7 @@ def __dir__() -> list[str]:
 
 
 def _made(make: Callable[[Random], T]) -> st.SearchStrategy[T]:
-    """Build a value from random numbers, all of which Hypothesis draws and shrinks."""
+    """Build a value from random numbers that Hypothesis draws and shrinks."""
     return _RANDOM.map(make)
 
 

@@ -103,7 +103,7 @@ def quiet(case: Case) -> Case | None:
 
 
 def taken_by(scheme: Scheme, cases: Iterable[Case]) -> Iterator[Case]:
-    """The cases as the scheme takes them: for one without noise, those that have such a form, in this form."""
+    """The cases in the form that the scheme takes: for a scheme without noise, c = (), where a case has this form."""
     for case in cases:
         taken = quiet(case) if scheme.deterministic else case
         if taken is not None:

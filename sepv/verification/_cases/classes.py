@@ -17,7 +17,7 @@ from sepv.verification._cases.strata import Axis, Space, Strata
 
 _SIZES = (strata.STATE, strata.DIMENSION, strata.DEGREE, strata.TERMS)
 _STEPS = (strata.SIZE, strata.STEP, strata.SIGN, strata.SHARE, strata.GIVEN, strata.BATCH)
-# Strata in which no quadrature and no place of B can be wrong: rows with neither serve most laws.
+# Strata that hide a wrong quadrature or a wrong place of B. Most laws are served better by rows without them.
 _RIGHT = {"degree of H": ("1–2",), "degree of B": ("0",), "degree of C": ("1", "2")}
 
 
@@ -120,5 +120,5 @@ CLASSES: dict[Systems, SystemsClass] = {
         _space(families.damped, *_GENERAL, kinds=_OF_PATHS, d=_MIDDLE, **_SMALL), problems=("damped-top",)
     ),
 }  # fmt: skip
-# Narrow classes that users name; a scheme for one has no other cases.
+# Narrow classes that users name. All cases of a scheme for such a class come from it.
 FAMILIES = {systems: own for systems, own in CLASSES.items() if own.problems}

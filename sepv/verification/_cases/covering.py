@@ -19,7 +19,7 @@ Level = tuple[int, int]  # a factor and its level
 Pair = tuple[Level, Level]
 # The number of ways in which ties are broken.
 ATTEMPTS = 4
-# The fewest open pairs for which an offered row is taken: with fewer left, a row made for them meets more of them.
+# The fewest open pairs for which an offered row is taken. With fewer left, a row made for them meets more.
 LEAST = 4
 
 

@@ -17,7 +17,7 @@ from sepv.verification._cases.strata import FAR, SIZE, STEP, Levels, Stratum
 # The exponents of 2 that coefficients and powers of y may have: none overflows, and 2⁻¹⁰⁷⁴, the error of what
 # underflows, is 2⁻⁵³ of the smallest of them and less.
 EXPONENTS = 960
-# Sizes |y| of which every scheme is asked, and the largest exponent of 2 of any other, |y| = 1e±100, whose squares are
+# Sizes |y| that every scheme must take, and the largest exponent of 2 of other sizes: |y| = 1e±100, whose squares are
 # numbers with all digits.
 USUAL, LARGEST = (2.0**-21, 2.0**21), 333
 
@@ -26,12 +26,12 @@ LONG = 8.0
 
 
 def is_usual(size: float) -> bool:
-    """True for sizes |y| of which every scheme is asked."""
+    """True for sizes |y| that every scheme must take."""
     return USUAL[0] <= size <= USUAL[1]
 
 
 def beyond(case: Case) -> bool:
-    """True if the state is larger or smaller than every scheme is asked about."""
+    """True if the state is larger or smaller than those that every scheme must take."""
     largest = max(map(abs, case.y), default=0.0)
     return largest > 0 and not is_usual(largest)
 

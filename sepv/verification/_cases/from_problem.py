@@ -65,7 +65,7 @@ def _agrees(problem: Problem, data: PolynomialSystem | NamedProblem) -> bool:
     for y in sample_states(problem):
         for key in ("hamiltonian", "gradient", "structure"):
             a, b = getattr(problem, key)(y), getattr(other, key)(y)
-            if not np.allclose(a, b, rtol=1e-9, atol=1e-12):  # the same formula, or another
+            if not np.allclose(a, b, rtol=1e-9, atol=1e-12):  # data of the same formula, or of another one
                 return False
     return True
 

@@ -38,7 +38,7 @@ Strategy = st.SearchStrategy[Case]
 NOT_KEPT = "with several Hamiltonians that do not commute with H_0 the exact flow does not keep H_0"
 
 
-# The reason of all laws that do not say otherwise.
+# The default reason why a law does not apply.
 UNDAMPED = "the law speaks of systems without damping"
 
 
@@ -54,7 +54,7 @@ def unchanged(case: Case) -> Case:
 
 
 def only(holds: Callable[[Problem], object], *, data: bool = False) -> Adapt:
-    """Keep a case if this holds for its problem, and if the problem is given as data where that is required."""
+    """Keep a case if its problem satisfies a condition, and if the problem is given as data where that is required."""
 
     def adapt(case: Case) -> Case | None:
         lacks = data and isinstance(case.problem, GivenProblem)
@@ -151,7 +151,7 @@ class Cases:
         return replace(self, adapt=partial(_adapted_quietly, self.adapt))
 
     def in_single_precision(self) -> Cases:
-        """The cases whose numbers single precision has, and whose B and ∇H it can tell."""
+        """The cases whose numbers fit single precision, which also resolves their B and ∇H."""
         return replace(self, adapt=partial(_adapted_and_rounded, self.adapt))
 
     def admits(self, case: Case) -> bool:

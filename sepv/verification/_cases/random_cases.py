@@ -32,16 +32,16 @@ from sepv.verification._cases.strata import KIND, NEAR, STILL, UNDONE, UNEVEN, L
 from sepv.verification._contraction import contraction_ball, contraction_radius
 from sepv.verification._tolerance import gradient_majorant, structure_majorant
 
-# Draws until a rest point may be the origin, where monomials are too few for any other.
+# Draws after which a rest point may be the origin, because the monomials are too few for any other.
 ATTEMPTS = 30
 # The smallest B∇H in a design, relative to the sum of its terms' absolute values. The random search has smaller ones.
 GENERIC = 1 / 64
-# Draws until a case is accepted in which some fault would not show.
+# Draws after which a case is accepted although some fault would not show.
 TRIES = 24
 # Δ as a share of the radius inside which y1(Δ) is analytic, from y = 0: it balances the terms omitted in the law
 # "expansion" against rounding.
 ORIGIN_SHARE = 2.0**-9
-# With more components H has a linear form of all: its other terms would leave most of them at rest.
+# With more components H gets a linear form of all, because its other terms would leave most of them at rest.
 MANY = 12
 # Exponents of ½ of the components in which a state is near a rest point: what moves stands above rounding.
 NEARNESS = (8, 30)

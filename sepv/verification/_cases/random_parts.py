@@ -19,7 +19,7 @@ from sepv.problems import nambu_system, planes
 from sepv.record import Exponents, Polynomial, poly
 from sepv.verification._cases.strata import Levels, Stratum, monomials
 
-# The most monomials for which a table is worth making.
+# The most monomials of which a table is made.
 FEW = 300
 # The most entries of B above the diagonal, for large d: its derivatives are d³ polynomials.
 MOST_ENTRIES = 8
@@ -154,7 +154,7 @@ def noise(m: Stratum, random: Random) -> tuple[float, ...]:
     more = [random.choice([1.0, 0.5, 0.25, 0.3, 1.7, 0.0, random.uniform(0.25, 2)]) for _ in range(count - 1)]
     c = (random.choice([1.0, 0.5, 2.0]), *more)
     if count > 1 and {*c} <= {0.0, 1.0}:
-        c = (*c[:-1], 0.3)  # the c_j must not all equal their squares
+        c = (*c[:-1], 0.3)  # some c_j must differ from its square
     return c if count else ()
 
 

@@ -52,7 +52,7 @@ def _curved(problem: Problem, levels: Levels, y: Array, z: Array, residual: Arra
 
 
 def _turning(problem: Problem, levels: Levels, y: Array, z: Array, residual: Array, parts: Array) -> bool:
-    """True if the place at which B is taken matters."""
+    """True if the result depends on the place at which B is evaluated."""
     degrees = [levels[axis].high for axis in ("degree of B", "degree of g") if axis in levels]
     if max(degrees, default=0) < 1:
         return True

@@ -133,7 +133,7 @@ RULES = (
          "cost: d³ derivatives of B for thousands of states take gigabytes"),
     Rule(("batch", "terms of H"), lambda batch, terms: batch.low > 4096 and terms.low > 9,
          "cost: a step of thousands of states takes seconds"),
-    # Only three strata together are forbidden: each two of them still meet.
+    # Only the three strata together are forbidden: each two of them may meet.
     Rule(("batch", "given as", "degree of H"),
          lambda batch, given, degree: given.name == "bare functions"
          and degree.high > {"500–2000": 4, "4097–9000": 2}.get(batch.name, 10),
@@ -185,7 +185,7 @@ class Space:
     pool: Space | None = (
         None  # a space whose rows the design reuses where possible: their content is made already
     )
-    kinds: tuple[Stratum, ...] = ()  # of steps of which one case each follows the design
+    kinds: tuple[Stratum, ...] = ()  # kinds of steps: one case of each follows the design
 
     def part(self, where: Mapping[str, Strata] = NOTHING, blind: Mapping[str, Strata] = NOTHING) -> Space:
         """The part with these strata, and with the usual ones of an axis that `where` does not name.
@@ -199,7 +199,7 @@ class Space:
             names = where.get(axis.name, usual)
             axes.append(Axis(axis.name, tuple(s for s in axis.strata if s.name in names), axis.usual))
         beside = {(axis, name) for axis, names in blind.items() for name in names}
-        # A law that names states is about these, and no other kind of step tells it more.
+        # A law that names states is about these states; other kinds of steps add nothing.
         kinds = () if STATE.name in where else self.kinds
         return replace(self, axes=tuple(possible(axes, self.rules)), beside=self.beside | beside, kinds=kinds)
 
@@ -230,7 +230,7 @@ class Space:
 
     @property
     def hiding(self) -> frozenset[tuple[int, int]]:
-        """The strata beside which a fault of other axes may not show."""
+        """The strata that may hide a fault of other axes."""
         numbered = ((a, axis, k, s) for a, axis in enumerate(self.axes) for k, s in enumerate(axis.strata))
         return frozenset((a, k) for a, axis, k, s in numbered if (axis.name, s.name) in self.beside)
 

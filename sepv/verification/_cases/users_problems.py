@@ -31,13 +31,11 @@ from sepv.verification._cases.strata import Space, Strata
 class Item:
     """One problem, family or strategy that a scheme is for."""
 
-    text: (
-        str  # how a user named it, and a command names it again; empty where it was handed over as an object
-    )
+    text: str  # the name that a user gave, for commands; empty for an object
     values: st.SearchStrategy[Any]  # of Case, Problem or their data
     problems: tuple[Problem, ...] = ()  # with an initial state, for the laws about many steps
     fixed: Problem | None = (
-        None  # where there is one only, so that what does not apply is known without drawing
+        None  # the only problem, so that a law need not draw to know that it does not apply
     )
     space: Space | None = None  # of a family
 
@@ -59,7 +57,7 @@ class Item:
 
 
 class _Met(Exception):
-    """Raised while a strategy is tried: a law applies to this example."""
+    """Raised while a strategy is tried, at an example to which a law applies."""
 
 
 def _meets(values: st.SearchStrategy[Any], adapted: Callable[[Case], Case | None]) -> bool:
@@ -167,7 +165,7 @@ def problems_of(scheme: Any) -> tuple[Problem, ...] | None:
 
 
 def as_taken(scheme: Any, listed: Iterable[Problem]) -> tuple[Problem, ...]:
-    """The problems as the scheme takes them: without noise, c = (), where it is for such systems alone.
+    """The problems in the form that the scheme takes: without noise, c = (), if it is for such systems alone.
 
     Raises Skipped where each of them has a field for each noise, and the scheme takes none.
     """
