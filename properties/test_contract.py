@@ -51,7 +51,7 @@ REFUSED = 2
 TIMES = 1024
 # Timing of a step: a share of the last case, because long steps take more iterations; for this many seconds or calls;
 # and for a scheme that takes batches, as one state of this many.
-SHORT, TIMING, MANY = 0.125, 0.25, 256
+SHORT, TIMING, MANY = 0.125, 0.0625, 256
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:

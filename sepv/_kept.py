@@ -14,6 +14,7 @@ from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeVar
+from zlib import crc32
 
 import numpy as np
 
@@ -78,7 +79,8 @@ def save_all() -> None:
 
 
 def _path(kind: str) -> Path:
-    return cache_folder("kept") / f"{kind}.pickle"
+    # Environments side by side, such as those of two branches, do not replace each other's files.
+    return cache_folder("kept") / f"{kind}-{crc32(__file__.encode()):08x}.pickle"
 
 
 @cache

@@ -154,8 +154,9 @@ def _search(law: Law, scheme: Scheme, effort: Effort, question: _Question) -> Fi
     log, start = SearchLog(), time.perf_counter()
     known = question.known if effort.corpus else ()
     fixed = question.where.fixed
-    visited = chain.from_iterable(_designed(question.where, effort.seed, n) for n in range(effort.designs))
-    _visit(log, scheme, chain(known, visited, fixed), question)
+    first = _designed(question.where, effort.seed, 0)
+    further = (_designed(question.where, effort.seed, n) for n in range(1, effort.designs))
+    _visit(log, scheme, chain(known, first, chain.from_iterable(further), fixed), question)
     if log.lacking and log.checks:
         log.share = log.checks / (log.checks + log.lacking)
     if not (log.failed and effort.shrink_checks == 0):
@@ -163,7 +164,7 @@ def _search(law: Law, scheme: Scheme, effort: Effort, question: _Question) -> Fi
         # Witnesses were simplified when they were found, and fixed cases are simple: a search would find nothing
         # simpler.
         if violation is None or violation[0] not in (*known, *fixed):
-            _explore(log, scheme, effort, question)
+            _explore(log, scheme, effort, question, effort.examples * (1 if first else UNDESIGNED))
         if (log.violation or log.fault) in (violation, fault) and log.failed:
             _simplify(log, scheme, effort, question)
     return replace(conclude(law, scheme, log, question.check), seconds=time.perf_counter() - start)
@@ -176,8 +177,8 @@ def _designed(where: Question, seed: int, repeat: int) -> list[Case]:
     return drawn
 
 
-def _explore(log: SearchLog, scheme: Scheme, effort: Effort, question: _Question) -> None:
-    """Search random cases, driven towards large defects relative to the bound; shrink the first violation."""
+def _explore(log: SearchLog, scheme: Scheme, effort: Effort, question: _Question, examples: int) -> None:
+    """Search so many random cases, driven towards large defects relative to the bound; shrink the first violation."""
     measured_before = log.checks
     simplifying: _Budget | None = None
 
@@ -202,7 +203,7 @@ def _explore(log: SearchLog, scheme: Scheme, effort: Effort, question: _Question
             target(measured.ratio, label="defect / bound")
 
     chosen = settings(
-        max_examples=effort.examples * (1 if question.where.design(effort.seed) else UNDESIGNED),
+        max_examples=examples,
         database=None,
         deadline=None,
         derandomize=False,
