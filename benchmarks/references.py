@@ -78,7 +78,7 @@ def errors() -> None:
         if refused:
             print(f"{name:18} {'refused':20} {len(refused)}: {', '.join(refused)}")
         if others:
-            # Whether they solve the equation is tested by tests/reference/test_vectors.py.
+            # Whether they solve the equation is tested by tests/reference/test_reference.py.
             print(f"{name:18} {'another solution':20} {len(others)}: {', '.join(others)}")
     print()
 

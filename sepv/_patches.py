@@ -1,6 +1,6 @@
 """All patches of other packages: names outside their interfaces that sepv changes.
 
-Each has its reason upstream. tests/verification/test_patches.py has a test for each that fails once the reason is gone;
+Each has its reason upstream. tests/simulate/test_compiled_code.py has a test for each that fails once the reason is gone;
 then the patch goes.
 """
 

@@ -1,11 +1,13 @@
-"""Systems for tests: random ones as the laws draw them, and one by hand."""
+"""Systems and steps for tests: random systems as the laws draw them, one by hand, and what is done to a right step."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from hypothesis import strategies as st
 
-from sepv.problem import Array, PolynomialSystem, Problem, Systems
+from sepv.problem import Array, PolynomialSystem, Problem, Systems, vector_field
+from sepv.schemes import energy_preserving
 from sepv.verification import Case
 from sepv.verification._cases.classes import CLASSES
 
@@ -43,3 +45,43 @@ def by_hand(**changes: Any) -> Problem:
         "gradient": lambda y: np.array([y[0] ** 3, y[1]]),
     }
     return Problem(**{**parts, **changes})
+
+
+Step = Callable[[Problem, Array, float, Array], Array]
+right: Step = energy_preserving.step
+
+
+def refusing(error: Exception, where: Callable[..., Any] = lambda *_: True, step: Step = right) -> Step:
+    """The step, which raises the error where this function of (problem, y, h, dW) says so."""
+
+    def changed(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        if where(problem, y, h, dW):
+            raise error
+        return step(problem, y, h, dW)
+
+    return changed
+
+
+def stretched(excess: float, step: Step = right) -> Step:
+    """The step, whose answer is too large by a share."""
+    return lambda problem, y, h, dW: step(problem, y, h, dW) * (1 + excess)
+
+
+def louder(factor: float, step: Step = right) -> Step:
+    """The step with the noise multiplied."""
+    return lambda problem, y, h, dW: step(problem, y, h, factor * dW)
+
+
+def clipping(k: float) -> Step:
+    """(2.1), which clips its increments at A_h(k) inside the step, with h in seconds."""
+
+    def changed(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        bound = np.sqrt(2 * k * abs(np.log(h)) * h)
+        return right(problem, y, h, np.clip(dW, -bound, bound))
+
+    return changed
+
+
+def euler(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """Euler's method with Stratonovich's coefficients as they are: it converges to Itô's solution."""
+    return np.asarray(y + problem.random_step(h, dW) * vector_field(problem, y))

@@ -26,11 +26,9 @@ def heun(problem: Any, y: Any, h: float, dW: Any) -> Any:
 
 @pytest.mark.parametrize("call", CALLS)
 def test_names_functions_and_records_are_the_same_scheme(call: str) -> None:
-    run, own = CALLS[call], sepv.Scheme("mine", heun, truncation=2)
-    assert np.array_equal(
-        run("midpoint", "rigid-body"), run(sepv.schemes.midpoint, sepv.problems.rigid_body())
-    )
-    assert np.array_equal(run(heun, "rigid_body"), run(own, sepv.problems.rigid_body))
+    run, own, body = CALLS[call], sepv.Scheme("mine", heun, truncation=2), sepv.problems.rigid_body
+    assert np.array_equal(run("midpoint", "rigid-body"), run(sepv.schemes.midpoint, body()))
+    assert np.array_equal(run(heun, "rigid_body"), run(own, body))
     assert np.array_equal(run("tests.test_arguments:heun", "rigid-body"), run(own, "rigid-body"))
 
 

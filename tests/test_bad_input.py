@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -27,8 +28,7 @@ from sepv.reference.problem import exact_problem
 from sepv.reference.steps import reference_step
 
 import sepv
-from sepv import large, problems, schemes
-from sepv.errors import SepvError, Skipped, StepFailure
+from sepv import SepvError, Skipped, StepFailure, large, problems, schemes
 from sepv.problem import (
     HamiltoniansProblem,
     NamedProblem,
@@ -43,9 +43,8 @@ from sepv.schemes import PointLaw, Scheme, continued, divided
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.studies._solvability.branch import End, follow
-from sepv.verification import Cases, Effort
+from sepv.verification import Cases, Effort, requirements
 from sepv.verification._cases import case as cases
-from sepv.verification._profiles import requirements
 
 EP = schemes.energy_preserving
 BODY, VOLTERRA = problems.rigid_body(), problems.lotka_volterra()
@@ -188,9 +187,8 @@ def mechanical(words: str, *terms: tuple[tuple[int, int], float]) -> Check:
 
 def spins(scheme: Any, words: str, problem: Any, *rows: Any) -> Check:
     """A scheme for several Hamiltonians leaves out a problem that it does not take."""
-    return skipped(
-        lambda: scheme.step(problem, np.resize(problem.initial, problem.dimension), 0.1, *rows), words
-    )
+    y = np.resize(problem.initial, problem.dimension)
+    return skipped(lambda: scheme.step(problem, y, 0.1, *rows), words)
 
 
 def chain(words: str, **arguments: Any) -> Check:
@@ -395,12 +393,9 @@ CHECKS: dict[str, Check] = {
     "effort: no examples": refused(lambda: Effort(examples=0)),
     "effort: NaN": refused(lambda: Effort(paths=np.nan), "paths, an integer"),
     "target: a number": refused(lambda: sepv.verify(3)),
-    "another scheme: y too short": each(
-        (schemes.midpoint, schemes.euler_heun), lambda scheme: scheme.step(BODY, Y[:2], 0.1, DW)),
-    "another scheme: h NaN": each(
-        (schemes.midpoint, schemes.euler_heun), lambda scheme: scheme.step(BODY, Y, float("nan"), DW)),
-    "another scheme: dW infinite": each(
-        (schemes.midpoint, schemes.euler_heun), lambda scheme: scheme.step(BODY, Y, 0.1, DW + np.inf)),
+    "another scheme: y, h and dW": each(
+        product((schemes.midpoint, schemes.euler_heun), ((Y[:2], 0.1, DW), (Y, np.nan, DW), (Y, 0.1, DW + np.inf))),
+        lambda asked: asked[0].step(BODY, *asked[1])),
     "exact flow: no initial state":
         refused(lambda: sepv.exact_flow(by_hand(), 1.0), "or initial= when making the problem"),
     "exact flow: several structures": each((TOPS, INERTIA), lambda p: sepv.exact_flow(p, 1.0), "several structures"),

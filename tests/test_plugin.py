@@ -10,8 +10,7 @@ import pytest
 from doors import ROOT
 
 from sepv.schemes import midpoint
-from sepv.verification import LAWS, Effort, load_laws, verify
-from sepv.verification._expected_failures import pin
+from sepv.verification import LAWS, Effort, load_laws, pin, verify
 
 pytest_plugins = ["pytester"]
 # What a run in this process imports first, pytester forgets afterwards, and NumPy's extensions load once in a process.
@@ -155,12 +154,11 @@ def test_a_third_party_package_runs_the_laws_from_an_installed_wheel(tmp_path: P
     site, source = tmp_path / "site", tmp_path / "source"
     # What a wheel is built from, without build folders of this checkout.
     source.mkdir()
+    unread = shutil.ignore_patterns("__pycache__", "*.egg-info")
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, source / name)
     for name in ("sepv", "properties", "reference"):
-        shutil.copytree(
-            ROOT / name, source / name, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info")
-        )
+        shutil.copytree(ROOT / name, source / name, ignore=unread)
     (site / "littlescheme").mkdir(parents=True)
     (site / "littlescheme" / "__init__.py").write_text(MINE)
     # pip builds a wheel and installs it.

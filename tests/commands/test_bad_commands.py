@@ -132,6 +132,13 @@ CHECKS: dict[str, Check] = {
         scheme("np.seterr(all='raise')\n    return y.copy()", 1, "NumPy's error handling"),
     "step: wrong arguments":
         module("verify mine:step", 3, "(problem, y, h, dW)", "(y, h)", text="def step(y, h): pass"),
+    "step: arguments in another order": module(
+        "verify mine:step --law energy", 3, "step(problem, y, h, dW)",
+        "Received mine:step(y, problem, h, dW): the same names in another order.",
+        text="def step(y, problem, h, dW):\n    return y"),
+    "step: refused by a function of sepv": module(  # not a usage error of the command, which would end the run
+        "verify mine:step --law energy --examples 2", 3, "raised UsageError: Expected", "mine.py, line",
+        text="def step(problem, y, h, dW):\n    return sepv.exact_flow(problem, 'x', y).y[:, 0]"),
     "module: does not parse": module("verify mine:step", 3, "SyntaxError", text="def step(:"),
     "module: raises": module("verify mine:step", 3, "RuntimeError", "broken", text="raise RuntimeError('broken')"),
     "module: lacks a library": module("verify mine:step", 3, "install nosuchlibrary", text="import nosuchlibrary"),
@@ -174,6 +181,15 @@ CHECKS: dict[str, Check] = {
     "step: y too short": cli("step midpoint pendulum --h 0.1 --y 1", 2, "2 numbers after --y", "Remedy"),
     "step: y outside": cli("step midpoint lotka-volterra --h 0.1 --y=-1,1,1", 2, "domain", "Remedy"),
     "step: unknown scheme": cli("step nosuch pendulum --h 1", 2, "nosuch", "Remedy"),
+    "step: digits and a proof": cli(
+        "step energy-preserving rigid-body --h 0.1 --dW 0.05 --digits 30 --certify", 0,
+        "y1 = 0.802313691387643825092815834210\n", "ulp", "F has exactly one zero in X"),
+    "step: without a scheme in float64":
+        cli("step averaged-vector-field pendulum --h 0.1 --y 0x1p-3,1", 0, "no float64 result"),
+    "step: no solution": cli("step energy-preserving lotka-volterra --h 2", 3, "end at Δ = 1.139191", "residual"),
+    "exact: digits and a proof": cli(
+        "exact harmonic-oscillator --theta 8 --digits 40 --certify", 0,
+        "y1 = -0.1280358314240608900619970373916446665972\n", "in float64, off by", "y1 in [-0.128"),
     "exact: unknown problem": cli("exact nosuch --theta 1", 2, "nosuch", "Remedy"),
     "exact: no digits": cli("exact pendulum --theta 1 --digits 0", 2, "between 1 and 2000", "Remedy"),
     "exact: theta infinite": cli("exact pendulum --theta inf", 2, "finite", "Remedy"),
@@ -199,6 +215,11 @@ CHECKS: dict[str, Check] = {
         module(f"compare mine:step {QUICK}", 3, "AttributeError",
                text=f"{STEP} return y + 0 * (y.nosuch() if h > 0.01 else 0)"),
     "compare: another initial state": cli(f"compare midpoint {QUICK} --y 1,2", 2, "shape"),
+    "growth: a chaotic problem":
+        cli("growth leapfrog -p henon-heiles --time 8 --no-noise", 0, "theory speaks of one degree of freedom"),
+    "growth: a short time": cli("growth --h 0.1 --time 1", 2, "Remedy: T = 1.6"),
+    "hard: unknown case": cli("hard --case nosuch", 2, "nosuch"),
+    "reproduce: unknown figure": cli("reproduce 4.9", 2, "Remedy: sepv reproduce 4.3"),
     "solvability: unknown problem": cli("solvability nosuch", 2, "nosuch"),
     "solvability: no range": cli("solvability rigid-body --range 0", 2, "--range"),
     "solvability: no time": cli("solvability rigid-body --time nan", 2, "not a finite number"),

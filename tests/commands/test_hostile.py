@@ -11,22 +11,18 @@ import re
 import shlex
 import sys
 import zlib
-from collections.abc import Callable
-from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from doors import command
-from reader import Reader
+from doors import Reader, command
 
 import sepv
-from sepv import problems
+from sepv import Verdict, problems
 from sepv._arguments import double, hex_float
 from sepv.console import printable
 from sepv.files import cache_folder
-from sepv.verification import Effort, Verdict
 from sepv.verification._cases import case as cases
 from sepv.verification._corpus import witnesses
 from sepv.verification._verify import replay
@@ -119,14 +115,6 @@ EXPECTED: dict[str, tuple[str, str]] = {
     "a seed for a case": (ENTRY.format("energy", "{ seed = 0 }"), "a witness"),
     "a law twice": (ENTRY.format("energy", f'"{token(CASE)}"') * 2, "twice"),
 }  # fmt: skip
-OF_REPORT: dict[str, tuple[Callable[[Any], Any], str]] = {
-    "another verdict": (lambda r: r["laws"][0].update(verdict=BELL), r"r\.json: \$\.laws\[0\]\.verdict: '\\x1b"),
-    "a defect in text": (lambda r: r["laws"][0].update(defect="0x1p0"), r"\$\.laws\[0\]\.defect"),
-    "no laws": (lambda r: r.pop("laws"), r"r\.json: \$: 'laws' is a required property"),
-    "claims in text": (lambda r: r["scheme"].update(claims=RED), r"\$\.scheme\.claims"),
-    "of a later version": (lambda r: r["made"].update(version=99), "version 99"),
-    "a list": (lambda _: [1], "r.json, which is none of these"),
-}  # fmt: skip
 
 
 def run(line: str, words: str, code: int = 2) -> str:
@@ -169,37 +157,14 @@ def test_a_file_of_expected_failures_is_refused_and_imports_nothing(name: str) -
     run("verify midpoint --law identity,energy --examples 1 --expected e.toml", words)
 
 
-@pytest.fixture(scope="module")
-def report() -> dict[str, Any]:
-    made = {"schema": "report", "version": 1, "command": ""}
-    made |= dict.fromkeys(("sepv", "python", "numpy", "scipy", "platform"), "")
-    return sepv.verify("midpoint", laws="identity", effort=Effort(examples=1)).to_json() | {"made": made}
-
-
-@pytest.mark.parametrize("name", OF_REPORT)
-def test_a_report_is_refused_with_its_place(name: str, report: dict[str, Any]) -> None:
-    change, words = OF_REPORT[name]
-    hostile = deepcopy(report)
-    found = change(hostile)
-    Path("r.json").write_text(json.dumps(found if name == "a list" else hostile))
-    run("report r.json --out page.html", words)
-    assert not Path("page.html").exists()
-
-
-def test_a_program_that_answers_with_escapes_and_nan() -> None:
-    hello = {"id": 0, "protocol": 1, "scheme": "x", "polynomial": True}
-    for said, words in (
-        ({"scheme": BELL}, "scheme in hello"),
-        ({"solver_tolerance": "0x1p+999999"}, "solver_tolerance in hello"),
-        ({"claims": [RED]}, "claims in hello"),
-        (None, "NaN is not JSON"),
-    ):
-        line = '{"id": 0, "protocol": NaN}' if said is None else json.dumps(hello | said)
-        Path("program.py").write_text(
-            f"import sys\nsys.stderr.write({BELL!r})\nprint({line!r}, flush=True)\ninput()\ninput()"
-        )
-        command = shlex.quote(f"{shlex.quote(sys.executable)} program.py")
-        run(f"verify --exec {command} --law identity --examples 1 --call-timeout 5", words, 3)
+def test_a_program_that_answers_with_escapes() -> None:
+    """The other answers are asked in test_external.py."""
+    line = json.dumps({"id": 0, "protocol": 1, "scheme": BELL, "polynomial": True})
+    Path("program.py").write_text(
+        f"import sys\nsys.stderr.write({BELL!r})\nprint({line!r}, flush=True)\ninput()\ninput()"
+    )
+    command = shlex.quote(f"{shlex.quote(sys.executable)} program.py")
+    run(f"verify --exec {command} --law identity --examples 1 --call-timeout 5", "scheme in hello", 3)
 
 
 def test_names_of_files_and_schemes_do_nothing_to_a_terminal() -> None:

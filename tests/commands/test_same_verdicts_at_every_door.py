@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from doors import ROOT, command
-from reader import Reader
+from doors import ROOT, Reader, command
 
 from sepv.external import load_program
 from sepv.verification import LAWS, Effort, Finding, Law, verify

@@ -2,6 +2,7 @@
 
 Each project is built, and the step of its workflow run as the action runs it, green and red. What a workflow does
 beside the action (checkout, interpreters, `pip install .`) is the runner's; here the folder is on the path instead.
+And a checkout works where it stands: the sdist carries all that the tests read, and each paper has a source.
 """
 
 import importlib.util
@@ -16,7 +17,7 @@ from typing import Any, NamedTuple
 
 import pytest
 import yaml
-from doors import ROOT
+from doors import PAGES, ROOT, doc, python
 
 from sepv._version import __version__
 from sepv.commands._verify import verify
@@ -170,3 +171,58 @@ def test_a_project_is_green_and_with_a_fault_red(project: Project, tmp_path: Pat
     red = ran(home, arguments=f"--law {project.law}")
     assert red.returncode == 1, red.stdout + red.stderr
     assert "not found to hold" in red.stdout
+
+
+# An editable installation maps sepv.properties and sepv.reference; here nothing does.
+BARE = "import sys; sys.meta_path = [f for f in sys.meta_path if 'editable' not in str(f).lower()]; "
+
+
+@pytest.mark.parametrize("name", ["sepv.reference", "sepv.properties", "sepv.reference.witnesses"])
+def test_the_folders_at_the_top_are_found_from_a_bare_checkout(name: str) -> None:
+    asked = f"{BARE}sys.path.insert(0, {str(ROOT)!r}); import {name}; print(*{name}.__path__)"
+    assert Path(python(asked)) == ROOT.joinpath(*name.split(".")[1:])
+
+
+def test_the_sdist_carries_every_folder_of_the_checkout() -> None:
+    """setuptools adds the packages alone; the tests read pages, examples and records beside them."""
+    manifest = (ROOT / "MANIFEST.in").read_text(encoding="utf-8").splitlines()
+    grafted = {line.removeprefix("graft ") for line in manifest if line.startswith("graft ")}
+    made_here = {line.strip("/") for line in (ROOT / ".gitignore").read_text(encoding="utf-8").splitlines()}
+    folders = {p.name for p in ROOT.iterdir() if p.is_dir() and p.name not in (".git", "sepv", *made_here)}
+    assert {f for f in folders if not f.endswith(".egg-info")} == grafted
+
+
+SOURCES = doc("sources.md")
+NAME = r"(?:[A-Z]\. )?[A-Z][a-zé]+"
+# "Cohen and Hairer (2011)", "D. Cohen and G. Vilmart, … 2022": names, and a year within the next words.
+CITED = re.compile(rf"({NAME}(?:, {NAME})*,? and {NAME}|{NAME}) \(?((?:19|20)\d\d)\b")
+
+
+def cited(text: str) -> set[tuple[str, str]]:
+    """Last names and years."""
+    found = set()
+    for names, year in CITED.findall(text):
+        found |= {(name, year) for name in re.findall(r"[A-Z][a-zé]+", names)}
+    return found
+
+
+def test_citations_are_recognised() -> None:
+    assert cited("as (Ge and Marsden 1988) say") == {("Ge", "1988"), ("Marsden", "1988")}
+    assert cited("Cohen and Hairer (2011) and Pébay 2008") == {
+        ("Cohen", "2011"), ("Hairer", "2011"), ("Pébay", "2008"),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.name)
+def test_every_work_that_a_page_names_is_listed_with_what_was_read(page: Path) -> None:
+    rows = [row for row in SOURCES.splitlines() if row.startswith("- ")]
+    for name, year in cited(page.read_text("utf-8")):
+        assert name in ("November",) or any(name in row and year in row for row in rows), f"{name} {year}"
+    for number in re.findall(r"arXiv:? ?(\d{4}\.\d{4,5})", page.read_text("utf-8")):
+        assert any(number in row for row in rows), number
+
+
+def test_every_library_is_listed() -> None:
+    libraries = [folder.name for folder in (ROOT / "results").iterdir() if folder.is_dir()]
+    assert libraries
+    assert all(re.search(rf"^- {library} \d", SOURCES, re.MULTILINE) for library in libraries)

@@ -1,4 +1,4 @@
-"""Every code block of the pages under docs/ runs, and what they say of commands, files and laws is so."""
+"""Every code block of README and of the pages under docs/ runs, and what they say of commands, files and laws is so."""
 
 import importlib.util
 import json
@@ -7,16 +7,17 @@ import re
 import shlex
 import shutil
 import subprocess
+import sys
 import tomllib
+from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
 
 import click
 import pytest
 import yaml
-from doors import PAGES, ROOT, doc
+from doors import PAGES, ROOT, Reader, block_in, doc, shape
 from doors import blocks as blocks_in
-from reader import Reader, shape
 
 from benchmarks import law_pages
 from sepv.commands._cli import main
@@ -31,13 +32,13 @@ RUN = (
 # Pages whose blocks are run elsewhere, by what; or are output, and shown to be so.
 ELSEWHERE = {
     "long-times": "",  # printed by `sepv growth`, which takes minutes
-    "clusters": "test_cluster_docs.py",
-    "protocol": "test_examples.py",
-    "vectors": "test_vectors.py",
+    "clusters": "test_docs.py",
+    "protocol": "test_printed_numbers.py",
+    "vectors": "test_reference.py",
     "deviations": "test_compliance.py",
     "integrator-deviations": "test_compliance.py",
-    "integrator-rounding": "test_integrators.py",
-    "trend": "test_versions.py",
+    "integrator-rounding": "test_solvers.py",
+    "trend": "test_compliance.py",
     "profiles": "test_profiles.py",
     "index": "test_site.py",  # the first page of the site, whose example is measured as it is built
     "api": "test_site.py",  # directives, no commands
@@ -49,7 +50,7 @@ def blocks(page: str, language: str | None = None) -> list[tuple[str, str]]:
     return [found for found in blocks_in(doc(f"{page}.md")) if language in (None, found[0])]
 
 
-# Blocks whose command takes minutes, or is the block itself; that of docs/protocol.md is held by test_examples.py.
+# Blocks whose command takes minutes, or is the block itself; that of docs/protocol.md is in test_printed_numbers.py.
 SHOWN_ELSEWHERE = ("protocol", "speed")
 
 
@@ -71,7 +72,7 @@ def fewer(words: list[str]) -> list[str]:
 
 
 @pytest.fixture
-def reader(reader: Reader) -> Reader:
+def hurried(reader: Reader) -> Reader:
     """Has the examples, and what the pages say is there."""
     reader.fewer = fewer
     (reader.folder / "examples").symlink_to(ROOT / "examples")
@@ -94,8 +95,8 @@ def lacks_a_library(body: str) -> bool:
 
 
 @pytest.mark.parametrize("page", [page for page in RUN if page != "ci"])
-def test_the_blocks_of_a_page_run_in_their_order(page: str, reader: Reader) -> None:
-    assert run_blocks(page, reader) > 0
+def test_the_blocks_of_a_page_run_in_their_order(page: str, hurried: Reader) -> None:
+    assert run_blocks(page, hurried) > 0
 
 
 def run_blocks(page: str, reader: Reader) -> int:
@@ -171,10 +172,10 @@ def steps_of(workflow: str) -> list[tuple[str, str]]:
     return found
 
 
-def test_the_blocks_of_the_page_about_ci_and_the_steps_of_its_workflows_run(reader, monkeypatch):
+def test_the_blocks_of_the_page_about_ci_and_the_steps_of_its_workflows_run(hurried, monkeypatch):
     """As a runner does, job by job, in a folder with the files that the page says to commit."""
     monkeypatch.setenv("SEPV", str(ROOT))
-    assert run_blocks("ci", reader) > 0
+    assert run_blocks("ci", hurried) > 0
     workflows = [body for _, body in blocks("ci", "yaml")]
     assert all(isinstance(yaml.safe_load(workflow), dict) for workflow in workflows)
     jobs = [steps_of(workflow) for workflow in workflows]
@@ -187,8 +188,8 @@ def test_the_blocks_of_the_page_about_ci_and_the_steps_of_its_workflows_run(read
         # Another checkout is measured by tests/studies/test_bench.py.
         if "--against-ref" in words or ("sepv" in words and any(words < set(c.split()) for c in commands)):
             continue
-        typed(command + (" -k identity" if command.startswith("pytest") else ""), reader)
-    installed = (reader.folder / "installed").read_text().splitlines()
+        typed(command + (" -k identity" if command.startswith("pytest") else ""), hurried)
+    installed = (hurried.folder / "installed").read_text().splitlines()
     assert set(installed) == {"install .", f"install . {ROOT}"}
 
 
@@ -252,3 +253,89 @@ def test_pages_of_laws_have_the_data_of_their_records_and_all_parts() -> None:
 def test_links_lead_somewhere(page: Path) -> None:
     for target in re.findall(r"\]\(([^)#\s]+)[^)]*\)", page.read_text(encoding="utf-8")):
         assert "://" in target or (page.parent / target).exists(), target
+
+
+README = (ROOT / "README.md").read_text()
+
+
+def test_shell_blocks_run(reader: Reader) -> None:
+    """The setup and the test command are what brought us here; the others run with less effort."""
+    (reader.folder / "mine.py").write_text(block_in(README, "python"))
+    shell = [line for kind, block in blocks_in(README) if kind == "sh" for line in block.splitlines()]
+    lines = [line for line in shell if line.startswith("sepv ")]
+    assert lines
+    for line in lines:
+        few = "--examples 2 --paths 64 --shrink-checks 10" + ("" if "--law" in line else " --law energy")
+        command, remark = line.partition("  #")[::2]
+        assert "holds" in reader.sepv(f"{command} {few}  #{remark}")
+
+
+def printed(output: str) -> set[str]:
+    """The lines of an output, and each without its numbers."""
+    lines = [" ".join(line.split()) for line in output.splitlines()]
+    return {*lines, *map(shape, lines)}
+
+
+def test_every_output_that_is_shown_is_printed(reader: Reader) -> None:
+    """Each text block stands after its command; its case is compared digit by digit, other lines but for numbers."""
+    (reader.folder / "mine.py").write_text(block_in(README, "python"))
+    command, shown = "", list[tuple[str, str]]()
+    for kind, block in blocks_in(README):
+        if kind == "text":
+            shown.append((command, block))
+        elif block.startswith("sepv "):
+            command = block.strip()
+    assert len(shown) == 2
+    for command, block in shown:
+        reader.sepv(command)
+        there = printed(reader.stdout)
+        for line in map(str.strip, block.splitlines()):
+            exactly = line.startswith(("H(y) =", "B12(y) =", "y =", "h ="))
+            asked = " ".join(line.split())
+            assert set(line) <= set("…─") or (asked if exactly else shape(asked)) in there, (command, line)
+
+
+def test_every_block_of_the_readme_is_of_a_kind_that_is_run_or_compared() -> None:
+    kinds = re.findall(r"^```(\w*)$", README, flags=re.MULTILINE)[::2]
+    assert set(kinds) == {"sh", "python", "text"}
+    ours = ("sepv verify ", "python3 -m venv", "pip install -e '.[test]'", "python -m pytest -n auto")
+    for block in (body for kind, body in blocks_in(README) if kind == "sh"):
+        assert all(line.startswith(ours) for line in block.splitlines()), block
+
+
+BLOCKS = [body for kind, body in blocks_in(doc("clusters.md")) if kind == "python"]
+ENGINES = ("distributed", "joblib", "ray")
+NEEDS = [
+    next((name for name in ENGINES if re.search(rf"^(import|from) {name}\b", b, re.MULTILINE)), "zarr")
+    for b in BLOCKS
+]
+
+
+def ran(number: int, folder: Path) -> str:
+    if find_spec(NEEDS[number]) is None:
+        pytest.skip(f"{NEEDS[number]} is not installed")
+    (folder / "block.py").write_text(BLOCKS[number], encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "block.py"], cwd=folder, env=os.environ | {"PYTHONWARNINGS": "error"}, capture_output=True,
+        text=True, timeout=300, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_every_engine_of_the_page_has_a_block() -> None:
+    assert NEEDS == ["distributed", "joblib", "ray", "zarr"]
+
+
+# Dask itself is asked in test_clusters.py. Its block and that of ray start clusters of processes, which take long.
+@pytest.mark.parametrize(
+    "number", [pytest.param(0, marks=pytest.mark.deep), 1, pytest.param(2, marks=pytest.mark.deep)]
+)
+def test_a_block_runs(number: int, tmp_path: Path) -> None:
+    assert ("(2, 20000) 0" if NEEDS[number] == "ray" else "(2, 20000)") in ran(number, tmp_path)
+
+
+def test_the_block_that_keeps_paths_on_disk_runs(reader: Reader) -> None:
+    pytest.importorskip("zarr", reason="zarr is not installed")
+    reader.python(BLOCKS[NEEDS.index("zarr")])
+    assert (reader.folder / "paths.zarr").is_dir()

@@ -1,10 +1,10 @@
-"""Names in prose: each path and each dotted name that a page, a docstring or a comment has is there."""
+"""Names in prose are there: each path and each dotted name. First lines and comments on constants can be read alone."""
 
 import ast
 import re
 from collections.abc import Iterator
-from functools import cache
 from importlib import import_module
+from inspect import getsource
 from pathlib import Path
 
 import pytest
@@ -20,25 +20,6 @@ KEYS = ("sepv.words", "sepv.peers")
 STANDS_FOR_ANY = re.compile(r"[A-Z]{3,}|…|\b_?(?:heun|heisenberg|name|test_noise_scale)\b")
 
 
-@cache
-def top_level(file: Path) -> dict[str, ast.AST]:
-    """What a module defines or imports, without running it: adapters need their libraries."""
-    found: dict[str, ast.AST] = {}
-    for node in ast.parse(file.read_text(encoding="utf-8")).body:
-        match node:
-            case ast.FunctionDef(name=name) | ast.ClassDef(name=name):
-                found[name] = node
-            case ast.Assign(targets=targets):
-                found |= {
-                    t.id: node for target in targets for t in ast.walk(target) if isinstance(t, ast.Name)
-                }
-            case ast.AnnAssign(target=ast.Name(id=name)):
-                found[name] = node
-            case ast.Import(names=names) | ast.ImportFrom(names=names):
-                found |= {a.asname or a.name: node for a in names}
-    return found
-
-
 def place(parts: list[str]) -> Path:
     """The folder or file of a dotted name: the properties and references are installed below sepv."""
     if parts[:2] in (["sepv", "properties"], ["sepv", "reference"]):
@@ -49,32 +30,20 @@ def place(parts: list[str]) -> Path:
 def exists(name: str) -> bool:
     """Whether a dotted name is a module, or something in one."""
     parts = name.split(".")
-    known = next(
-        n for n in range(len(parts), -1, -1)
-        if not n or place(parts[:n]).is_dir() or place(parts[:n]).with_suffix(".py").is_file()
-    )  # fmt: skip
-    if known == len(parts):
-        return True
-    module, rest = place(parts[:known]), parts[known:]
-    file = module / "__init__.py" if module.is_dir() else module.with_suffix(".py")
-    node = top_level(file).get(rest[0]) if file.is_file() else None
-    if isinstance(node, ast.ClassDef) and len(rest) > 1:
-        return any(_defines(part, rest[1]) for part in ast.walk(node))
-    if node is not None and (len(rest) == 1 or not isinstance(node, (ast.Import, ast.ImportFrom))):
-        return True
-    found: object = import_module(".".join(parts[:known]))  # names that are given on demand
-    for part in rest:
-        if not hasattr(found, part):
-            return False
+    files = [place(parts[: n + 1]) for n in range(len(parts))]
+    known = sum(file.is_dir() or file.with_suffix(".py").is_file() for file in files)
+    try:
+        found: object = import_module(".".join(parts[:known]))
+    except ModuleNotFoundError:  # an adapter needs its library
+        text = files[known - 1].with_suffix(".py").read_text(encoding="utf-8")
+        return all(re.search(rf"^(def |class )?{part}\b", text, re.MULTILINE) for part in parts[known:])
+    for part in parts[known:]:
+        if not hasattr(found, part):  # a field without a default, or one that an instance alone has
+            return isinstance(found, type) and bool(
+                re.search(rf"\b{part}\b.* = |^ +{part}: ", getsource(found), re.M)
+            )
         found = getattr(found, part)
     return True
-
-
-def _defines(node: ast.AST, name: str) -> bool:
-    match node:
-        case ast.FunctionDef(name=own) | ast.Name(id=own) | ast.Attribute(attr=own):
-            return own == name
-    return False
 
 
 def names_in(text: str) -> Iterator[str]:
@@ -131,7 +100,8 @@ ROOMS = sorted(p for p in (ROOT / "sepv").rglob("__init__.py"))
 def test_modules_that_a_room_tells_to_read_are_in_it(room: Path) -> None:
     doc = ast.get_docstring(ast.parse(room.read_text(encoding="utf-8"))) or ""
     modules = [p for p in room.parent.rglob("*") if p.is_dir() or p.suffix == ".py"]
-    known = {p.stem for p in modules}.union(*(top_level(p) for p in modules if p.is_file()))
+    lines = "\n".join(p.read_text(encoding="utf-8") for p in modules if p.is_file())
+    known = {p.stem for p in modules}.union(re.findall(r"^(?:def |class )?(\w+)", lines, re.MULTILINE))
     asked = re.findall(r"`([a-z_]\w+)`", doc)
     assert [name for name in asked if name not in known and name not in NO_PYTHON] == []
 
@@ -144,3 +114,52 @@ def test_a_name_that_is_gone_is_seen() -> None:
     assert exists("sepv.properties.test_energy.law")
     assert list(names_in("see `sepv.problem._gone`, sepv.schemes.")) == ["sepv.problem._gone", "sepv.schemes"]
     assert list(files_in("tests/test_gone.py and reference/witnesses/LAW.json")) == ["tests/test_gone.py"]
+
+
+FOLDERS_OF_CODE = sorted(
+    {p.parent for folder in ("properties", "reference", "sepv") for p in (ROOT / folder).rglob("*.py")}
+)
+# A first line that begins so is a part of a sentence whose rest the reader has to guess.
+RIDDLE = re.compile(r"(What|Whether|Those|Of|As|The same|Its|That|This one|How|Who|Which|Where|When|Such)\b")
+# A first line or a comment of one or two plain words, such as "One path.", names nothing. A formula does.
+SHORT = re.compile(r"[A-Za-z-]+( [A-Za-z-]+)?\.?$")
+# Words for something that stands elsewhere: an argument, another function, a sentence before.
+POINTS_ELSEWHERE = re.compile(r"\b(so many|this word|the latter|the former|such ones)\b|^`_")
+
+
+def is_riddle(text: str) -> bool:
+    return bool(RIDDLE.match(text) or SHORT.match(text) or POINTS_ELSEWHERE.search(text))
+
+
+def docstrings(tree: ast.Module) -> Iterator[tuple[int, str]]:
+    for node in ast.walk(tree):
+        if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef)) and (doc := ast.get_docstring(node)):
+            yield node.body[0].lineno, doc.splitlines()[0]
+
+
+def comments_on_constants(tree: ast.Module, lines: list[str]) -> Iterator[tuple[int, str]]:
+    """The first lines of comments directly above an assignment of a module."""
+    for node in tree.body:
+        if isinstance(node, (ast.Assign, ast.AnnAssign)):
+            first = node.lineno - 1
+            while lines[first - 1].startswith("#"):
+                first -= 1
+            if first < node.lineno - 1:
+                yield first + 1, lines[first].lstrip("#: ")
+
+
+@pytest.mark.parametrize("room", FOLDERS_OF_CODE, ids=lambda room: str(room.relative_to(ROOT)))
+def test_first_lines_can_be_read_alone(room: Path) -> None:
+    riddles: list[str] = []
+    for file in sorted(room.glob("*.py")):
+        text = file.read_text(encoding="utf-8")
+        tree = ast.parse(text)
+        found = [*docstrings(tree), *comments_on_constants(tree, text.splitlines())]
+        riddles += [f"{file.relative_to(ROOT)}:{n}: {line}" for n, line in found if is_riddle(line)]
+    assert riddles == []
+
+
+def test_a_riddle_is_seen() -> None:
+    riddles = ["Of |ζ|.", "What a step is given.", "Whether it holds.", "One path.", "At most so many."]
+    assert all(map(is_riddle, riddles))
+    assert not any(map(is_riddle, ["y1 of a step.", "Whole powers are products.", "Φ(y) − y0."]))

@@ -28,9 +28,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_every_link_leads_somewhere_and_nothing_is_fetched(site: Path) -> None:
-    found = {
-        p: [about for _, about in Tags(p.read_text(encoding="utf-8")).tags] for p in site.rglob("*.html")
-    }
+    found = {p: [a for _, a in Tags(p.read_text(encoding="utf-8")).tags] for p in site.rglob("*.html")}
     ids = {page: {about.get("id") for about in tags} for page, tags in found.items()}
     assert len(found) > 20
     assert {"index", "api", "laws", "profiles"} <= {page.stem for page in found}

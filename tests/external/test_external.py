@@ -12,12 +12,10 @@ import numpy as np
 import pytest
 from doors import ended
 
-from sepv import problems
-from sepv.errors import SchemeFault, Skipped, UsageError
+from sepv import SchemeFault, Skipped, UsageError, problems
 from sepv.external import _errors as errors
 from sepv.external import check_protocol, load_program
-from sepv.verification import LAWS, Effort, Run, Verdict, load_laws, verify
-from sepv.verification._verify import measure
+from sepv.verification import LAWS, Effort, Run, Verdict, load_laws, measure, verify
 
 OSCILLATOR = problems.harmonic_oscillator()
 Y, DW = np.array([1.0, 0.5]), np.array([0.25])
@@ -118,6 +116,10 @@ MISBEHAVIOUR = {
     "speaks protocol 2": ("hello(protocol=2)", errors.BadAnswer, "the number 1"),
     "has no name": ("hello(scheme='')", errors.BadAnswer, "1 to 80 printable"),
     "has escapes in its name": ("hello(scheme='\\x1b[31m')", errors.BadAnswer, "1 to 80 printable"),
+    "claims an escape": ("hello(claims=['\\x1b[31m'])", errors.BadAnswer, "claims in hello"),
+    "has a tolerance beyond binary64":
+        ("hello(solver_tolerance='0x1p+999999')", errors.BadAnswer, "solver_tolerance in hello"),
+    "greets with NaN": ("put('{\"id\": 0, \"protocol\": NaN}\\n')", errors.NotJson, "NaN is not"),
     "misspells a member": ("hello(claim=['energy'])", errors.BadAnswer, "claim in hello"),
     "claims a text": ("hello(claims='energy')", errors.BadAnswer, "a list of names"),
     "takes no problem": ("hello(problems=[])", errors.BadAnswer, "what the program can be asked"),

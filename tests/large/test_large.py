@@ -9,8 +9,7 @@ import pytest
 from doors import python
 
 import sepv
-from sepv import large, schemes
-from sepv.errors import ProblemError, StepFailure
+from sepv import ProblemError, StepFailure, large, schemes
 from sepv.large import LargeProblem
 from sepv.large import _schemes as steps
 from sepv.problem import Array
@@ -45,11 +44,9 @@ def dense(problem: LargeProblem) -> sepv.Problem:
         return np.stack([mean(y0[:, k], y1[:, k]) for k in range(y0.shape[1])], axis=1)
 
     parts = (lambda y: problem.structure(y).toarray(), problem.energy, problem.gradient)
-    known = {"noise": problem.noise, "degree": problem.degree}
+    known = {"noise": problem.noise, "degree": problem.degree, "check": False}
     average = None if mean is None else mean_gradient
-    return sepv.Problem(
-        problem.dimension, *map(over_lanes, parts), mean_gradient=average, check=False, **known
-    )
+    return sepv.Problem(problem.dimension, *map(over_lanes, parts), mean_gradient=average, **known)
 
 
 @pytest.mark.parametrize("scheme", STEPS)

@@ -7,8 +7,7 @@ from typing import Any
 from doors import Tags
 
 from sepv.files import fault, schema
-from sepv.page import render
-from sepv.page._sources import Sources
+from sepv.page import Sources, render
 
 FORMULA = "$\\frac{$ <b>& \u4e2d"
 EVIL = [

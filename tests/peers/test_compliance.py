@@ -1,8 +1,11 @@
-"""The compliance table of other libraries' solvers, and the scripts that show their deviations."""
+"""The compliance table of other libraries' solvers, the scripts that show deviations, and the records of versions."""
 
 import ast
+import json
+import os
 import subprocess
 import sys
+from copy import deepcopy
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,17 +14,24 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from doors import ROOT
-from sepv.reference.peers.peer import Peer
+from sepv.reference.peers.peer import Peer, load
 from sepv.reference.peers.posing import PathSolver
 
+from benchmarks.peers import changes as trend
 from benchmarks.peers import compliance, deviations
 from benchmarks.peers import compliance_measurements as measurements
 from benchmarks.peers import compliance_rows as rows
+from benchmarks.peers import one_release as peer
+from benchmarks.peers import records as history
 from benchmarks.peers.deviations import Shown as Script
 from benchmarks.peers.deviations import _notes
-from sepv.errors import TargetError, UsageError
+from benchmarks.peers.environments import VERSIONS
+from benchmarks.peers.releases import main as releases
+from benchmarks.peers.trend import main as trends
+from benchmarks.peers.trend_page import page
+from sepv import Scheme, TargetError, UsageError
+from sepv.console import Shown
 from sepv.problem import Problem, vector_field
-from sepv.schemes import Scheme
 from sepv.verification import Effort, load_laws
 
 DOCS = ROOT / "docs"
@@ -190,3 +200,181 @@ def test_a_script_shows_its_deviation_without_sepv() -> None:
         pytest.skip(f"shown for torchsde 0.2.6, this is {torchsde.__version__}")
     script = DOCS / "peers" / "torchsde_milstein.py"
     assert subprocess.run([sys.executable, script], capture_output=True, check=False).returncode == 1
+
+
+RESULTS = ROOT / "results"
+
+
+def law(verdict: str, claimed: bool = True) -> dict[str, Any]:
+    return {"verdict": verdict, "claimed": claimed, "defect": None, "bound": 1.0, "unit": "", "message": ""}
+
+
+def record(version: str, limit: str = "holds", date: str = "2026-01-01", **changes: Any) -> dict[str, Any]:
+    made: dict[str, Any] = {
+        "format": 1, "library": "sdeint", "version": version, "date": date, "absent": [],
+        "suite": {
+            "version": "0.1.0", "laws_version": 1, "laws": ["right-limit"], "seed": 0, "examples": 12, "paths": 64,
+        },
+        "environment": {"python": "3.11.7", "machine": "x86_64", "packages": {"numpy": "2.0", "sdeint": version}},
+        "solvers": [{
+            "name": "heun", "source": "its manual", "mean_square_order": 1.0, "weak_order": None,
+            "laws": {"right-limit": law(limit), "identity": law("violated", claimed=False)},
+        }],
+        "scripts": [{"name": "s.py", "title": "sdeint heun: no", "deviates": limit == "violated", "output": "x"}],
+    }  # fmt: skip
+    return {**made, **changes}
+
+
+def written(folder: Path, *records: dict[str, Any]) -> list[history.Record]:
+    for data in records:
+        history.add(folder, data)
+    return history.load(folder)["sdeint"]
+
+
+def test_a_record_is_never_overwritten_and_a_second_one_has_its_date(tmp_path: Path) -> None:
+    first = history.add(tmp_path, record("0.3.0"))
+    before = first.read_bytes()
+    second = history.add(tmp_path, record("0.3.0", "violated", "2026-02-02"))
+    assert (first.name, second.name) == ("0.3.0.json", "0.3.0@2026-02-02.json")
+    assert first.read_bytes() == before
+    with pytest.raises(UsageError, match="never overwritten"):
+        history.add(tmp_path, record("0.3.0", "violated", "2026-02-02"))
+    assert history.recorded(tmp_path, "sdeint", "0.3.0") == [first, second]
+    assert not history.recorded(tmp_path, "sdeint", "0.3")
+
+
+def test_what_is_no_record_is_refused(tmp_path: Path) -> None:
+    wrong = deepcopy(record("0.3.0"))
+    wrong["solvers"][0]["laws"]["right-limit"]["verdict"] = "fine"
+    with pytest.raises(UsageError, match=r"\$.solvers\[0\].laws"):
+        history.add(tmp_path, wrong)
+    with pytest.raises(UsageError, match="without any"):
+        history.load(tmp_path)
+    (tmp_path / "sdeint").mkdir()
+    (tmp_path / "sdeint" / "0.1.json").write_text("{")
+    with pytest.raises(UsageError, match="write it anew"):
+        history.load(tmp_path)
+
+
+def test_versions_are_in_the_order_of_their_numbers(tmp_path: Path) -> None:
+    names = ["0.10.0", "0.2.4", "0.9.0rc1", "0.9.0"]
+    ordered = [r.version for r in written(tmp_path, *map(record, names))]
+    assert ordered == ["0.2.4", "0.9.0rc1", "0.9.0", "0.10.0"]
+
+
+def test_a_changed_verdict_is_named_with_its_version_and_with_what_else_changed(tmp_path: Path) -> None:
+    other = record("0.3.0")
+    other["environment"]["packages"]["numpy"] = "2.1"
+    records = written(tmp_path, record("0.2.0"), record("0.2.4", "violated"), other)
+    broke, mended = trend.changes(records)
+    assert (broke.law, broke.since, broke.version) == ("right-limit", "0.2.0", "0.2.4")
+    assert (broke.before, broke.after, broke.besides) == ("holds", "violated", ())
+    assert (mended.version, mended.after, mended.besides) == ("0.3.0", "holds", ("numpy 2.0 → 2.1",))
+    (deviation,) = trend.deviations(records)
+    assert (deviation.seen, deviation.mended) == (("0.2.4",), "0.3.0")
+    assert [trend.cell(r, "heun") for r in records] == ["holds", "violated: right-limit", "holds"]
+    text = page({"sdeint": records})
+    assert "| 0.2.4 | 0.2.0 | heun | *right-limit* | holds | violated | none |" in text
+    assert "| [`s.py`](peers/s.py) | 0.2.4 | 0.3.0 |" in text
+
+
+def test_a_lower_order_is_not_called_another_limit(tmp_path: Path) -> None:
+    slow = record("0.3.0", "violated")
+    slow["solvers"][0]["laws"]["mean-square-order"] = {**law("violated"), "defect": 0.55}
+    records = written(tmp_path, record("0.2.4"), slow)
+    assert "The error itself falls with h" in page({"sdeint": records})
+    slow["solvers"][0]["laws"]["mean-square-order"]["defect"] = 0.01
+    assert "The error itself falls" not in page({"sdeint": [history.Record(tmp_path, slow)]})
+
+
+def test_a_deviation_that_comes_back_is_not_mended() -> None:
+    assert trend._mended([("1", True), ("2", False), ("3", True)]) == ""
+    assert trend._mended([("1", True), ("2", None), ("3", False), ("4", False)]) == "3"
+    assert trend._mended([("1", False), ("2", False)]) == ""
+
+
+def test_a_solver_that_came_is_a_change_of_the_whole(tmp_path: Path) -> None:
+    more = record("0.3.0")
+    more["solvers"].append({**deepcopy(more["solvers"][0]), "name": "srk"})
+    (change,) = trend.changes(written(tmp_path, record("0.2.4"), more))
+    assert (change.solver, change.law, change.before, change.after) == ("srk", "", "absent", "there")
+
+
+def test_the_page_of_the_site_is_made_of_these_records() -> None:
+    """Remade by: sepv trend results --out docs/trend.md."""
+    assert (ROOT / "docs" / "trend.md").read_text(encoding="utf-8") == page(history.load(RESULTS))
+
+
+def test_every_version_that_was_tried_is_recorded_with_at_least_two_of_each_library() -> None:
+    found = {name: {r.version for r in records} for name, records in history.load(RESULTS).items()}
+    assert {name: set(versions) for name, versions in VERSIONS.items()} == found
+    assert all(len(versions) >= 2 for versions in found.values())
+
+
+def test_no_record_has_an_address_or_a_path() -> None:
+    for path in RESULTS.glob("*/*.json"):
+        text = path.read_text(encoding="utf-8")
+        assert "://" not in text, path
+        assert "/site-packages/" not in text, path
+
+
+def test_trend_prints_the_changes_and_writes_json(tmp_path: Path) -> None:
+    written(tmp_path / "results", record("0.2.4"), record("0.3.0", "violated"))
+    out = tmp_path / "trend.json"
+    done = CliRunner().invoke(trends, [str(tmp_path / "results"), "-q", "--json", str(out)])
+    assert done.exit_code == 0
+    assert "sdeint 0.2.4 → 0.3.0: heun, right-limit: holds → violated" in done.stdout
+    assert json.loads(out.read_text())["sdeint"]["versions"] == ["0.2.4", "0.3.0"]
+    assert CliRunner().invoke(trends, [str(tmp_path / "none")]).exit_code == 2
+    unknown = CliRunner().invoke(trends, [str(tmp_path / "results"), "--library", "torchsde"])
+    assert unknown.exit_code == 2
+    assert "measure it first" in unknown.stderr
+
+
+def test_peers_lists_its_records_and_leaves_alone_what_is_recorded(tmp_path: Path) -> None:
+    written(tmp_path, record("0.2.4"))
+    listed = CliRunner().invoke(releases, ["--results", str(tmp_path)])
+    assert (listed.exit_code, listed.stdout) == (0, "sdeint: 0.2.4\n")
+    again = CliRunner().invoke(releases, ["sdeint", "0.2.4", "--results", str(tmp_path)])
+    assert again.exit_code == 0
+    assert "--again measures it once more" in again.stderr
+    assert CliRunner().invoke(releases, ["numpy", "2.0"]).exit_code == 2
+
+
+def test_a_version_that_cannot_be_installed_is_said_so_without_an_address(tmp_path, monkeypatch):
+    """A program in uv's place that fails as uv does where it has no index, and prints an address."""
+    uv = tmp_path / "uv"
+    uv.write_text("#!/bin/sh\necho 'error: no solution found: https://index.example/sdeint/' >&2\nexit 1\n")
+    uv.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    done = CliRunner().invoke(releases, ["sdeint", "0.0.1", "--results", str(tmp_path / "r")])
+    assert done.exit_code == 3
+    assert "sdeint==0.0.1 was not measured" in done.stderr
+    assert "no solution found: …" in done.stderr
+    assert "Remedy: uv needs an index" in done.stderr
+    assert "://" not in done.stderr
+    assert not (tmp_path / "r").exists()
+
+
+def test_without_uv_the_remedy_is_its_installation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    done = CliRunner().invoke(releases, ["sdeint", "0.3.0", "--results", str(tmp_path)])
+    assert done.exit_code == 3
+    assert "Remedy: pip install uv" in done.stderr
+
+
+def test_a_library_that_is_installed_here_is_recorded_as_the_schema_says(tmp_path, monkeypatch):
+    sdeint = pytest.importorskip("sdeint", reason="sdeint is not installed")
+    whole = load("sdeint")
+    few = replace(whole, schemes={"strat-heun": whole.schemes["strat-heun"]}, paths=())
+    monkeypatch.setattr(peer, "load", lambda _library: few)
+    monkeypatch.setattr(peer, "ASKED", ("identity", "noise-sum", "local-mean"))
+    found = peer.record("sdeint", Effort(examples=2, paths=64, shrink_checks=0), None, None, Shown())
+    path = history.add(tmp_path, found)
+    (loaded,) = history.load(tmp_path)["sdeint"]
+    assert (path.stem, loaded.version) == (sdeint.__version__, sdeint.__version__)
+    entry = loaded.solvers["stratHeun"]
+    seen = {name: said["verdict"] for name, said in entry["laws"].items()}
+    assert seen == {"identity": "violated", "noise-sum": "holds", "local-mean": "holds"}
+    assert trend.broken(entry) == {}  # identity is not claimed
+    assert "numpy" in loaded.data["environment"]["packages"]

@@ -13,8 +13,7 @@ from sepv.reference.equations_by_class import equation_for
 from sepv.reference.steps import reference_step
 
 import sepv
-from sepv import problems, schemes
-from sepv.errors import ProblemError, StepFailure
+from sepv import ProblemError, StepFailure, problems, schemes
 from sepv.problem import (
     CommutingStructure,
     PolynomialSystem,

@@ -3,15 +3,13 @@
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from sepv.reference.balls import ball, from_mpf, precision, real_balls
 from sepv.reference.certify import NotCertified, certify, krawczyk_image
 from sepv.reference.equations import EQUATIONS
 from sepv.reference.steps import reference_step
 
-from sepv import problems
-from sepv.errors import UsageError
-from sepv.problem import PolynomialSystem
+from sepv import PolynomialSystem, UsageError, problems
 from sepv.verification import Case, strategies
 
 pytest.importorskip("flint", reason="the extra certify is not installed")
@@ -49,7 +47,6 @@ def terms_of_energy(case: Case, y1) -> float:
     return sum(abs(c) * math.prod(r**k for r, k in zip(reach, powers, strict=True)) for powers, c in terms)
 
 
-@settings(max_examples=40)
 @given(strategies.any_steps())
 def test_random_steps_are_certified_with_their_invariants(case: Case) -> None:
     step = reference_step("energy-preserving", case.problem, case.y, case.h, case.dW)
@@ -89,13 +86,6 @@ def test_a_centre_outside_the_box_proves_nothing() -> None:
         # From the middle of the box the same test fails for the right reason: it is mapped towards the zero at 10.24.
         with pytest.raises(NotCertified, match="is mapped to"):
             krawczyk_image(defect, [value(arb(10))], [arb(10)], box)
-
-
-def test_another_step_is_refused() -> None:
-    y, h, dW = start("pendulum")
-    step = reference_step("energy-preserving", PAPER["pendulum"], y, h, dW)
-    with pytest.raises(NotCertified):
-        certify(PAPER["pendulum"], y, h + 2.0**-53, dW, step)
 
 
 @pytest.mark.parametrize("x", [0.0, 1e-300, 1e-5, 0.0009, 0.0011, 0.3, -0.4])

@@ -13,11 +13,9 @@ from sepv.properties._orders.several_fields import heun
 from sepv.reference.paper import deterministic, extensions, lemma, local, remarks
 from sepv.reference.paper.several_with_areas import step_with_areas
 
-from sepv import problems
-from sepv.exact import exact_flow
+from sepv import exact_flow, problems
 from sepv.exact._dense_flow import FlowFailure
-from sepv.problem import Problem, vector_field
-from sepv.problem._fields import derivative_along
+from sepv.problem import Problem, derivative_along, vector_field
 from sepv.problems._common import structure
 from sepv.schemes import energy_preserving
 from sepv.simulate import _wiener as wiener

@@ -1,23 +1,33 @@
-"""Compiled code: its names and caches, what cannot be compiled, and the same bits on any threads and workers."""
+"""Compiled code: names, caches, straight-line pieces, the same bits on any workers, and patches that are needed."""
 
 import gc
+import math
 import subprocess
 import sys
 import weakref
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from doors import python
 from engines import EP, backwards, same
+from hypothesis.internal.conjecture import providers
+from llvmlite import ir
 
 import sepv
 from sepv import problems, schemes
+from sepv._patches import add_attribute, without_local_constants
 from sepv.simulate._compiled.block_run import Chunk
 from sepv.simulate._ensembles.task import Task
 
 pytest.importorskip("numba", reason="the extra `fast` is not installed")
+from numba import njit
+
+from sepv.simulate._compiled.functions import fma, logarithm, not_, select, sincos
+from sepv.simulate._compiled.llvm import lane_piece, loaded
 
 
 def test_any_constant_that_reaches_compiled_code_changes_its_name(monkeypatch) -> None:
@@ -194,12 +204,95 @@ def test_the_fingerprint_tells_schemes_problems_starts_and_steps_apart() -> None
 
     def fingerprint(key: str, engine: str) -> str:
         scheme, problem, h, y0 = asked[key]
-        return sepv.ensemble(scheme, problem, h=h, steps=2, paths=20, y0=y0, engine=engine).about[
-            "fingerprint"
-        ]
+        ends = sepv.ensemble(scheme, problem, h=h, steps=2, paths=20, y0=y0, engine=engine)
+        return ends.about["fingerprint"]
 
     found = {key: fingerprint(key, "compiled") for key in asked}
     assert len(set(found.values())) == len(asked)
     # The second time it is kept, and in NumPy made anew.
     assert found == {key: fingerprint(key, "compiled") for key in asked}
     assert found == {key: fingerprint(key, "numpy") for key in asked}
+
+
+L, PARAMETERS, NAN, HALF = 4, ("c0", "p0"), math.nan, 0.5
+LINES = [
+    "u = buffer[n, 1, k]",
+    "y = S[0 + k]",
+    "a = fma(c0, u, -y) * p0 - 2.0 / y",
+    "b = select((a > 0.0) & not_(u <= y) | (y == HALF), a, NAN)",
+    "t = sincos(u)",
+    "r = t[0] + t[1] ** 3.0 + logarithm(abs(a)) + (h - bound) * 2 + n",
+    "S[4 + k] = b",
+    "S[8 + k] = r",
+    "I[k] = select(r != r, 7, -first)",
+    "total += select(I[k] < 0, 1, 0)",
+    "total += k",
+]
+
+
+def by_python(S: np.ndarray, I: np.ndarray, buffer: np.ndarray, n: int, k: int, q: tuple[float, ...]) -> int:
+    """The same lines."""
+    names: dict[str, Any] = {
+        "S": S, "I": I, "buffer": buffer, "n": n, "k": k, "first": 3, "h": 0.25, "bound": 0.125, "HALF": HALF,
+        "NAN": NAN, "c0": q[0], "p0": q[1], "total": 0, "abs": abs, "not_": lambda v: not v,
+        "fma": lambda a, b, c: float(np.longdouble(a) * np.longdouble(b) + np.longdouble(c)),
+        "select": lambda c, a, b: a if c else b, "logarithm": lambda x: float(np.log(x)),
+        "sincos": lambda x: (math.sin(x), math.cos(x)),
+    }  # fmt: skip
+    exec("\n".join(LINES), names)
+    return int(names["total"])
+
+
+def test_the_lines_of_a_lane_are_its_instructions() -> None:
+    known = {"PARAMETERS": PARAMETERS, "NAN": NAN, "HALF": HALF}
+    known |= {"fma": fma, "not_": not_, "select": select, "sincos": sincos, "logarithm": logarithm}
+    piece, parameters = lane_piece(LINES, "total", known), loaded(2)
+
+    @njit(error_model="numpy")
+    def all_lanes(S: Any, I: Any, buffer: Any, P: Any) -> int:
+        q = parameters(P)
+        total = 0
+        for k in range(L):
+            total += piece(S, I, buffer, 1, k, 3, 0.25, 0.125, q)
+        return total
+
+    rng = np.random.default_rng(0)
+    buffer, P = rng.standard_normal((2, 3, L)), np.array([1.5, -0.75])
+    S, I = rng.standard_normal(3 * L), np.zeros(L, dtype=np.int64)
+    S[2] = HALF
+    mine, counts = S.copy(), I.copy()
+    expected = sum(by_python(mine, counts, buffer, 1, k, tuple(P)) for k in range(L))
+    assert all_lanes(S, I, buffer, P) == expected
+    assert np.array_equal(I, counts)
+    # Functions of lanes are right to an ulp, and sums of three of them lose no more than a few.
+    assert np.allclose(S, mine, rtol=1e-14, atol=1e-14, equal_nan=True)
+    assert np.isnan(mine).any()
+    assert not np.isnan(mine).all()
+
+
+WIDTH = '"prefer-vector-width"="512"'
+
+
+def test_numba_imports_scipy_linalg_for_a_question_and_the_patch_puts_that_off(tmp_path: Path) -> None:
+    say = "import sys, numba.np.arraymath; print('scipy.linalg' in sys.modules)"
+    assert python(say, folder=tmp_path) == "True"
+    patched = f"from sepv._patches import put_off_blas; put_off_blas(); {say}"
+    assert python(patched, folder=tmp_path) == "False"
+
+
+def test_llvmlite_refuses_an_attribute_that_llvm_knows_and_the_patch_adds_it() -> None:
+    function = ir.Function(ir.Module(), ir.FunctionType(ir.VoidType(), ()), "f")
+    with pytest.raises(ValueError, match="unknown attr"):
+        function.attributes.add(WIDTH)
+    add_attribute(function.attributes, WIDTH)
+    assert WIDTH in str(function)
+
+
+def test_hypothesis_reads_constants_of_loaded_modules_and_the_patch_hides_them(tmp_path: Path) -> None:
+    (tmp_path / "full_of_constants.py").write_text("SEEN = [0.123, 4.5, 6.75e3]\n")
+    say = "from hypothesis.internal.conjecture import providers as p; print(0.123 in p._get_local_constants().floats)"
+    assert python(f"import full_of_constants; {say}", folder=tmp_path) == "True"
+    before = providers._get_local_constants
+    with without_local_constants():
+        assert providers._get_local_constants() == providers.Constants()
+    assert providers._get_local_constants is before

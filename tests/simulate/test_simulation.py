@@ -1,5 +1,6 @@
-"""Paths and ensembles: the same numbers however they are asked for, and no failure unmarked."""
+"""Paths and ensembles: the same numbers however they are asked for, reduced chunk by chunk, and no failure unmarked."""
 
+import math
 from dataclasses import replace
 from fractions import Fraction
 from functools import partial
@@ -7,6 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from engines import EP, PENDULUM, backwards, position
+from hypothesis import given
+from hypothesis import strategies as st
 
 import sepv
 from sepv import problems, schemes
@@ -15,9 +19,10 @@ from sepv.schemes import continued, divided
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._batch import Batch, run_chunk
+from sepv.simulate._results.reductions import FEWEST, Summary, summary
+from sepv.simulate._results.sketch import ACCURACY, Sketch, sketch
 from sepv.simulate._run_arguments import checked, step_count
-from sepv.solve import Status
-from sepv.solve._solution import Solution
+from sepv.solve import Solution, Status
 
 # These are about the NumPy batch; the compiled engine has its own file.
 ensemble = partial(sepv.ensemble, engine="numpy")
@@ -38,22 +43,13 @@ def test_a_path_of_an_ensemble_is_the_single_path() -> None:
     assert np.array_equal(few.W, many.W[:, :5])
 
 
-def test_failed_paths_are_marked_and_the_others_go_on() -> None:
-    problem = problems.lotka_volterra()
-    result = ensemble(schemes.energy_preserving, problem, h=1 / 8, T=1.0, paths=100, seed=0)
-    failed = result.status != Status.CONVERGED
-    assert 10 < failed.sum() < 70  # 41 % of the paths meet a step without solution at this step size
-    assert np.all((result.failed_step >= 0) == failed)
-    assert np.all(np.isfinite(result.y))
-    # Eight steps of states up to 100: roundings of ν ln y and of y itself, |∇H||y| ≤ 300 with a dozen eps each.
-    assert result.energy_defect[~failed].max() < 8 * 12 * EPS * 300
-    # Path 0 of a seed is path 0 of its ensemble: take a seed whose path 0 fails.
-    seed = next(
-        s for s in range(20)
-        if ensemble(schemes.energy_preserving, problem, h=1 / 8, T=1.0, paths=1, seed=s).status[0]
-    )  # fmt: skip
+def test_a_single_path_that_fails_is_an_error() -> None:
+    """Path 0 of a seed is path 0 of its ensemble: at this step size 41 % of the paths meet a step without solution."""
+    run = {"h": 1 / 8, "T": 1.0}
+    problem, scheme = problems.lotka_volterra(), schemes.energy_preserving
+    seed = next(s for s in range(20) if ensemble(scheme, problem, paths=1, seed=s, **run).status[0])
     with pytest.raises(sepv.StepFailure, match="Remedy"):
-        sepv.integrate(schemes.energy_preserving, problem, h=1 / 8, T=1.0, seed=seed)
+        sepv.integrate(scheme, problem, seed=seed, **run)
 
 
 def test_whether_t_is_a_multiple_of_h_does_not_depend_on_the_unit_of_time() -> None:
@@ -247,3 +243,100 @@ def test_a_truncation_that_costs_the_order_is_a_warning_to_the_caller() -> None:
         with pytest.warns(TruncationWarning) as seen:
             run(schemes.midpoint, problems.rigid_body(), h=0.25, steps=1, truncation=1)
         assert [w.filename for w in seen] == [__file__]
+
+
+SMALL: dict[str, Any] = {"h": 1 / 16, "T": 0.5, "paths": 3000, "chunk": 256, "seed": 5}
+NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
+
+
+def energy(ends: Any) -> Any:
+    return PENDULUM.hamiltonian(ends.y)
+
+
+BOTH = {"q": position, "H": energy}
+
+
+@given(st.lists(NUMBERS, min_size=1, max_size=60), st.floats(0, 1))
+def test_a_quantile_is_within_its_accuracy_of_the_order_statistic(values: list[float], p: float) -> None:
+    found = sketch(values).quantile(p)
+    exact = sorted(values)[math.floor(p * (len(values) - 1))]
+    # The logarithm is rounded, which moves an edge between buckets by some eps·ln|x| of the number.
+    assert abs(found - exact) <= ACCURACY * (1 + 1e-9) * abs(exact) + np.finfo(float).tiny
+
+
+@given(st.lists(NUMBERS, max_size=30), st.lists(NUMBERS, max_size=30))
+def test_sketches_merge_exactly_and_in_any_order(one: list[float], other: list[float]) -> None:
+    whole, left, right = sketch([*one, *other]), sketch(one), sketch(other)
+    for merged in (left.merge(right), right.merge(left)):
+        assert np.array_equal(merged.keys, whole.keys)
+        assert np.array_equal(merged.counts, whole.counts)
+
+
+def test_moments_of_a_known_sample() -> None:
+    found = summary(np.array([1.0, 2.0, 3.0, 4.0]), np.zeros(4, dtype=int))
+    assert (found.mean, found.variance, found.skewness) == (2.5, 5 / 3, 0.0)
+    assert found.kurtosis == pytest.approx(1.64)
+    assert found.standard_error == pytest.approx(math.sqrt(5 / 12))
+    assert (found.quantile(0), found.quantile(1)) == (1.0, 4.0)
+    assert math.isnan(Summary().standard_error)
+    with pytest.raises(sepv.UsageError, match="at least one number"):
+        Sketch().quantile(0.5)
+
+
+def test_failed_paths_and_values_that_are_none_are_left_out_and_counted() -> None:
+    found = summary(np.array([1.0, np.nan, 5.0, np.inf]), np.array([0, 0, 2, 0]))
+    assert (found.count, found.failed, found.not_finite, found.mean) == (1, 1, 2, 1.0)
+    with np.errstate(over="raise"):
+        assert summary(np.array([1e200, -1e200]), np.zeros(2, dtype=int)).variance == math.inf
+
+
+def test_an_ensemble_that_is_reduced_keeps_no_path_and_says_the_same() -> None:
+    whole = sepv.ensemble(EP, PENDULUM, **SMALL)
+    found = sepv.ensemble(EP, PENDULUM, reduce=BOTH, **SMALL)
+    assert found.y.shape == (2, 0)
+    assert found.gradient_evaluations == whole.gradient_evaluations
+    q = found.reduced["q"]
+    assert (q.count, q.failed) == (3000, 0)
+    assert q.mean == pytest.approx(whole.y[0].mean(), rel=1e-13)
+    assert q.variance == pytest.approx(whole.y[0].var(ddof=1), rel=1e-12)
+    assert (q.minimum, q.maximum) == (whole.y[0].min(), whole.y[0].max())
+    # The sums of twelve chunks, from the mean of all.
+    off = whole.y[0] - whole.y[0].mean()
+    for k, total in enumerate(q.sums, start=2):
+        assert total == pytest.approx(np.sum(off**k), abs=1e-12 * np.sum(np.abs(off) ** k))
+    median = np.sort(whole.y[0])[1499]
+    assert abs(q.quantile(0.5) - median) <= ACCURACY * abs(median)
+
+
+def test_the_bits_of_a_reduction_are_the_same_for_any_workers() -> None:
+    one = sepv.ensemble(EP, PENDULUM, reduce=BOTH, **SMALL).reduced
+    for workers in (2, map, backwards):
+        other = sepv.ensemble(EP, PENDULUM, reduce=BOTH, workers=workers, **SMALL).reduced
+        for name in BOTH:
+            assert (one[name].mean, one[name].sums) == (other[name].mean, other[name].sums)
+            assert np.array_equal(one[name].sketch.counts, other[name].sketch.counts)
+
+
+def test_it_stops_at_the_first_chunk_that_reaches_the_error_for_any_workers() -> None:
+    arguments = SMALL | {"paths": 10**6, "chunk": 512}
+    found = [
+        sepv.ensemble(EP, PENDULUM, reduce=BOTH, until={"q": 0.02}, workers=w, **arguments).reduced["q"]
+        for w in (1, 2, map)
+    ]
+    assert len({(q.count, q.mean) for q in found}) == 1
+    assert found[0].standard_error <= 0.02
+    assert FEWEST <= found[0].count < 10**5
+    fewer = arguments | {"paths": found[0].count - 512}
+    last = sepv.ensemble(EP, PENDULUM, reduce=BOTH, **fewer).reduced["q"]
+    assert last.standard_error > 0.02 or last.count < FEWEST
+
+
+def test_an_interrupted_reduction_has_the_first_chunks() -> None:
+    def interrupt(done: int, _all: int) -> None:
+        if done >= 512:
+            raise KeyboardInterrupt
+
+    with pytest.raises(sepv.Interrupted) as kept:
+        sepv.ensemble(EP, PENDULUM, reduce=BOTH, progress=interrupt, **SMALL)
+    assert kept.value.paths == range(512)
+    assert kept.value.ensemble.reduced["q"].count == 512

@@ -1,17 +1,16 @@
-"""Newton's iteration on equations of one or two unknowns: what it reports, and each of its safeguards on its own."""
+"""Newton's iteration: what it reports, each of its safeguards on its own, and one lane to the bits of a batch."""
 
 from collections.abc import Callable
+from dataclasses import fields
 
 import numpy as np
 import pytest
 
-from sepv import problems
-from sepv.errors import StepFailure
-from sepv.solve import Increment, Status
+from sepv import StepFailure, problems
+from sepv.solve import Equations, Evaluation, Increment, Solution, Status, require_converged
 from sepv.solve import _damped as damped
 from sepv.solve._from_record import Record
-from sepv.solve._newton import MAX_HALVINGS, into_domain, iterate
-from sepv.solve._solution import Equations, Evaluation, Solution, require_converged
+from sepv.solve._newton import MAX_HALVINGS, into_domain, iterate, newton
 
 EPS = 2.0**-52
 
@@ -44,6 +43,7 @@ class Counted:
         return solution
 
 
+@pytest.mark.parametrize("lanes", [1, 3])
 class TestLastCorrection:
     """z = c − rz with a slope r(1 + off), for y = 1: each correction is off·r/(1 + r) of the one before."""
 
@@ -60,14 +60,12 @@ class TestLastCorrection:
         )
         return system.solve(np.zeros((1, lanes)))
 
-    @pytest.mark.parametrize("lanes", [1, 3])
     def test_it_is_applied_however_small_beside_the_state(self, lanes: int) -> None:
         """The second correction is 0.1 ulp of y, and 3 ulps of z."""
         found = self.solved(2.0**-5, 2.0**-46, lanes)
         assert np.all(np.abs(found.value - 2.0**-5 / 1.25) <= EPS * 2.0**-6)
         assert found.iterations.tolist() == [2] * lanes
 
-    @pytest.mark.parametrize("lanes", [1, 3])
     def test_it_is_left_out_where_it_leaves_the_domain(self, lanes: int) -> None:
         """The domain ends at the first iterate."""
         first = 2.0**-5 / (1 + self.r * (1 + 2.0**-46))
@@ -75,7 +73,6 @@ class TestLastCorrection:
         assert found.status.tolist() == [Status.CONVERGED] * lanes
         assert np.all(found.value == first)
 
-    @pytest.mark.parametrize("lanes", [1, 3])
     def test_it_is_left_out_where_a_record_says_so(self, lanes: int) -> None:
         """Corrections of −1/8 and of 2⁻⁵⁴; the second leaves the domain."""
 
@@ -255,3 +252,76 @@ def test_the_first_lane_that_failed_is_the_failure() -> None:
     assert (failure.delta, failure.residual, failure.iterations) == (2.2, 7.0, 5)
     fine = Solution(-y, solution.residual, solution.iterations, status, status, 0 * status)
     assert require_converged(problem, y, 0.2, dW, fine) is fine.value
+
+
+TINY = 1e-310
+# By lane: the size of y0, R and its slope (as the scheme says it), for the first unknown; the second is `second` of it.
+LANES = {
+    "contracts": (1.0, lambda z: 0.5 * np.cos(z), lambda z: -0.5 * np.sin(z)),
+    "slope left out": (1.0, lambda z: 1 - 0.6 * z, lambda z: 0 * z),
+    "large": (1e6, lambda z: 1e6 * np.cos(1e-6 * z), lambda z: -np.sin(1e-6 * z)),
+    "back to zero": (1.0, lambda z: -np.cos(1e-3 * z), lambda z: 1e-3 * np.sin(1e-3 * z)),
+    "subnormal": (TINY, lambda z: TINY * np.cos(z), lambda z: -TINY * np.sin(z)),
+    "grown from little": (1e-20, lambda z: 0 * z + 1, lambda z: 0 * z),
+    "grown from nothing": (0.0, lambda z: 0 * z + 1, lambda z: 0 * z),
+    "at rest": (1.0, lambda z: 0 * z, lambda z: 0 * z),
+    "singular": (1.0, lambda z: z + 1, lambda z: 0 * z + 1),
+    "infinite": (1.0, lambda z: z + np.inf, lambda z: 0 * z),
+    "infinite slope": (1.0, lambda z: 0 * z + 1, lambda z: z + np.inf),
+    "cancels": (1.0, lambda z: (1e4 + 0.5 * np.cos(z)) - 1e4, lambda z: -0.5 * np.sin(z)),
+    "rounds of a turn": (1.0, lambda z: 3 * np.sin(7 * z) + 1, lambda z: 21 * np.cos(7 * z)),
+    "leaves the domain": (1.0, lambda z: 0 * z + 1e30, lambda z: 0 * z),
+    "no quadrature": (1.0, lambda z: 0.5 * np.cos(z), lambda z: -0.5 * np.sin(z)),
+}
+NAMES = list(LANES)
+
+
+def second(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """An unknown far below the first one, with a rounding of its own."""
+    return 0.5e-35 * np.cos(1e35 * z), -0.5 * np.sin(1e35 * z)
+
+
+def equations(*, exact: bool) -> Equations:
+    def evaluate(z: np.ndarray, lanes: np.ndarray) -> Evaluation:
+        columns = [(LANES[NAMES[lane]], z[:, k]) for k, lane in enumerate(lanes)]
+        below = second(z[1])
+        R = np.stack([np.array([R(x[0]) for (_, R, _), x in columns]), below[0]])
+        reliable = np.array([NAMES[lane] != "no quadrature" for lane in lanes])
+        count = np.ones(len(lanes), dtype=np.int64)
+
+        def slopes() -> tuple[np.ndarray, int]:
+            K = np.zeros((2, 2, len(lanes)))
+            K[0, 0] = [slope(x[0]) for (_, _, slope), x in columns]
+            K[1, 1] = below[1]
+            return K, 0
+
+        return Evaluation(Increment(R, count, 2 * count, reliable), slopes)
+
+    size = np.array([[LANES[name][0] for name in NAMES], [0.0] * len(NAMES)])
+    magnitude = lambda z, _: np.full(z.shape[1], 1e4)  # noqa: E731
+    return Equations(size, evaluate, exact=exact, inside=lambda z, _: z[0] < 1e7, magnitude=magnitude)
+
+
+@pytest.mark.parametrize("differences", [False, True])
+@pytest.mark.parametrize("exact", [False, True])
+def test_one_lane_has_the_bits_of_that_lane_in_a_batch(exact: bool, differences: bool) -> None:
+    system, numbers = equations(exact=exact), np.arange(len(NAMES))
+    batch = newton(system, np.zeros((2, len(NAMES))), numbers, differences=differences)
+    for k, name in enumerate(NAMES):
+        alone = newton(system, np.zeros((2, 1)), numbers[k : k + 1], differences=differences)
+        for field in fields(batch):
+            one, many = getattr(alone, field.name), getattr(batch, field.name)
+            assert (one is None) == (many is None)
+            if one is not None:
+                assert one.dtype == many.dtype
+                np.testing.assert_array_equal(one[..., 0], many[..., k], err_msg=f"{name}: {field.name}")
+
+
+def test_each_lane_ends_in_its_own_way() -> None:
+    found = newton(equations(exact=True), np.zeros((2, len(NAMES))), np.arange(len(NAMES)), differences=False)
+    endings = {name: Status(int(s)) for name, s in zip(NAMES, found.status, strict=True) if s}
+    assert endings == {
+        "singular": Status.SINGULAR, "infinite": Status.OVERFLOW, "infinite slope": Status.OVERFLOW,
+        "leaves the domain": Status.LEFT_DOMAIN, "no quadrature": Status.QUADRATURE,
+        "slope left out": Status.NO_CONVERGENCE,
+    }  # fmt: skip

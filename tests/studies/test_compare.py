@@ -240,9 +240,8 @@ QUICK = "--steps 4,8 --paths 32 --repeats 1"
 def test_the_command_prints_and_writes(call: Callable[..., Result], tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     code = "from sepv.schemes._midpoint import step as mine\n"
-    result = call(
-        f"compare energy-preserving mine:mine {QUICK} --json c.json --csv c.csv --picture c.svg", code
-    )
+    files = "--json c.json --csv c.csv --picture c.svg"
+    result = call(f"compare energy-preserving mine:mine {QUICK} {files}", code)
     assert result.exit_code == 0, result.output
     for word in ("rigid-body", "energy-preserving", "mine:mine", "strong error", "ns/step", "1e-02"):
         assert word in result.output

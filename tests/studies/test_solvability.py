@@ -1,13 +1,13 @@
-"""Solvability: branches with folds that can be computed by hand, and probabilities against simulation."""
+"""Solvability: folds that can be computed by hand, probabilities against simulation, and paths that leave a set."""
 
-import json
 import math
 
 import numpy as np
 import pytest
-from doors import command, obeys
+from doors import command, written
 
 import sepv
+from benchmarks.exits import SETS, bound, measured, moments
 from sepv import problems, schemes
 from sepv.simulate import _truncation as bounded
 from sepv.studies._solvability.branch import End, follow
@@ -32,23 +32,6 @@ def test_a_pole_is_an_escape_to_infinity() -> None:
     branch = follow(FOLDED, START, -10.0)
     assert branch.end.tolist() == [End.INFINITY, End.INFINITY]
     assert branch.reach == pytest.approx(3.0, rel=0.01)
-
-
-def test_points_of_a_branch_solve_the_equation() -> None:
-    branch = follow(FOLDED, START, 1.0)
-    q1 = 1 + branch.z[:, 1, 0]
-    delta = branch.delta[:, 0]
-    seen = np.isfinite(delta)
-    assert seen.sum() > 10
-    left = delta * q1 * q1 + (delta - 3) * q1 + delta + 3
-    assert np.max(np.abs(left[seen])) < 1e-10
-
-
-def test_steps_are_solved_before_the_fold_and_refused_beyond() -> None:
-    fold = 2 * math.sqrt(3) - 3
-    for share, solved in ((0.999, True), (1.001, False)):
-        found = schemes.energy_preserving.solve(FOLDED, START, share * fold, np.zeros((1, 2)))
-        assert ((found.status == 0) == solved).all()
 
 
 def test_bounded_levels_have_solutions_as_far_as_asked() -> None:
@@ -147,13 +130,11 @@ def test_truncation_makes_far_steps_impossible() -> None:
 
 
 def test_the_command_prints_numbers_and_writes_json(tmp_path) -> None:
-    out = tmp_path / "map.json"
-    words = "solvability lotka-volterra --range 0.5 --states 6 --grid 4 --time 2 --until 1 --paths 4"
-    shown = command(f"{words} --json {out}", COLUMNS="140").output
+    line = "solvability lotka-volterra --range 0.5 --states 6 --grid 4 --time 2 --until 1 --paths 4"
+    wrong = ({"safe": [0.0]}, {"map": [[5]]}, {"truncation": 0}, {"paths": [{}]}, {"a": 1})
+    shown, data = written(line, tmp_path / "map.json", "solvability", *wrong, COLUMNS="140")
     words = "solution connected to y0, turns back at a fold, 2^-3, worst, rough from, first exit, safe"
     assert not [word for word in words.split(", ") if word not in shown]
-    data = json.loads(out.read_text())
-    obeys(data, "solvability", {"safe": [0.0]}, {"map": [[5]]}, {"truncation": 0}, {"paths": [{}]}, {"a": 1})
     assert len(data["forward"]["reach"]) == len(data["theta"]) == 6
     assert len(data["map"][0]) == len(data["delta"]) == 8
     assert sum(data["findings"].values()) == 48
@@ -182,3 +163,65 @@ def test_a_fold_predicts_the_failures_of_steps() -> None:
     arguments = {"h": h, "T": h, "paths": 4096, "seed": 4, "engine": "numpy", "y0": y[:, 0]}
     ends = sepv.ensemble(schemes.energy_preserving, problem, **arguments)
     assert abs(np.mean(ends.status != 0) - chance) < 6 * math.sqrt(chance / 4096)
+
+
+PATHS = 400
+
+
+@pytest.fixture(scope="module")
+def pendulum():
+    return SETS["pendulum"][0]()
+
+
+@pytest.mark.parametrize(
+    ("scheme", "limit_of", "steps", "within"),
+    [
+        ("midpoint", "midpoint", 16, True),
+        ("euler-heun", "euler-heun", 64, True),
+        ("euler-maruyama", "midpoint", 16, False),
+    ],
+)
+def test_no_more_paths_leave_than_the_bound_allows(pendulum, scheme, limit_of, steps, within) -> None:
+    """The lower end of a one-sided interval of level 1e-6, the false-alarm rate of this test.
+
+    Euler-Maruyama drifts, and leaves D more often than the midpoint rule may.
+    """
+    low, _ = measured(pendulum, scheme, steps, PATHS).interval(2e-6)
+    allowed = bound(pendulum, limit_of, steps)
+    assert allowed < 1
+    assert (low <= allowed) == within
+
+
+def test_the_energy_preserving_scheme_never_leaves_and_its_bound_is_rounding(pendulum) -> None:
+    found = measured(pendulum, "energy-preserving", 16, PATHS)
+    assert found.left == 0
+    assert bound(pendulum, "energy-preserving", 16) < 1e-24
+
+
+def test_errors_of_paths_that_stay_have_order_one(pendulum) -> None:
+    """Halved four times with h; 400 paths on the same seeds, where the ratio's spread is some per cent."""
+    coarse, fine = (measured(pendulum, "midpoint", n, PATHS).rms for n in (16, 64))
+    assert 2.5 < coarse / fine < 7
+
+
+def test_the_moments_of_a_step_fall_as_theory_says(pendulum) -> None:
+    """The midpoint rule moves H by Δ³G + O(Δ⁴): m = O(h²), v = O(h³)."""
+    (m0, v0), (m1, v1) = (moments(pendulum, "midpoint", h) for h in (2.0**-8, 2.0**-10))
+    assert np.log2(m0 / m1) / 2 == pytest.approx(2, abs=0.15)
+    assert np.log2(v0 / v1) / 2 == pytest.approx(3, abs=0.15)
+
+
+def test_energy_and_casimir_of_lotka_volterra_bound_a_compact_set() -> None:
+    """With u = ln y2, v = ln y3 and C = C(y0), H = 2 exp(C − (u + v)/2) + e^u + 2e^v + u − 2v is convex.
+
+    Of all directions only zero has −(u + v), u, v ≤ 0: H grows in each, and far out exceeds H(y0).
+    """
+    D = SETS["lotka-volterra"][0]()
+    y0 = np.asarray(D.problem.initial)
+    C0, angles = float(D.F(y0)), np.linspace(0, 2 * np.pi, 720)
+    u, v = 12 * np.array([np.cos(angles), np.sin(angles)])
+    y = np.array([np.exp(C0 - 0.5 * (u + v)), np.exp(u), np.exp(v)])
+    assert np.allclose(D.F(y), C0, atol=1e-10)
+    formula = 2 * y[0] + y[1] + 2 * y[2] + u - 2 * v
+    assert np.allclose(D.problem.hamiltonian(y), formula, rtol=1e-10)
+    assert np.min(formula) > D.problem.hamiltonian(y0) + 1

@@ -1,27 +1,25 @@
-"""What the contract sees beyond one question asked twice, what comes seldom, and what it leaves alone."""
+"""What the contract sees beyond one question asked twice and what it leaves alone; steps that have no solution."""
 
 from contextlib import nullcontext
 from dataclasses import replace
+from random import Random
 from typing import Any
 
 import numpy as np
 import pytest
-from doors import finding
+from doors import finding, says
+from drawn import refusing
 from sepv.properties import _without_memory
+from sepv.properties._without_solution import legendre_sum, made, proof
 from sepv.reference.faults.saboteurs import SABOTEURS
 
-from sepv import StepFailure, schemes
-from sepv.errors import SchemeFault
-from sepv.problem import Array, Problem
-from sepv.schemes import Scheme, midpoint
-from sepv.verification import Effort, Finding, Verdict, verify
-from sepv.verification._verify import replay
+import sepv
+from sepv import SchemeFault, StepFailure, schemes
+from sepv.problem import Array, Problem, Systems
+from sepv.schemes import Scheme, collocation, energy_preserving, midpoint
+from sepv.verification import Case, Effort, Verdict, replay, verify
 
 FEW: dict[str, Any] = {"examples": 1, "shrink_checks": 0}
-
-
-def measured(scheme: Any, law: str = "contract") -> Finding:
-    return finding(scheme, law, **FEW)
 
 
 @pytest.mark.parametrize(
@@ -37,9 +35,7 @@ def measured(scheme: Any, law: str = "contract") -> Finding:
     ],
 )
 def test_a_step_that_is_not_pure_is_found(name: str, said: str) -> None:
-    found = measured(SABOTEURS[name].scheme)
-    assert found.verdict is Verdict.VIOLATED
-    assert said in found.message
+    says(SABOTEURS[name].scheme, "contract", "violated", said, **FEW)
 
 
 def test_a_change_of_an_argument_is_an_error_of_every_law() -> None:
@@ -48,19 +44,13 @@ def test_a_change_of_an_argument_is_an_error_of_every_law() -> None:
         y *= 1.0 + (len(y) == 3)  # in three dimensions alone
         return y1
 
-    found = measured(step, "identity")
-    assert found.verdict is Verdict.ERROR
-    assert "y unchanged by the step" in found.message
+    says(step, "identity", "error", "y unchanged by the step", **FEW)
 
 
 def test_a_step_for_contiguous_arrays_alone_is_left_alone() -> None:
-    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-        if not (y.flags.c_contiguous and y.flags.writeable):
-            raise ValueError("buffer source array is read-only, or not contiguous")
-        return midpoint.step(problem, y, h, dW)
-
-    found = measured(Scheme("typed", step))
-    assert found.verdict is Verdict.HOLDS, found.message
+    odd = lambda problem, y, h, dW: not (y.flags.c_contiguous and y.flags.writeable)  # noqa: E731
+    step = refusing(ValueError("buffer source array is read-only, or not contiguous"), odd, midpoint.step)
+    says(Scheme("typed", step), "contract", "holds", **FEW)
 
 
 def test_a_step_that_returns_nan_where_nothing_solves_it_is_none_of_the_contract() -> None:
@@ -70,8 +60,7 @@ def test_a_step_that_returns_nan_where_nothing_solves_it_is_none_of_the_contract
         except ArithmeticError:
             return np.full_like(y, np.nan)
 
-    found = measured(step)
-    assert found.verdict is Verdict.HOLDS, found.message
+    says(step, "contract", "holds", **FEW)
 
 
 MODULE = """
@@ -127,14 +116,13 @@ def refuse(y: Array, _: Array) -> Array:
     ids=["an ulp", "an ulp, seldom", "left out", "refused"],
 )
 def test_what_is_wrong_in_one_of_a_thousand_calls_is_found(period: int, spoil) -> None:
-    found = measured(counting(period, spoil))
-    assert found.verdict is Verdict.VIOLATED
-    assert period < 1000 or "asked 1024 times in a row" in found.message
+    words = ["asked 1024 times in a row"] * (period >= 1000)
+    says(counting(period, spoil), "contract", "violated", *words, **FEW)
 
 
 def test_the_witness_of_a_seldom_fault_is_found_again() -> None:
     saboteur = SABOTEURS["thousandth-call"]
-    witness = measured(saboteur.scheme).witness
+    witness = finding(saboteur.scheme, "contract", **FEW).witness
     assert witness is not None
     assert witness["times"] == 1024
     assert replay(saboteur.scheme, "contract", witness).verdict is Verdict.VIOLATED
@@ -151,7 +139,7 @@ def test_a_scheme_too_slow_to_be_asked_so_often_is_asked_as_often_as_time_allows
         asked[0] += 1
         return schemes.energy_preserving.step(problem, y, h, dW)
 
-    assert measured(Scheme("slow", step)).verdict is Verdict.HOLDS
+    says(Scheme("slow", step), "contract", "holds", **FEW)
     assert asked[0] < 1500  # 1,060 without the repeats, a thousand more with them
 
 
@@ -166,7 +154,7 @@ def test_increments_at_each_others_place_are_seen_whatever_their_number(noises: 
         return schemes.several_structures.step(moved, y, h, dW[order])
 
     scheme = replace(schemes.several_structures, name="turned", step=turned, solve=None)
-    assert measured(scheme, "noise-sum").verdict is Verdict.VIOLATED
+    says(scheme, "noise-sum", "violated", **FEW)
 
 
 def test_several_structures_summed_in_any_order_keep_noise_sum() -> None:
@@ -177,7 +165,7 @@ def test_several_structures_summed_in_any_order_keep_noise_sum() -> None:
         return schemes.several_structures.step(moved, y, h, dW[order])
 
     scheme = replace(schemes.several_structures, name="backward", step=backward, solve=None)
-    assert measured(scheme, "noise-sum").verdict is Verdict.HOLDS
+    says(scheme, "noise-sum", "holds", **FEW)
 
 
 @pytest.mark.parametrize(("size", "accused"), [(1e-20, False), (1e-3, True)])
@@ -186,3 +174,98 @@ def test_a_state_that_is_lost_in_the_rounding_of_the_answer_is_no_second_questio
     with pytest.raises(SchemeFault) if accused else nullcontext() as caught:
         _without_memory.tells_apart(y, 0.75 * y, answer, answer.copy(), _without_memory.APART)
     assert (caught is not None) is accused
+
+
+SEEDED = Effort(examples=2, seed=5)
+
+
+def shortened(case: Case, share: float) -> Case:
+    return replace(case, h=share * case.h, dW=tuple(share * w for w in case.dW))
+
+
+@pytest.mark.parametrize("systems", [Systems.SINGLE, Systems.NAMBU])
+def test_the_quadratic_equation_is_that_component_of_the_step(systems: Systems) -> None:
+    """Against y1 − y0 − Δ B(ȳ)∇̄H from the problem's own functions, Gauss nodes for the average, at any y1."""
+    nodes, weights = np.polynomial.legendre.leggauss(5)
+    rng = np.random.default_rng(2)
+    for n in range(40):
+        case = made(Random(n), systems)
+        why, (problem, y, h, dW) = proof(case), case.build()
+        assert why is not None
+        size = np.max(np.abs(y)) + 1.0
+        y1 = y + size * rng.standard_normal(len(y))
+        along = y[:, None] + 0.5 * (1 + nodes) * (y1 - y)[:, None]
+        mean = problem.gradient(along) @ weights / 2
+        flow = problem.random_step(h, dW) * (problem.structure(0.5 * (y + y1)) @ mean)
+        terms = np.abs(y1 - y) + np.abs(flow)
+        left = abs((y1 - y - flow)[why.place])
+        residual = float(why.residual(y[why.place], y1[why.place]))
+        assert residual == pytest.approx(left, abs=1e-12 * terms.max())
+        assert 0 < float(why.least) <= left * (1 + 1e-9)
+
+
+def test_where_the_proof_ends_the_step_is_solved() -> None:
+    """A case is at most nine times as long as to its fold: the first of these shares that is inside is solved."""
+    for n in range(12):
+        case = made(Random(n), Systems.SINGLE)
+        shares = 2.0 ** -np.arange(0, 5, 1 / 16)
+        share = next(s for s in shares if proof(shortened(case, s)) is None)
+        inside = shortened(case, 0.98 * share)
+        assert np.all(np.isfinite(energy_preserving.step(*inside.build())))
+
+
+def test_the_legendre_sum_bounds_what_a_polynomial_gains() -> None:
+    """|u(1) − u(0)|² ≤ K_s ∫u², with equality for Σ over odd n of (2n + 1) P_n."""
+    rng = np.random.default_rng(3)
+    for s in range(1, 8):
+        extremal = [(2 * n + 1) * (n % 2) for n in range(s + 1)]
+        for coefficients, ratio in ((rng.standard_normal(s + 1), None), (extremal, 1.0)):
+            u = np.polynomial.Legendre(coefficients, domain=[0, 1])
+            gain = (u(1.0) - u(0.0)) ** 2
+            integral = (u * u).integ()(1.0) - (u * u).integ()(0.0)
+            assert gain <= legendre_sum(s) * integral * (1 + 1e-12)
+            if ratio:
+                assert gain == pytest.approx(legendre_sum(s) * integral)
+
+
+def test_systems_with_a_rest_point_are_not_claimed_to_have_no_solution() -> None:
+    data = sepv.problems.harmonic_oscillator().data
+    assert data is not None
+    assert proof(Case(data, (1.0, 0.5), 100.0, (0.0,))) is None
+
+
+@pytest.mark.parametrize("scheme", ["collocation-3", "both-invariants", "several-structures"])
+def test_what_refuses_holds(scheme: str) -> None:
+    assert says(scheme, "refusal", "holds", examples=2, seed=5).claimed
+
+
+@pytest.mark.parametrize("name", [n for n in SABOTEURS if n.endswith("where-unsolved")])
+def test_a_state_that_is_returned_is_a_violation(name: str) -> None:
+    report = verify(SABOTEURS[name].scheme, laws="refusal", effort=SEEDED)
+    (found,) = report.findings
+    assert found.verdict is Verdict.VIOLATED
+    assert "(2.1) has no solution" in found.message
+    assert report.replay("refusal").verdict is Verdict.VIOLATED
+
+
+def test_a_lane_that_is_not_solved_and_says_that_it_is_violates() -> None:
+    solve = collocation(2).solve
+    assert solve is not None
+
+    def all_solved(problem: Problem, y: Array, h: float, dW: Array) -> object:
+        solution = solve(problem, y, h, dW)
+        return replace(solution, status=np.zeros_like(solution.status))
+
+    wrong = replace(collocation(2), solve=all_solved)
+    says(wrong, "refusal", "violated", "of which the status says that it is solved")
+
+
+def test_of_another_equation_the_report_says_what_comes() -> None:
+    words = ("does not claim reference", "the explicit step (")
+    assert not says("euler-heun", "refusal", "not applicable", *words).claimed
+
+
+def test_whoever_claims_reference_claims_refusal() -> None:
+    step = refusing(StepFailure("no step"))
+    assert "refusal" in Scheme("mine", step, claims=["reference"]).claims
+    assert "refusal" not in Scheme("mine", step, claims=["energy"]).claims

@@ -1,16 +1,21 @@
-"""What a run leaves for other programs: JSON by its schema, JUnit XML, a badge, expected failures."""
+"""What a run leaves for others: JSON by its schema, JUnit XML, a badge, expected failures, and marks on GitHub."""
 
+import inspect
 import json
+import re
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import jsonschema
 import numpy as np
 import pytest
 from doors import command, obeys
+from drawn import refusing
 
-from sepv import schemes
-from sepv.errors import UsageError
+import sepv
+from sepv import Effort, Report, Scheme, UsageError, Verdict, schemes, verify
 from sepv.files import (
     RESULTS,
     SCHEMAS,
@@ -22,20 +27,17 @@ from sepv.files import (
     write_atomically,
     write_json,
 )
-from sepv.schemes import Scheme
-from sepv.verification import Effort, Report, verify
+from sepv.verification._github import error_lines, step_summary
 from sepv.verification._junit_and_badge import junit_xml
+from sepv.verification._profiles import requirements
 
 FEW = Effort(examples=2, paths=256, shrink_checks=20)
 
 
-def broken(problem, y, h, dW):
-    raise RuntimeError("</script>\x00\x1b broken 💥")
-
-
 @pytest.fixture(scope="module")
 def made() -> dict[str, Report]:
-    one, evil = Scheme("one", schemes.midpoint.step, truncation=None), Scheme("<b>\u202e&\x01", broken)
+    one = Scheme("one", schemes.midpoint.step, truncation=None)
+    evil = Scheme("<b>\u202e&\x01", refusing(RuntimeError("</script>\x00\x1b broken 💥")))
     return {
         "good": verify("energy-preserving", laws="energy,truncation", effort=FEW),
         "unclaimed": verify("midpoint", laws="energy,casimir", effort=FEW),
@@ -158,15 +160,9 @@ def test_expected_failures_are_strict_both_ways(tmp_path: Path) -> None:
     command(f"verify discrete-gradient {few} --claim casimir --expected {file}", 1)
 
 
-# Euler-Maruyama on the Stratonovich coefficients as they are: it converges to the Itô solution.
 ITO = """
-import sepv
-from sepv.problem._fields import vector_field
-
-def step(problem, y, h, dW):
-    return y + vector_field(problem, y) * problem.random_step(h, dW)
-
-scheme = sepv.Scheme("ito", step, mean_square_order=0.5, batched=True)
+import drawn, sepv
+scheme = sepv.Scheme("ito", drawn.euler, mean_square_order=0.5, batched=True)
 """
 
 
@@ -177,3 +173,81 @@ def test_statistical_laws_can_be_expected_failures(tmp_path: Path, monkeypatch: 
     command(f"{asked} --paths 256 --write-expected {file}", 1)
     assert "seed = 0" in file.read_text()
     command(f"{asked} --expected {file}")
+
+
+EVIL = "a|b\n::error::x% <img src=x> [l](http://x) `c`\r\x1b[31m"
+
+
+def drifting(problem: Any, y: Any, h: float, dW: Any) -> Any:
+    return y + 1e-3
+
+
+def measured(step: Any = drifting, **more: Any) -> sepv.Report:
+    return sepv.verify(step, laws="identity,truncation", effort=FEW, **more)
+
+
+def hostile() -> sepv.Report:
+    report = measured(claims="identity")
+    findings = tuple(replace(f, message=EVIL, source=EVIL, unit=EVIL) for f in report.findings)
+    scheme = replace(report.scheme, name=EVIL)
+    return replace(report, scheme=scheme, findings=findings, target=EVIL, gaps=(EVIL,))
+
+
+def test_each_claimed_violation_is_an_error_at_the_line_of_the_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    report = measured(claims="identity")
+    monkeypatch.chdir(Path(__file__).parents[1])
+    (found,) = error_lines(report)
+    line = inspect.getsourcelines(drifting)[1]
+    assert found.startswith(
+        f"::error file=verification/test_files.py,line={line},title=sepv%3A identity::identity "
+    )
+    assert "%0A" in found
+    monkeypatch.chdir("/")
+    monkeypatch.setattr(inspect, "getsourcefile", lambda _: None)
+    assert error_lines(report)[0].startswith("::error title=sepv%3A identity::")
+    assert error_lines(measured()) == []  # what nobody claims is no error
+
+
+def test_profiles_that_are_missing_and_gaps_are_annotated() -> None:
+    report = replace(measured(), required=requirements("energy"), gaps=("The pin is about another.",))
+    missing, gap = error_lines(report)
+    assert missing.startswith("::error title=sepv::required and not found: energy")
+    assert gap == "::warning title=sepv::The pin is about another."
+
+
+def test_an_error_of_all_laws_is_one_annotation() -> None:
+    report = measured(refusing(RuntimeError("no luck")))
+    same = tuple(replace(f, verdict=Verdict.ERROR, message="a\nb\nc") for f in report.findings)
+    report = replace(report, findings=same)
+    assert len(error_lines(report)) == 1
+    assert step_summary(report).count("<details>") == 1
+
+
+def test_text_of_strangers_is_no_markup_and_no_command() -> None:
+    lines = error_lines(hostile())
+    assert len(lines) == 2
+    assert all(re.fullmatch(r"::(error|warning) [^:\n\r]*::[^\n\r\x1b]*", line) for line in lines)
+    text = step_summary(hostile())
+    assert "<img" not in text
+    assert "\x1b" not in text
+    table = [line for line in text.splitlines() if line.startswith("|")]
+    assert {line.count("|") for line in table} == {8}
+    outside = re.sub(r"<pre>.*?</pre>", "", text, flags=re.DOTALL)
+    assert "`" not in outside
+    assert "[l]" not in outside
+
+
+def test_the_command_adds_to_the_summary_and_keeps_its_exit_code(tmp_path: Path) -> None:
+    line = "verify midpoint --law energy --claim energy --examples 2 -q"
+    summary = tmp_path / "summary.md"
+    summary.write_text("before\n")
+    done = command(line, 1, GITHUB_STEP_SUMMARY=str(summary), GITHUB_ACTIONS="true")
+    assert done.stderr.count("::error title=sepv%3A energy::energy (Prop. 3.1) violated") == 1
+    assert "::error" not in done.stdout
+    text = summary.read_text()
+    assert text.startswith("before\n### ❌ sepv: midpoint\n")
+    assert "| energy | yes | violated |" in text
+    assert "replay: sepv verify midpoint --law energy --replay" in text
+    done = command(line, 1, GITHUB_STEP_SUMMARY=str(tmp_path / "no" / "file"), GITHUB_ACTIONS="")
+    assert "sepv: no summary for GitHub: " in done.stderr
+    assert "::error" not in done.stderr

@@ -1,24 +1,22 @@
-"""Orders from errors of one step: right schemes hold with their own claims, wrong ones show by their slopes.
+"""Orders from errors of one step, at every decade of h: right schemes hold their claims, wrong ones show by slopes."""
 
-And on the problems that a user names: fast, slow, without noise, with seven; as data, and as functions alone.
-"""
-
+import math
 import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from sepv.properties._orders.local_errors import local_states
+from doors import says
+from drawn import clipping, euler, refusing, right
+from sepv.properties import test_truncation as truncation
+from sepv.properties._orders import any_step
+from sepv.properties._orders.local_errors import cases, local_states, two_noises
 from sepv.properties._orders.local_moments import moments_at
 from sepv.properties._orders.local_orders import judge_slope
 
-from sepv import problems, schemes
-from sepv.errors import Skipped, StepFailure
-from sepv.exact import exact_flow
+from sepv import Effort, Report, Skipped, StepFailure, Verdict, exact_flow, problems, schemes, verify
 from sepv.problem import Array, HamiltoniansProblem, Problem, vector_field
-from sepv.schemes import Scheme, energy_preserving
-from sepv.schemes._scheme import Step, as_lanes
-from sepv.verification import Report, Verdict, verify
+from sepv.schemes import Scheme, Step, as_lanes, energy_preserving
 
 LOCAL = ("local-mean", "local-mean-square", "local-weak")
 H = 2.0 ** -np.arange(6.0, 27.0, 2.0)
@@ -121,24 +119,12 @@ def test_a_claim_above_the_true_order_is_violated(base: str, changes: dict[str, 
     assert verdicts(replace(schemes.by_name(base), **changes))[1] == "violated"
 
 
-def clipped(k: float) -> Scheme:
-    """(2.1) that clips its increments at A_h(k) inside the step, and says k = 2."""
-
-    def step(p: Problem, y: Array, h: float, dW: Array) -> Array:
-        bound = np.sqrt(2 * k * abs(np.log(h)) * h)
-        return energy_preserving.step(p, y, h, np.clip(dW, -bound, bound))
-
-    return around(step)
-
-
 @pytest.mark.parametrize(
     ("k", "verdict"), [(0.5, "violated"), (1, "violated"), (1.8, "violated"), (2, "holds")]
 )
 def test_a_scheme_that_clips_more_than_it_says_does_not_take_its_increments(k: float, verdict: str) -> None:
-    (finding,) = verify(clipped(k), laws=["truncation"]).findings
-    assert finding.verdict.value == verdict
-    if verdict == "violated":
-        assert "does not respond to ΔW_" in finding.message
+    words = ["does not respond to ΔW_"] * (verdict == "violated")
+    says(around(clipping(k)), "truncation", verdict, *words)
 
 
 def test_order_five_does_not_pass_for_six() -> None:
@@ -149,12 +135,8 @@ def test_order_five_does_not_pass_for_six() -> None:
 
 def test_steps_that_fail_where_they_are_large_accuse_nobody() -> None:
     def fails(least: float) -> Scheme:
-        def step(p: Problem, y: Array, h: float, dW: Array) -> Array:
-            if abs(float(p.random_step(h, dW))) > least:
-                raise StepFailure("too large")
-            return schemes.milstein.step(p, y, h, dW)
-
-        return around(step, batched=False)
+        large = lambda p, y, h, dW: abs(float(p.random_step(h, dW))) > least  # noqa: E731
+        return around(refusing(StepFailure("too large"), large, schemes.milstein.step), batched=False)
 
     assert verdicts(fails(0.1)) == ["holds"] * 3
     report = measured(fails(1e-4))
@@ -164,15 +146,9 @@ def test_steps_that_fail_where_they_are_large_accuse_nobody() -> None:
 
 @pytest.mark.parametrize("law", [*LOCAL, "mean-square-order", "weak-order", "rounding"])
 def test_problems_that_a_scheme_skips_are_named_and_the_others_judged(law: str) -> None:
-    def step(p: Problem, y: Array, h: float, dW: Array) -> Array:
-        if p.dimension == 2:
-            raise Skipped("three dimensions only")
-        return energy_preserving.step(p, y, h, dW)
-
-    (found,) = verify(around(step), laws=[law]).findings
-    assert found.verdict is Verdict.HOLDS
+    step = refusing(Skipped("three dimensions only"), lambda p, *_: p.dimension == 2)
+    found = says(around(step), law, "holds", "rigid-body")
     assert re.search("pendulum.*: skipped.* three dimensions only", found.message)
-    assert "rigid-body" in found.message
 
 
 def test_a_run_asks_the_scheme_for_few_steps_and_once_for_all_three_laws() -> None:
@@ -298,8 +274,87 @@ def test_orders_of_functions_are_judged_as_those_of_the_same_data() -> None:
         seen = []
         for problem in ("random-inertia", as_functions("random-inertia")):
             found = verify(scheme, laws=LOCAL, problems=problem).findings
-            seen.append(
-                [(f.verdict.text, round((f.witness or {})["measured"][0]["slope"], 1)) for f in found]
-            )
+            seen.append([(f.verdict.text, round(f.witness["measured"][0]["slope"], 1)) for f in found])
         assert seen[0] == seen[1]
         assert seen[0][0][0] == mean
+
+
+def verdict(step: Step, law: str, seed: int = 0, **changes: object) -> Verdict:
+    scheme = replace(energy_preserving, step=step, solve=None, **changes)
+    return verify(scheme, laws=[law], effort=Effort(seed=seed)).findings[0].verdict
+
+
+def in_window(low: float, high: float, wrong: Step) -> Step:
+    return lambda p, y, h, dW: (wrong if low < h < high else right)(p, y, h, dW)
+
+
+@pytest.mark.parametrize("decade", range(-10, -1))
+def test_no_decade_is_left_out(decade: int) -> None:
+    low, high = 10.0**decade, 10.0 ** (decade + 1)
+    assert verdict(in_window(low, high, clipping(1)), "truncation") is Verdict.VIOLATED
+    if -9 <= decade < -1:  # below, the error of a step of order one is no more than 1e-9
+        assert verdict(in_window(low, high, euler), "local-mean-square") is Verdict.VIOLATED
+
+
+def test_a_step_that_explodes_in_a_window_is_seen() -> None:
+    far = in_window(1e-4, 1e-3, lambda p, y, h, dW: right(p, y, h, dW) + 1e60)
+    assert verdict(far, "local-mean-square") is Verdict.VIOLATED
+
+
+def divided(length: float) -> Step:
+    """(2.1) in equal parts that are no longer than a length in seconds: errors fall with a slope of ½ above it."""
+
+    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        parts = min(64, math.ceil(h / length))
+        for _ in range(parts):
+            y = right(problem, y, h / parts, dW / parts)
+        return y
+
+    return step
+
+
+def hybrid(short: Step, length: float, long: Step = right) -> Step:
+    return lambda p, y, h, dW: (short if h < length else long)(p, y, h, dW)
+
+
+RIGHT: dict[str, Step] = {
+    "parts of 0.01": divided(0.01),
+    "parts of 1e-5": divided(1e-5),
+    "Euler-Heun below 0.001": hybrid(schemes.euler_heun.step, 1e-3),
+    "Euler-Heun above 1e-5": hybrid(right, 1e-5, schemes.euler_heun.step),
+    "order 8 below 0.001": hybrid(schemes.explicit(8).step, 1e-3),
+    "order 8": schemes.explicit(8).step,
+}
+
+
+@pytest.mark.parametrize("name", RIGHT)
+@pytest.mark.parametrize("seed", range(3))
+def test_right_schemes_with_lengths_of_their_own_hold(name: str, seed: int) -> None:
+    """Their errors have other constants below and above some h, or a low slope where they are small."""
+    for law in ("truncation", "local-mean-square"):
+        assert verdict(RIGHT[name], law, seed) is Verdict.HOLDS
+
+
+def test_one_scheme_has_one_constant_in_every_unit_of_time() -> None:
+    """With the same u = νh and noise the numbers are the same, whatever h is; so are the errors."""
+    found = list(any_step._pairs(energy_preserving, two_noises(), 0))
+    for louder in any_step.LOUDER:
+        long = [pair for pair in found if pair.louder == louder and pair.unit < 1]
+        errors = np.array([pair.errors for pair in long])
+        assert len(long) >= 2
+        assert np.ptp(np.log(errors), axis=0) == pytest.approx(0, abs=1e-3)
+
+
+def test_a_larger_noise_allows_each_term_its_growth() -> None:
+    one, loud = (any_step.Pair(two_noises(), 2.0**-12, 1.0, c, np.ones(2), 0.0) for c in (1.0, 16.0))
+    assert loud.growth(one, 1.0) == 16**3
+    assert one.growth(loud, 1.0) == 1
+    assert replace(one, h=2.0**-8).growth(one, 1.0) == 4**3
+
+
+def test_steps_of_the_response_are_small_beside_the_slope() -> None:
+    rng = np.random.default_rng(0)
+    for problem in cases(energy_preserving.systems):
+        for posed, h, A in truncation._steps(energy_preserving, problem, 0, 2, rng.random(40)):
+            slope = truncation.rates_at(posed, np.array(posed.initial))[1]
+            assert slope * (h + posed.c[0] * math.sqrt(h) * A) <= truncation.REACH * (1 + 1e-9)

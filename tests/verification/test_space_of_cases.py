@@ -1,32 +1,38 @@
-"""The space of cases: designs meet every possible pair, cases lie where their row says, and they replay to the bit."""
+"""The space of cases: designs meet every possible pair, axes have open ends, and cases lie where their row says."""
 
 import re
 import time
+from dataclasses import replace
+from functools import partial
 from itertools import combinations
 
 import doors
 import numpy as np
 import pytest
-from doors import command
+from doors import command, says
+from drawn import refusing
+from sepv.properties import test_energy as energy
+from sepv.reference.faults.saboteurs import SABOTEURS
 
-from sepv import problems
-from sepv.errors import Skipped
-from sepv.problem import NamedProblem, PolynomialSystem, Systems
+from sepv import Skipped, problems, schemes
+from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem, Systems, mechanics
 from sepv.problem import Problem as ProblemRecord
 from sepv.problems.shown_to_schemes import GIVEN, shown
 from sepv.schemes import Scheme, ask, energy_preserving, milstein
-from sepv.verification import Case, Cases, Verdict, load_laws, verify
+from sepv.verification import Case, Cases, Verdict, load_laws, replay, step_residual, verify
 from sepv.verification import _corpus as corpus
 from sepv.verification import _coverage as coverage
 from sepv.verification._cases import case as cases
+from sepv.verification._cases.case import to_json
+from sepv.verification._cases.classes import CLASSES
 from sepv.verification._cases.covering import pairwise, shown_pairs
-from sepv.verification._cases.fixed_cases import fixed_cases, for_energy
+from sepv.verification._cases.ends import beyond, in_other_units
+from sepv.verification._cases.fixed_cases import fixed_cases, for_energy, long_steps
 from sepv.verification._cases.random_cases import MANY
 from sepv.verification._cases.shrink import shrunk
-from sepv.verification._cases.strata import Levels, Space
+from sepv.verification._cases.strata import FAR, NEAR, STILL, UNDONE, UNEVEN, Levels, Space
 from sepv.verification._contraction import contraction_radius
 from sepv.verification._search import MOST_SKIPPED
-from sepv.verification._verify import replay
 
 KINDS = (Systems.SINGLE, Systems.NAMBU, Systems.SEVERAL, Systems.HAMILTONIANS)
 SINGLE = Cases().space(Systems.SINGLE)
@@ -225,26 +231,19 @@ def test_a_scheme_that_takes_nothing_is_asked_about_little() -> None:
         calls.append(1)
         raise Skipped("never")
 
-    finding = verify(Scheme("picky", step), laws=["energy"]).finding("energy")
-    assert finding.verdict is Verdict.NOT_APPLICABLE
+    says(Scheme("picky", step), "energy", "not applicable", "cases skipped: never")
     known, rows = corpus.cases("energy", Systems.SINGLE), space_of(Systems.SINGLE, "energy").design().rows
     fixed = len((*known, *rows, *fixed_cases(), *for_energy(), *SINGLE.kinds))
     assert fixed <= len(calls) <= fixed + 2 * MOST_SKIPPED
-    assert "cases skipped: never" in finding.message
 
 
 def test_who_takes_no_negative_h_is_accused_of_nothing() -> None:
-    def step(problem, y, h, dW):
-        if h < 0:
-            raise ValueError("math domain error")
-        return energy_preserving.step(problem, y, h, dW)
-
-    finding = doors.finding(Scheme("forward", step), "energy", examples=2)
-    assert finding.verdict is Verdict.HOLDS
-    assert "cases skipped: a step back in time, h < 0, ended in " in finding.message
+    step = refusing(ValueError("math domain error"), lambda problem, y, h, dW: h < 0)
+    words = "cases skipped: a step back in time, h < 0, ended in "
+    found = says(Scheme("forward", step), "energy", "holds", words, examples=2)
     said = "the first: The scheme (refused the step by|raised) ValueError: math domain"
-    assert re.search(said, finding.message)
-    assert len(finding.message.splitlines()) == 1
+    assert re.search(said, found.message)
+    assert len(found.message.splitlines()) == 1
 
 
 def test_what_a_search_finds_does_not_depend_on_the_clock() -> None:
@@ -279,3 +278,142 @@ def test_a_counterexample_is_simplified_with_so_many_checks_and_no_more() -> Non
         doors.finding("milstein", "casimir", examples=1, shrink_checks=n).checks for n in (0, 5, 50)
     )
     assert as_found < few <= as_found + 6 < many
+
+
+def length(case: Case) -> float:
+    return abs(case.h) + float(np.sum(np.abs(problems.build(case.problem).c * case.dW)))
+
+
+def test_a_few_seeds_reach_the_ends_of_every_axis() -> None:
+    cases = [case for seed in range(6) for _, case in SINGLE.cases(seed)]
+    systems = [case.problem for case in cases if isinstance(case.problem, PolynomialSystem)]
+    assert max(system.dimension for system in systems) > 30
+    assert max(len(system.noise) for system in systems) > 15
+    assert max(system.hamiltonian.degree for system in systems) > 15
+    assert {0.25, 0.5, 0.3, 1.7} < {c for system in systems for c in system.noise}
+    sizes = [float(np.max(np.abs(case.y))) for case in cases]
+    assert min(sizes) < 1e-40
+    assert max(sizes) > 1e40
+    assert min(map(length, cases)) < 1e-12
+    assert max(map(length, cases)) > 1e10
+    assert any(not any(e) for system in systems for e, _ in system.hamiltonian.terms)
+    assert all(length(c) <= contraction_radius(*c.build()[:2]) * (1 + 1e-12) for c in cases)
+
+
+@pytest.mark.parametrize("systems", CLASSES)
+def test_one_case_of_each_kind_follows_the_design(systems: Systems) -> None:
+    found = CLASSES[systems].space.part().further(3)
+    for name, case in found.items():
+        problem, y, h, dW = case.build()
+        parts = np.abs(problem.c * dW)
+        if name == STILL.name:
+            assert h == 0 < parts.max()
+        elif name == UNDONE.name:
+            assert h > 0 == problem.random_step(h, dW)
+        elif name == UNEVEN.name and np.count_nonzero(problem.c) > 1:
+            assert parts.max() > 10 * parts[problem.c > 0].min()
+        elif name in (FAR[0].name, FAR[1].name):
+            # The brackets of several Hamiltonians are products of three coefficients.
+            assert abs(np.log10(np.abs(y).max())) > (90 if systems is Systems.SINGLE else 20)
+        assert length(case) <= contraction_radius(problem, y)
+    assert {NEAR.name, FAR[0].name} <= set(found) or systems not in (Systems.SINGLE, Systems.HAMILTONIANS)
+
+
+@pytest.mark.parametrize(("power", "time"), [(1, 0), (-40, 3), (300, -8), (-333, 13)])
+@pytest.mark.parametrize("scheme", [energy_preserving, milstein], ids=lambda scheme: scheme.name)
+def test_a_step_in_other_units_is_the_same_step(scheme: Scheme, power: int, time: int) -> None:
+    for _, case in SINGLE.cases(1)[::5]:
+        other = in_other_units(case, power, time)
+        (y, y1), (z, z1) = ((c.build()[1], ask(scheme, *c.build())) for c in (case, other))
+        unit = np.max(np.abs(z)) / np.max(np.abs(y))
+        assert np.log2(unit) % 1 == 0
+        problem, _, h, dW = case.build()
+        allowed = step_residual(problem, y, y1, h, dW)
+        assert np.all((np.abs(z1 / unit - y1) <= allowed) | ~np.isfinite(y1))
+
+
+def absolute(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """(2.1), but for a state smaller than an absolute tolerance."""
+    return y if np.max(np.abs(y)) < 1e-12 else energy_preserving.step(problem, y, h, dW)
+
+
+def test_a_number_with_a_unit_is_named_and_one_that_is_stated_is_not_asked_about() -> None:
+    own = Scheme("absolute", absolute, claims=["reference"])
+    few = {"examples": 1, "shrink_checks": 30}
+    says(own, "reference", "violated", "a number of the scheme has a unit", **few)
+    stated, words = replace(own, solver_tolerance=1e-12), "was not asked of a solver with a tolerance"
+    assert says(stated, "reference", "holds", words, **few).share is None
+
+
+def test_a_state_of_extreme_size_may_be_refused_and_a_step_without_drift_may_fail() -> None:
+    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        if h == 0:
+            return y + np.nan
+        if beyond(Case(energy_preserving, tuple(y))):
+            raise FloatingPointError("too far")
+        return energy_preserving.step(problem, y, h, dW)
+
+    far = "a step from a state larger or smaller than 2^±21 ended in Refusal"
+    own = Scheme("near", step, claims=["energy"])
+    says(own, "energy", "holds", "a step with h = 0 ended in", far, examples=1)
+
+
+@pytest.mark.parametrize("name", schemes.PAPER)
+def test_every_scheme_solves_every_corner(name: str) -> None:
+    for case in fixed_cases():
+        assert np.isfinite(schemes.PAPER[name].step(*case.build())).all(), case.describe()
+
+
+def test_each_degree_has_a_step_that_shows_a_node_too_few() -> None:
+    short, six, degrees = SABOTEURS["one-node-short"].scheme, SABOTEURS["six-nodes"].scheme, set()
+    for case in set(for_energy()) - set(long_steps()):
+        problem = problems.build(case.problem)
+        saboteur, least = (short, 1e3) if problem.degree <= 14 else (six, 1e2)
+        assert case.given == "bare functions" or energy.check(saboteur, case).ratio > least, case.describe()
+        assert energy.check(schemes.energy_preserving, case).ratio < 0.1
+        degrees.add(problem.degree)
+    assert degrees == {*range(3, 11), 12, 14, 16, 17, 20}
+
+
+def test_long_steps_are_solved_or_refused_but_not_returned_unsolved() -> None:
+    refuses = Scheme("refuses", refusing(ArithmeticError("too long")))
+
+    def answer(case: Case) -> Verdict:
+        return energy.law.replay(energy.law, refuses, to_json(case)).verdict
+
+    for case in long_steps():
+        assert energy.check(schemes.energy_preserving, case).ratio < 0.1
+        assert answer(case) is Verdict.NOT_APPLICABLE
+        assert energy.check(SABOTEURS["newton-thrice"].scheme, case).violates
+    assert answer(fixed_cases()[0]) is Verdict.ERROR
+
+
+def test_polynomial_corners_lie_inside_the_contraction_radius() -> None:
+    inside = [c for c in fixed_cases() if isinstance(c.problem, PolynomialSystem)]
+    assert len(inside) >= 8
+    for case in inside:
+        problem, y, h, dW = case.build()
+        assert h + float(np.sum(np.abs(problem.c * dW))) <= contraction_radius(problem, y)
+
+
+# A threshold with a unit, as libraries of particles have, is no fault of an integrator without noise.
+
+
+def verlet(problem, y, h, dW, *, threshold):
+    """Velocity Verlet that keeps the force where positions move by less than a threshold, as ASE's calculators do."""
+    system = mechanics(problem)
+    q, p = system.split(y)
+    force = system.force(q)
+    p = p + h / 2 * force
+    moved = q + h * system.velocity(p)
+    if not np.allclose(moved, q, rtol=1e-15, atol=threshold):
+        force = system.force(moved)
+    return system.join(moved, p + h / 2 * force)
+
+
+@pytest.mark.parametrize(("threshold", "verdict"), [(1e-15, "holds"), (1e-6, "violated")])
+def test_a_threshold_is_found_where_usual_states_meet_it_alone(threshold, verdict):
+    step = partial(verlet, threshold=threshold)
+    scheme = Scheme("verlet", step, claims=["symmetry"], order=2, systems="mechanical")
+    report = verify(scheme, laws="symmetry,reversibility")
+    assert {finding.verdict.text for finding in report.findings} == {verdict}

@@ -8,24 +8,23 @@ from typing import Any
 import doors
 import numpy as np
 import pytest
+from doors import Reader
 from drawn import J, drawn_systems
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from reader import Reader
 
 import sepv
 from sepv import problems
 from sepv.problem import Systems
 from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
-from sepv.verification import Effort, Verdict, load_laws
+from sepv.verification import Effort, Verdict, load_laws, replay
 from sepv.verification._cases import case
 from sepv.verification._cases.classes import FAMILIES
 from sepv.verification._cases.from_problem import measured_radius
 from sepv.verification._cases.of_law import Question
 from sepv.verification._cases.users_problems import items
 from sepv.verification._contraction import contraction_radius
-from sepv.verification._verify import replay
 
 FEW = Effort(examples=2, paths=256, shrink_checks=30)
 SEARCHED = "contract,identity,energy,casimir,noise-sum,symmetry,reduction,reference,midpoint"
@@ -116,9 +115,7 @@ def test_many_steps_are_judged_on_the_problems_own_initial_state() -> None:
 def test_a_strategy_of_systems_and_one_of_problems_are_taken() -> None:
     for asked in (planar(), planar, "tests.verification.test_users_problems:planar", st.just(own_pendulum())):
         assert set(verdicts("energy-preserving", asked, "energy,symmetry").values()) == {"holds"}
-    found = sepv.verify(
-        "energy-preserving", laws="rounding,right-limit", problems=planar(), effort=FEW
-    ).findings
+    found = doors.measured("energy-preserving", "rounding,right-limit", planar(), examples=2).findings
     assert {f.verdict for f in found} == {Verdict.NOT_APPLICABLE}
     assert all("no initial state" in f.message for f in found)
 
@@ -132,9 +129,8 @@ def test_laws_that_lead_out_of_the_problems_say_so() -> None:
 def test_a_violation_on_a_users_problem_is_replayed_from_its_token(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(doors.ROOT)
     own = "tests.verification.test_users_problems:own_pendulum"
-    finding = sepv.verify("midpoint", laws="energy", problems=own, effort=FEW).findings[0]
-    assert finding.verdict is Verdict.VIOLATED
-    assert f"problem {own}" in finding.message
+    few = {"examples": 2, "shrink_checks": 30}
+    finding = doors.says("midpoint", "energy", "violated", f"problem {own}", problems=own, **few)
     witness = case.witness_of(finding.replay.split()[-1])
     with pytest.raises(sepv.UsageError, match="to import a module is to run it"):
         replay("midpoint", "energy", witness)
@@ -154,9 +150,7 @@ def test_a_file_and_a_name_on_the_command_line(reader: Reader) -> None:
 
 
 def test_a_strategy_of_something_else_is_an_error_that_says_so() -> None:
-    finding = sepv.verify("midpoint", laws="energy", problems=st.integers(), effort=FEW).findings[0]
-    assert finding.verdict is Verdict.ERROR
-    assert "one that gave int" in finding.message
+    doors.says("midpoint", "energy", "error", "one that gave int", problems=st.integers(), examples=2)
 
 
 def test_a_record_that_no_longer_is_its_data_is_not_taken_for_it() -> None:

@@ -21,8 +21,7 @@ import numpy as np
 import pytest
 
 import sepv
-from sepv import problems, schemes
-from sepv.errors import Interrupted
+from sepv import Interrupted, problems, schemes
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._batch import AXES
 from sepv.workers import _on_dask as on_dask
