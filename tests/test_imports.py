@@ -161,6 +161,9 @@ def test_laws_do_not_import_their_neighbours() -> None:
         ("from sepv import schemes, problems; schemes.energy_preserving, problems.pendulum()",
          "scipy hypothesis mpmath rich click pytest"),
         ("import sepv.reference.steps", "scipy hypothesis sepv.schemes sepv.solve"),
+        ("from sepv import large; large.toda_chain(9)", "scipy"),
+        ("from sepv import verify; laws = 'rounding,mean-square-order,weak-order,right-limit'; "
+         "assert verify('energy-preserving', laws=laws).exit_code == 0", "scipy"),
     ],
 )  # fmt: skip
 def test_an_import_loads_nothing_heavy(statement: str, heavy: str) -> None:

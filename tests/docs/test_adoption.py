@@ -53,9 +53,8 @@ def act(home: Path, **inputs: str) -> subprocess.CompletedProcess[str]:
     assert install["run"] == 'python -m pip install "$ACTION"'
     assert set(inputs) <= set(action["inputs"])
     values = {name: str(inputs.get(name, about["default"])) for name, about in action["inputs"].items()}
-    own = {
-        key: values[text.removeprefix("${{ inputs.").removesuffix(" }}")] for key, text in step["env"].items()
-    }
+    asked = {key: text.removeprefix("${{ inputs.").removesuffix(" }}") for key, text in step["env"].items()}
+    own = {key: values[name] for key, name in asked.items()}
     return subprocess.run(
         ["bash", "--noprofile", "--norc", "-eo", "pipefail", "-c", step["run"]],
         cwd=home, env=environment(home) | own, capture_output=True, text=True, check=False,

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from doors import python
 
 import sepv
 from sepv import ProblemError, StepFailure, large, schemes
@@ -202,8 +201,3 @@ def test_parts_that_contradict_each_other_are_found(change: dict[str, Any], word
     large.check_large(large.spin_chain(4))
     with pytest.raises(ProblemError, match=word):
         large.check_large(replace(large.spin_chain(4), **change))
-
-
-def test_scipy_is_loaded_by_a_step_and_not_before() -> None:
-    code = "import sys; from sepv import large; large.toda_chain(9); print('scipy' in sys.modules)"
-    assert python(code) == "False"

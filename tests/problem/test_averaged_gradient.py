@@ -10,9 +10,8 @@ from drawn import by_hand
 from sepv import problems
 from sepv.problem import PolynomialSystem, Problem, average_gradient, average_hessian
 from sepv.problem._averaged_gradient import FEW, _adaptive, _quadratures, _size, gauss_legendre
+from sepv.record import EPS
 from sepv.record import _polynomial as poly
-
-EPS = 2.0**-52
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 5, 12, 33])

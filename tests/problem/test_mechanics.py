@@ -103,10 +103,8 @@ def test_the_mean_gradient_is_that_of_fine_quadrature(problem: Problem) -> None:
     rng = np.random.default_rng(3)
     y0 = np.asarray(problem.initial)[:, None] + 0.01 * rng.standard_normal((problem.dimension, 20))
     y1 = y0 + 0.02 * rng.standard_normal(y0.shape)
-    nodes, weights = np.polynomial.legendre.leggauss(24)
-    fine = sum(
-        w / 2 * problem.gradient(y0 + (1 + x) / 2 * (y1 - y0)) for x, w in zip(nodes, weights, strict=True)
-    )
+    rule = np.polynomial.legendre.leggauss(24)
+    fine = sum(w / 2 * problem.gradient(y0 + (1 + x) / 2 * (y1 - y0)) for x, w in zip(*rule, strict=True))
     assert problem.mean_gradient is not None
     mean = problem.mean_gradient(y0, y1)
     # Some dozens of roundings of the largest terms.

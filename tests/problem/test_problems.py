@@ -12,7 +12,7 @@ from sepv.reference.problem import exact_problem
 import sepv
 from sepv import ProblemError, problems, strategies
 from sepv.problem import PartFlow, PolynomialSystem, average_gradient, check_problem, vector_field
-from sepv.record import NoClosedForm
+from sepv.record import EPS, NoClosedForm
 from sepv.verification._cases import case as cases
 
 
@@ -60,9 +60,6 @@ def test_one_dimension_means_that_nothing_moves() -> None:
         assert scheme.step(still, np.array([1.5]), 0.5, np.array([0.25])).tolist() == [1.5]
     with pytest.raises(ProblemError, match="skew"):
         sepv.Problem(1, lambda y: np.ones((1, 1, *y.shape[1:])), lambda y: y[0] ** 2)
-
-
-EPS = 2.0**-52
 
 
 def bare(given: sepv.Problem, **changes) -> sepv.Problem:

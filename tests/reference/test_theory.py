@@ -248,9 +248,7 @@ def test_for_large_steps_the_scheme_has_several_solutions_and_for_small_ones_a_s
 
         grid = np.linspace(-3.001, 3, 400)
         signs = np.sign([gap(move) for move in grid])
-        moves = [
-            brentq(gap, grid[n], grid[n + 1], xtol=1e-15) for n in np.flatnonzero(signs[1:] != signs[:-1])
-        ]
+        moves = [brentq(gap, grid[n], grid[n + 1], xtol=1e-15) for n in np.flatnonzero(np.diff(signs))]
         return [np.array([2 * move / step, np.pi + move]) for move in moves]
 
     assert len(solutions(1.9)) == 1

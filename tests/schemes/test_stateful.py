@@ -253,9 +253,8 @@ def test_paths_are_those_of_single_precision(batched: bool) -> None:
 
 
 def test_cases_have_numbers_of_single_precision_and_stay_in_its_range() -> None:
-    case = single(
-        Case(PolynomialSystem(2, poly.squares((1.0, 1.0)), canonical(2)), (0.1, 1 / 3), 0.1, (0.7,))
-    )
+    plane = PolynomialSystem(2, poly.squares((1.0, 1.0)), canonical(2))
+    case = single(Case(plane, (0.1, 1 / 3), 0.1, (0.7,)))
     assert single(case) == case
     assert case.y == (float(np.float32(0.1)), float(np.float32(1 / 3)))
     assert in_range(case)

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from engines import EP, both, quartic, same
+from drawn import EP, both, quartic, same
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -16,12 +16,11 @@ import sepv
 from benchmarks.units import Scale, scaled
 from sepv import problems, schemes
 from sepv.problem import HamiltoniansProblem
+from sepv.record import EPS
 from sepv.schemes import divided
 from sepv.solve import Status
 
 pytest.importorskip("numba", reason="the extra `fast` is not installed")
-
-EPS = 2.0**-52
 
 
 STIFFNESS = 0.75
@@ -186,10 +185,8 @@ def test_roundings_of_the_energy_have_no_sign_where_h_is_in_other_units(engine: 
     problem, paths = scaled(problems.harmonic_oscillator(), Scale(1e-6, 1e6, 1e-6)), 1000
     found = sepv.ensemble(EP, problem, h=0.25, steps=64, paths=paths, engine=engine, seed=5)
     squares = sum(Fraction(float(v)) ** 2 for v in problem.initial)
-    defects = [
-        float((sum(Fraction(float(v)) ** 2 for v in y) / squares - 1) / Fraction(EPS)) for y in found.y.T
-    ]
-    assert abs(np.mean(defects)) <= 6 * np.std(defects) / math.sqrt(paths)
+    off = [float((sum(Fraction(float(v)) ** 2 for v in y) / squares - 1) / Fraction(EPS)) for y in found.y.T]
+    assert abs(np.mean(off)) <= 6 * np.std(off) / math.sqrt(paths)
 
 
 def test_compensated_summation_keeps_the_energy_better() -> None:

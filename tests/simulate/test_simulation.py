@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from engines import EP, PENDULUM, backwards, position
+from drawn import EP, PENDULUM, backwards, position
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -26,7 +26,6 @@ from sepv.solve import Solution, Status
 
 # These are about the NumPy batch; the compiled engine has its own file.
 ensemble = partial(sepv.ensemble, engine="numpy")
-EPS = 2.0**-52
 
 
 def test_a_path_of_an_ensemble_is_the_single_path() -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from engines import EP, PENDULUM, position, same
+from drawn import EP, PENDULUM, position, same
 
 import sepv
 from sepv import problems, schemes

@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 
 from sepv import StepFailure, problems
+from sepv.record import EPS
 from sepv.solve import Equations, Evaluation, Increment, Solution, Status, require_converged
 from sepv.solve import _damped as damped
 from sepv.solve._from_record import Record
 from sepv.solve._newton import MAX_HALVINGS, into_domain, iterate, newton
-
-EPS = 2.0**-52
 
 
 class Counted:
