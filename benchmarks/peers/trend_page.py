@@ -15,8 +15,8 @@ LEAST_SLOPE = 0.25
 
 INTRODUCTION = """This page shows in which recorded version of a library a verdict changed. Its Stratonovich solvers ran
 through the library's own code, in a fresh environment. A solver claims the orders that its documentation states for
-noise that commutes. The laws are *local-mean*, *local-mean-square*, *local-weak*, *mean-square-order* and
-*right-limit*; where a verdict changed, a cell names those that are not found to hold. The records,
+noise that commutes, in *local-mean*, *local-mean-square*, *local-weak*, *mean-square-order* and *right-limit*. Where a
+verdict changed, a cell names those that are not found to hold. The records,
 `results/LIBRARY/VERSION.json`, have every verdict, defect, seed and package; none is ever overwritten.
 
 ```sh
