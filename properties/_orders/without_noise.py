@@ -12,9 +12,12 @@ terms. Errors that may be off by R, from rounding, a solver's stated tolerance a
 interval refutes only if it is narrow and there is a whole number in it.
 
 The same is done with r = 2 and 4, which need longer windows: rounding moves their slopes less, and the narrowest of the
-three intervals counts. The finest step sizes that are still certain decide, in units of time in which the slope of the
-field is 2, whatever the problem's own (`sepv.verification._units`). A slope below ½ is no order at all, since y1 = y0
-for h = 0: it is a tolerance that was not stated, and finer steps are left out.
+three intervals counts. Errors that a window confirms must go on falling: from there to h = 0, ln(e/h^(p+1)) changes by
+at most |s − t| + half, the integral of s − (p + 1) over ln h. A coefficient that is wrong in a late digit breaks this,
+because its own power of h leads only where errors are small. The finest step sizes that are still certain decide, in
+units of time in which the slope of the field is 2, whatever the problem's own (`sepv.verification._units`). A slope
+below ½ is no order at all, since y1 = y0 for h = 0: it is a tolerance that was not stated, and finer steps are left
+out.
 """
 
 from __future__ import annotations
@@ -100,7 +103,7 @@ def judge(h: Array, e: Array, least: float, rounding: float, floor: float) -> Or
         if not found.half <= WIDEST or found.value < WIDEST:
             continue
         if found.value - found.half >= least:
-            return replace(found, verdict=Verdict.HOLDS)
+            return _slower(h, e, found, last, used, least, rounding) or replace(found, verdict=Verdict.HOLDS)
         whole = abs(found.value - round(found.value)) <= found.half + WHOLE
         certain = whole and found.half <= REFUTES and (e[last] > floor or found.value > UNSTATED)
         if certain and found.value + found.half < least:
@@ -120,6 +123,25 @@ def _extrapolated(h: Array, e: Array, rounding: float) -> Order:
     half = max(2 * abs(t[-1] - t[-2]), abs(t[-1] - t[-3])) + (r * off[-1] + off[-2]) / (r - 1)
     text = f"h^{t[-1]:.2f} ± {half:.2f} for h = {h[0]:.1e} … {h[-1]:.1e}"
     return Order(Verdict.INCONCLUSIVE, float(t[-1]), float(half), text)
+
+
+def _slower(
+    h: Array, e: Array, found: Order, last: int, used: int, least: float, rounding: float
+) -> Order | None:
+    """A violation where errors finer than a confirming window, up to `last`, fall too slowly; None if there is none.
+
+    A slope that still falls fast, such as that towards an unstated tolerance, extrapolates below UNSTATED.
+    """
+    grace = np.exp(abs(np.log(e[last - 1] / e[last]) / np.log(RATIO) - found.value) + found.half)
+    for k in range(used - 1, last, -1):
+        seen = _extrapolated(h[k - WINDOW + 1 : k + 1], e[k - WINDOW + 1 : k + 1], rounding)
+        off = rounding * (RATIO / e[k] + (1 + RATIO) / e[k - 1] + 1 / e[k - 2]) / np.log(RATIO) / (RATIO - 1)
+        slope = float(np.log(e[k - 1] / e[k]) / np.log(RATIO))
+        large = e[k] - rounding > grace * e[last] * (h[k] / h[last]) ** least
+        if large and seen.value - off > UNSTATED and max(slope, seen.value) < least:
+            text = f"h^{slope:.2f} at h = {h[k]:.1e}, after {found.text}"
+            return Order(Verdict.VIOLATED, slope, float(off), text)
+    return None
 
 
 def _falls(h: Array, e: Array, used: int, least: float, rounding: float) -> Order | None:

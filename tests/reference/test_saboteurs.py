@@ -21,6 +21,7 @@ ORIGINALS = {
 }  # fmt: skip
 WRONG_CLAIMS = (
     "ito-limit", "half-claimed-as-one", "averaged-and-symplectic", "fourth-order-sold-as-symplectic",
+    "runge-kutta-in-digits",
 )  # fmt: skip
 IMITATED = {
     name: scheme

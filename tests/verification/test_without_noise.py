@@ -97,6 +97,7 @@ def test_schemes_with_noise_have_an_order_without_it(name: str, order: float) ->
         (LEAPFROG, 3, 2), (LEAPFROG, 4, 2), (YOSHIDA, 6, 4), (BLANES_MOAN, 5, 4), (MECHANICAL[2], 4, 3),
         (replace(YOSHIDA, step=Explicit(composed((1.35, -1.7, 1.35)))), 4, 2),
         (_own(_runge_kutta(0.5)), 5, 4), (_own(_runge_kutta(0.25)), 4, 2), (_own(_one_mass_each), 2, 0),
+        (SABOTEURS["runge-kutta-in-digits"].scheme, 4, 2),
         (sepv.schemes.energy_preserving, 3, 2), (sepv.schemes.collocation(2), 6, 4),
     ],
 )  # fmt: skip

@@ -14,7 +14,7 @@ import numpy as np
 
 from sepv import schemes
 from sepv.errors import StepFailure
-from sepv.problem import Array, Problem, cross, each_noise, matvec, mechanics, noise_structures
+from sepv.problem import Array, Problem, cross, each_noise, matvec, mechanics, noise_structures, vector_field
 from sepv.schemes import PointLaw, Scheme, implicit, weakly
 from sepv.schemes._both_invariants import required
 from sepv.schemes._leapfrog import composed, yoshida
@@ -24,7 +24,7 @@ from sepv.schemes._scheme import Step, as_lanes
 from sepv.schemes._tableaux import exact_nodes, gauss_tableau, moments
 from sepv.solve import Fields, Formula
 
-from .record import Family, imitating, middle
+from .record import Family, explicit_step, imitating, middle
 
 SABOTEURS = Family("higher order")
 # Corrections fall at least fourfold inside the contraction radius; 26 of them make 16 digits.
@@ -153,6 +153,21 @@ _DIGITS = 1.351
 SABOTEURS.rows(
     ("triple-jump-in-digits", "the triple jump's 1/(2 − 2^(1/3)) = 1.35120719… is written with four digits: order 2",
      ("deterministic-order",), imitating(yoshida, Explicit(composed((_DIGITS, 1 - 2 * _DIGITS, _DIGITS))))),
+)  # fmt: skip
+
+
+def _classical(problem: Problem, y0: Array, delta: Array) -> Array:
+    """The classical Runge-Kutta method with the weights 0.16667 and 0.33333, whose sum is 1."""
+    k1 = vector_field(problem, y0)
+    k2 = vector_field(problem, y0 + 0.5 * delta * k1)
+    k3 = vector_field(problem, y0 + 0.5 * delta * k2)
+    k4 = vector_field(problem, y0 + delta * k3)
+    return np.asarray(y0 + delta * (0.16667 * (k1 + k4) + 0.33333 * (k2 + k3)))
+
+
+SABOTEURS.rows(
+    ("runge-kutta-in-digits", "the classical method's weights 1/6 and 1/3 are written with five digits: order 2",
+     ("deterministic-order",), lambda: Scheme("classical", explicit_step(_classical), order=4.0, batched=True)),
 )  # fmt: skip
 
 
