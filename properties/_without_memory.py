@@ -104,20 +104,26 @@ def tells_apart(y: Array, other: Array, answer: Array, to_other: Array, least: f
 
 
 def forgets_problems(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, first: Array) -> None:
-    """Step the same problem in a new record, at the address where one with half the noise has just been.
+    """Step the same problem in a new record, at an address where one with half the noise and one with half of H were.
 
-    Python mostly gives a freed record's memory to the next one of its size. A memory by `id` then returns the wrong
-    problem's result. Where the address differs, other addresses are tried.
+    Python mostly gives a freed record's memory to the next one of its size. A memory by `id`, or by `id` and Δ, then
+    returns the wrong problem's result. Where the address differs, other addresses are tried.
     """
     if np.array_equal(first, y):  # at a rest point half the noise gives the same result
         return
     whole, missed = shown(problem), 0
+    # The last of them has the noise of the whole, so that a memory of the noise still has half of it.
+    parts = [(0.5, 1.0)] * bool(problem.noises) + [(1.0, 0.5)]
     elsewhere: list[Problem] = []
     while missed < ADDRESSES and len(elsewhere) < FRESH:
-        half = _as_others(whole, 0.5)
-        address, to_half = id(half), ask(scheme, half, y, h, dW)
-        del half
-        twin = _as_others(whole, 1.0)
+        addresses, blind = set[int](), False
+        for factors in parts:
+            half = _as_others(whole, *factors)
+            addresses.add(id(half))
+            # If the memory already held the whole, the half gets its result, and this comparison is blind.
+            blind = np.array_equal(first, ask(scheme, half, y, h, dW)) or blind
+            del half
+        twin = _as_others(whole)
         answer = ask(scheme, twin, y, h, dW)
         if not np.array_equal(first, answer):
             raise SchemeFault(
@@ -125,22 +131,21 @@ def forgets_problems(scheme: Scheme, problem: Problem, y: Array, h: float, dW: A
                 received=f"{answer.tolist()} from an equal record, {first.tolist()} before",
                 remedy="remember nothing of a problem by its id or name: another may have it later",
             )
-        # If the memory already held the whole noise, half the noise gets its result, and this comparison is blind.
-        if id(twin) == address and not np.array_equal(first, to_half):
+        if {id(twin)} == addresses and not blind:
             return
-        missed += id(twin) != address
+        missed += {id(twin)} != addresses
         elsewhere.append(twin)
 
 
-def _as_others(problem: Problem, factor: float) -> Problem:
-    """The problem with a multiple of its noises, and with H and ∇H as new functions."""
+def _as_others(problem: Problem, of_noise: float = 1.0, of_energy: float = 1.0) -> Problem:
+    """The problem with multiples of its noises and of H and ∇H, which are new functions."""
 
     def times(function: Any) -> Any:
-        return function and (lambda y: factor * function(y))
+        return function and (lambda y: of_energy * function(y))
 
     return replace(
         problem,
-        noise=factor * problem.c,
+        noise=of_noise * problem.c,
         hamiltonian=times(problem.hamiltonian),
         gradient=times(problem.gradient),
         check=False,

@@ -70,7 +70,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         forgets_problems(scheme, problem, y, h, dW, first)
     if scheme.batched:
         # Nearer to 0 and with less noise than the state itself, so that these steps have solutions too.
-        factors = 1 - np.arange(BATCH) / 128
+        factors = scheme.numbers(1 - np.arange(BATCH) / 128)
         states = y[:, None] * factors
         if not may_ask(scheme, problem, states):
             states = np.repeat(y[:, None], BATCH, axis=1)

@@ -14,6 +14,7 @@ from sepv.properties._without_solution import legendre_sum, made, proof
 from sepv.reference.faults.saboteurs import SABOTEURS
 
 import sepv
+from benchmarks.right_schemes import RIGHT
 from sepv import SchemeFault, StepFailure, schemes
 from sepv.problem import Array, Problem, Systems
 from sepv.schemes import Scheme, collocation, energy_preserving, midpoint
@@ -27,6 +28,7 @@ FEW: dict[str, Any] = {"examples": 1, "shrink_checks": 0}
     [
         ("remembers-digits", "another answer for another state"),
         ("remembers-without-y", "another answer for another state"),
+        ("remembers-steps-by-id", "whichever record holds the problem"),
         ("remembers-the-last", "another answer for another state"),
         ("refuses-once", "a refusal and then"),
         ("writes-and-restores", "an attempt to write into one of them"),
@@ -61,6 +63,10 @@ def test_a_step_that_returns_nan_where_nothing_solves_it_is_none_of_the_contract
             return np.full_like(y, np.nan)
 
     says(step, "contract", "holds", **FEW)
+
+
+def test_a_batch_comes_in_the_precision_of_the_scheme() -> None:
+    says(RIGHT["leapfrog-in-single-precision"], "contract", "holds", **FEW)
 
 
 MODULE = """

@@ -132,6 +132,16 @@ def remembers_by_id(known: Memory, step: Step, problem: Problem, y: Array, h: fl
     return step(replace(problem, noise=c, check=False), y, h, dW)
 
 
+@SABOTEURS.around("results are remembered by the id of the problem, y, h and Δ", _CONTRACT, memory=dict)
+def remembers_steps_by_id(
+    known: Memory, step: Step, problem: Problem, y: Array, h: float, dW: Array
+) -> Array:
+    key = (id(problem), y.shape, y.tobytes(), h, np.asarray(problem.random_step(h, dW)).tobytes())
+    if key not in known:
+        known[key] = step(problem, y, h, dW)
+    return np.array(known[key])
+
+
 @SABOTEURS.around("NumPy is told to ignore overflow, for ever", _CONTRACT)
 def sets_error_handling(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     np.seterr(over="ignore")
