@@ -121,8 +121,8 @@ def _against_vector(scheme: Scheme, case: Case, vector: ReferenceVector) -> Meas
     ctx, unit = context(60), state_ulp(y, y1)
     errors = [abs(float(ctx.mpf(exact) - float(value))) for exact, value in zip(vector.y1, y1, strict=True)]
     scale = max(map(abs, (*y, *y1)))
-    # An iteration may take a component of eps² of the largest for one that has converged.
-    floor = (scheme.solver_tolerance + EPS * EPS) * scale + TINY
+    # An iteration may stop where its correction is below the rounding of the largest component.
+    floor = max(scheme.solver_tolerance, EPS) * scale + TINY
     # The vector's quadrature has the fewest exact nodes; others may have more.
     other_nodes = vector.condition * float(np.max(quadrature_rounding(problem, y, y1, h, dW)))
     bounds = [ORDER_OF_OPERATIONS * r + other_nodes + floor for r in vector.rounding]

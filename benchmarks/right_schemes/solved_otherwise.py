@@ -126,6 +126,17 @@ def _loop(problem: Problem, y: Array, delta: float) -> Array:
     raise Refused("no convergence")
 
 
+def _to_an_ulp(problem: Problem, y: Array, delta: float) -> Array:
+    """(2.1) by sweeps until the correction is rounding beside the largest component, whatever the others' size."""
+    y1, last = y, math.inf
+    for _ in range(_SWEEPS):
+        y1, before, old = y + _right(problem, y, y1, delta), last, y1
+        last, size = float(np.max(np.abs(y1 - old))), float(np.max(np.abs(y1)))
+        if last <= (_NOISE if last >= before else EPS) * size < math.inf:
+            return y1
+    raise Refused("no convergence")
+
+
 def _exact_sum(values: Iterable[float]) -> float:
     try:
         return math.fsum(values)
@@ -291,6 +302,9 @@ SCHEMES: tuple[Scheme, ...] = (
     like_the_core("midpoint-unknown", of_lanes(_by_midpoint), "(2.1), the midpoint being the unknown"),
     like_the_core("extended-precision", of_lanes(_extended), "(2.1) in long floats, rounded once"),
     like_the_core("python-loop", _of_one(_loop), "(2.1) as a plain loop for one state", False),
+    like_the_core(
+        "to-an-ulp", _of_one(_to_an_ulp), "(2.1) by sweeps to an ulp of the largest component", False
+    ),
     like_the_core("lists-and-fsum", _of_one(_lists), "(2.1) with lists and exact sums", False),
     like_the_core(
         "scipy-root",

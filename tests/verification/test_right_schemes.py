@@ -48,6 +48,7 @@ def test_energy_and_symmetry_hold_where_they_are_claimed(name: str) -> None:
     "name",
     [
         "twenty-nodes",
+        "to-an-ulp",
         "energy-preserving-in-single-precision",
         pytest.param("lists-and-fsum", marks=pytest.mark.deep),
     ],
