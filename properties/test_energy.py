@@ -1,8 +1,12 @@
-"""Proposition 3.1: H(y1) = H(y0) for every skew B, every polynomial H and every step of a path."""
+"""Proposition 3.1: H(y1) = H(y0) for every skew B, every polynomial H and every step of a path.
+
+The last step of a path has no noise, ΔW = 0: a scheme may have a branch of its own for it.
+"""
 
 from __future__ import annotations
 
 import mpmath
+import numpy as np
 from sepv.reference.problem import exact_problem
 
 from sepv.errors import StepFailure
@@ -32,10 +36,11 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     The bound follows from the residual alone and needs no contraction. So there are steps beyond the radius too
     (`sepv.verification._cases.fixed_cases.long_steps`, and their shrunk forms), which a scheme may refuse.
     """
-    problem, y, h, dW = case.build()
+    problem, y, h, increments = case.build()
     exact = exact_problem(case.problem, 40)
     worst, state = Measurement(0.0, 0.0), None
     for n in range(STEPS):
+        dW = increments if n + 1 < STEPS else np.zeros_like(increments)
         try:
             y1, state = ask_next(scheme, problem, y, state, h, dW)
         except StepFailure:
@@ -50,7 +55,9 @@ def check(scheme: Scheme, case: Case) -> Measurement:
             abs(float(after - before)) / unit,
             bound / unit,
             f"step {n + 1}: H(y1) − H(y0) = {mpmath.nstr(after - before, 6)}, H(y0) = {mpmath.nstr(before, 6)}, "
-            f"y1 = {y1.tolist()}" + (f", from y0 = {y.tolist()} after {n} step{'s' * (n > 1)}" if n else ""),
+            f"y1 = {y1.tolist()}"
+            + (f", from y0 = {y.tolist()} after {n} step{'s' * (n > 1)}" if n else "")
+            + (" with ΔW = 0" if n + 1 == STEPS and dW.size else ""),
         )
         worst = measurement if n == 0 or measurement.ratio > worst.ratio else worst
         y = y1

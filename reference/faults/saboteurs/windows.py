@@ -64,6 +64,16 @@ def euler_in_large_noise(step: Step, problem: Problem, y: Array, h: float, dW: A
     return (_euler if np.max(problem.c, initial=0.0) > 4 else step)(problem, y, h, dW)
 
 
+@SABOTEURS.around("Euler's step where 3 < |y| < 300", ("energy",))
+def euler_at_some_sizes(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    return (_euler if 3 < np.max(np.abs(y)) < 300 else step)(problem, y, h, dW)
+
+
+@SABOTEURS.around("Euler's step where the problem has noises and ΔW = 0", ("energy",))
+def euler_where_noise_rests(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    return (_euler if dW.size and not np.any(dW) else step)(problem, y, h, dW)
+
+
 @SABOTEURS.formula("∇H is taken at the midpoint where B varies", ("energy", "reference", "rounding"))
 def midpoint_where_b_varies(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     varies = np.any(fields.structure(y) != fields.structure(y + 1.0))
