@@ -47,6 +47,9 @@ FEW = ((6, (8, 12, 16)), (5, (8, 16, 32)))
 # refuse a step on a large increment, as a fixed-point iteration does where it is no contraction, and shows its order
 # at smaller steps. Leaving such paths out would be a bias.
 REFUSED, HALVED = 1 / 4, 2
+# An open slope whose interval is narrower than the margin between its bound and its order is not one of too few paths:
+# the steps are too long. The step sizes are halved once, at which right orders rise and wrong ones do not.
+NARROW = 0.25
 # Multiples of the paths that are tried, to say how many paths would decide.
 _MORE = tuple(4**k for k in range(1, 9))
 
@@ -211,7 +214,7 @@ def judge(
     skipped: list[Skipped] = []
     for setup in setups:
         try:
-            used, errors, assessment, refused = _judge_one(scheme, setup, run, assess, alpha)
+            used, errors, assessment, refused = _judge_one(scheme, setup, run, assess, alpha, slope=at_least)
         except Skipped as skip:  # programs may refuse some problems
             skipped.append(skip)
             lines.append(f"{setup.problem}: skipped, {skip.reason}")
@@ -281,27 +284,42 @@ def worst_path(problem: Problem, errors: StrongErrors, seed: int, *, drawn: bool
 
 
 def _judge_one(
-    scheme: Scheme, setup: Setup, run: Run, assess: Assess, alpha: float
+    scheme: Scheme, setup: Setup, run: Run, assess: Assess, alpha: float, *, slope: bool
 ) -> tuple[Setup, StrongErrors, Assessment | None, str]:
-    """Judge one problem at its step sizes, or at halved ones if paths failed; and describe the failure.
+    """Judge one problem at its step sizes, or at halved ones if paths failed or these are too long for its slope.
 
-    There is no assessment if paths failed in the end. Starting the looks again adds to FALSE_ALARM its share of these
-    looks times the probability that only a later look has a failing path: a few per cent of it, or nothing.
+    The string says why they were halved. There is no assessment if paths failed in the end. Starting the looks again
+    adds to FALSE_ALARM its share of these looks times the probability that only a later look has a failing path, which
+    is a few per cent of it, or that the slope is near its bound.
     """
-    refused = ""
-    for halved in range(1 + HALVED):
+    why, halved = "", 0
+    while True:
         used = replace(setup, steps=tuple(n << halved for n in setup.steps))
-        errors, assessment = _look(scheme, used, run, assess, alpha)
-        if assessment is not None or max(errors.failures) > REFUSED * errors.squared.shape[1]:
+        errors, assessment = _look(scheme, used, run, assess, alpha, leave=slope and not halved)
+        if assessment is None:
+            if halved == HALVED or max(errors.failures) > REFUSED * errors.squared.shape[1]:
+                break
+            why = _failures(setup, errors)
+        elif slope and not halved and _near(assessment):
+            why = f"{setup.problem}: {assessment.text} with {', '.join(map(str, used.steps))} steps is near the bound"
+        else:
             break
-        refused = _failures(setup, errors)
-    return used, errors, assessment, refused
+        halved += 1
+    return used, errors, assessment, why
+
+
+def _near(assessment: Assessment) -> bool:
+    """True if a slope is open though its interval is narrow."""
+    return assessment.verdict is Verdict.INCONCLUSIVE and assessment.high - assessment.low < NARROW
 
 
 def _look(
-    scheme: Scheme, setup: Setup, run: Run, assess: Assess, alpha: float
+    scheme: Scheme, setup: Setup, run: Run, assess: Assess, alpha: float, *, leave: bool = False
 ) -> tuple[StrongErrors, Assessment | None]:
-    """Draw more paths of one problem while the verdict is open; no assessment if paths failed."""
+    """Draw more paths of one problem while the verdict is open, or `leave` a slope that is near its bound.
+
+    There is no assessment if paths failed.
+    """
     problem = setup.build()
     most = budget(scheme, run.effort)
     for paths in looks(most, early=sparing(scheme, run.effort)):
@@ -311,7 +329,8 @@ def _look(
         assessment = assess(problem, errors, alpha, 1.0)
         # An early look refutes nothing: with so few paths intervals of heavy tails are too short.
         early = paths < min(FIRST_LOOK, most)
-        if assessment.verdict is Verdict.HOLDS or (assessment.verdict is Verdict.VIOLATED and not early):
+        settled = assessment.verdict is Verdict.VIOLATED or (leave and _near(assessment))
+        if assessment.verdict is Verdict.HOLDS or (settled and not early):
             break
     return errors, assessment
 

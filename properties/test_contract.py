@@ -8,6 +8,9 @@ would move the paths of the sampled laws too little to be seen, and the laws abo
 
 from __future__ import annotations
 
+import decimal
+import gc
+import os
 import random
 import time
 import warnings
@@ -104,7 +107,7 @@ def _keeps(
         raise SchemeFault(
             expected="a step that leaves the process as it was",
             received=f"a change of {', '.join(changed)}",
-            remedy="use a generator of your own, and np.errstate as a context manager",
+            remedy="use a generator of your own, and context managers such as np.errstate",
         )
     answer = check_answer(raw, y, scheme.dtype)
     first = answer.copy()
@@ -190,11 +193,15 @@ def _watched(scheme: Scheme, handling: dict[str, str]) -> Scheme:
 
 
 def _surroundings() -> dict[str, Any]:
-    """The global state that a step may disturb for others: NumPy's and Python's random numbers."""
+    """The global state that a step may disturb for others. What imports change is left out: a step may import late."""
     kind, keys, *rest = np.random.get_state(legacy=True)  # noqa: NPY002  (the global generator is the point)
     return {
         "NumPy's global random numbers": (kind, keys.tobytes(), *rest),  # type: ignore[union-attr]  # legacy tuple
         "Python's global random numbers": random.getstate(),
+        "the current directory": os.getcwd(),
+        "NumPy's print options": np.get_printoptions(),
+        "the decimal context": repr(decimal.getcontext()),
+        "the garbage collector": (gc.isenabled(), gc.get_threshold()),
     }
 
 

@@ -29,6 +29,7 @@ FEW: dict[str, Any] = {"examples": 1, "shrink_checks": 0}
         ("remembers-digits", "another answer for another state"),
         ("remembers-without-y", "another answer for another state"),
         ("remembers-steps-by-id", "whichever record holds the problem"),
+        ("sets-print-options", "a change of NumPy's print options"),
         ("remembers-the-last", "another answer for another state"),
         ("refuses-once", "a refusal and then"),
         ("writes-and-restores", "an attempt to write into one of them"),
@@ -37,7 +38,8 @@ FEW: dict[str, Any] = {"examples": 1, "shrink_checks": 0}
     ],
 )
 def test_a_step_that_is_not_pure_is_found(name: str, said: str) -> None:
-    says(SABOTEURS[name].scheme, "contract", "violated", said, **FEW)
+    with np.printoptions():
+        says(SABOTEURS[name].scheme, "contract", "violated", said, **FEW)
 
 
 def test_a_change_of_an_argument_is_an_error_of_every_law() -> None:

@@ -1,12 +1,14 @@
 """Verdicts from samples: right schemes are not accused, faults of one per cent do not hold; and what they stand on."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from doors import finding, measured, says, verdicts
 from drawn import euler, louder
 from scipy.special import bdtr, fdtri, stdtrit
+from sepv.properties import _sequential as sequential
 from sepv.properties import test_commutation as commutation
 from sepv.properties import test_mean_square_order as mean_square
 from sepv.properties import test_rounding as rounding
@@ -397,3 +399,21 @@ def test_no_chance_is_level_enough_without_a_count() -> None:
     """P(0 of 8) is more than the level: none below is as unlikely."""
     assert binomial(1e-7, 8, 0.8) == 0
     assert binomial(1e-5, 8, 0.8) == 1
+
+
+def test_a_slope_near_its_bound_is_judged_at_halved_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    def drawn(_scheme: Scheme, setup: sequential.Setup, paths: int, _run: Run) -> SimpleNamespace:
+        return SimpleNamespace(failures=[0], squared=np.zeros((3, paths)), steps=setup.steps)
+
+    def assess(_problem: Problem, errors: StrongErrors, _alpha: float, _more: float) -> sequential.Assessment:
+        low = 1.7 if errors.steps[0] == 8 else 1.8
+        verdict = Verdict.HOLDS if low > 1.75 else Verdict.INCONCLUSIVE
+        return sequential.Assessment(verdict, low + 0.05, low, low + 0.1, 1.75, "slope")
+
+    monkeypatch.setattr(sequential, "sampled", drawn)
+    setup = sequential.Setup("rigid-body", 0.5, (8, 16, 64))
+    used, _, judged, why = sequential._judge_one(
+        schemes.energy_preserving, setup, Run(), assess, 1e-6, slope=True
+    )
+    assert (used.steps, judged and judged.verdict) == ((16, 32, 128), Verdict.HOLDS)
+    assert why == "rigid-body: slope with 8, 16, 64 steps is near the bound"

@@ -148,6 +148,12 @@ def sets_error_handling(step: Step, problem: Problem, y: Array, h: float, dW: Ar
     return step(problem, y, h, dW)
 
 
+@SABOTEURS.around("NumPy is told to print four digits, for ever", _CONTRACT)
+def sets_print_options(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    np.set_printoptions(precision=4)
+    return step(problem, y, h, dW)
+
+
 @SABOTEURS.around("what is left of a batch after blocks of 32 is not stepped", ("reproducibility",))
 def whole_blocks_only(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     y1 = step(problem, y, h, dW)
