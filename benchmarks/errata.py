@@ -35,8 +35,8 @@ def to_markdown() -> str:
         command = "" if entry.command == Erratum.command else f" (`{entry.command}`)"
         lines += ["", f"## {entry.place}", "", f"> {quote.replace('[…] […]', '[…]')}", ""]
         lines += [
-            f"- decided on: {entry.printed}",
-            f"- instead: {entry.right}",
+            f"- printed: {entry.printed}",
+            f"- correct: {entry.right}",
             f"- evidence ({entry.hypotheses}): {measured}{command}",
         ]
     return "\n".join(lines) + "\n"

@@ -1,7 +1,7 @@
 """All patches of other packages: names outside their interfaces that sepv changes.
 
-Each has its reason upstream. tests/simulate/test_compiled_code.py has a test for each that fails once the reason is gone;
-then the patch goes.
+Each has its reason upstream. tests/simulate/test_compiled_code.py has a test for each that fails once the reason is
+gone; then the patch goes.
 """
 
 from __future__ import annotations

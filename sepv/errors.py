@@ -36,7 +36,7 @@ class ProblemError(UsageError):
 
 
 class SystemsError(UsageError):
-    """A scheme for another class of systems than the problem's, which is no mistake within its step."""
+    """The scheme is for another class of systems than the problem's. The step itself is not at fault."""
 
 
 class TargetError(UsageError):

@@ -80,7 +80,7 @@ def weak(scheme: str, increments: str | None = None) -> dict[str, list[float]]:
 
 
 def jobs(size: Size) -> list[Job]:
-    """The jobs: errors with and without Lévy areas and with several stages, and one step of each scheme."""
+    """The jobs: errors of paths with and without Lévy areas and for several stages, and weak errors of one step."""
     arguments, few = {"samples": size.samples(SAMPLES), "seed": size.seed}, {"samples": STAGED_SAMPLES}
     return [
         Job(("theory", "areas"), errors, arguments, 6.0),

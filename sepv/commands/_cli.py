@@ -67,7 +67,7 @@ class _Commands(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Resolve as click does; an unknown name is answered with the nearest command."""
+        """Resolve as click does; the error for an unknown name suggests the nearest command."""
         try:
             return super().resolve_command(ctx, args)
         except click.UsageError as error:

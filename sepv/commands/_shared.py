@@ -124,8 +124,8 @@ def candidates(
 ) -> Iterator[list[tuple[str, Any]]]:  # fmt: skip
     """A context with the schemes of a command's targets and programs, as pairs (name in output, scheme).
 
-    Without any, the `usual` targets are taken. The programs end with the block. A function is called when it is loaded,
-    and may be compiled then: `say` gets a line about the target before.
+    If there are none, it takes the `usual` targets. It stops the programs when the block ends. Loading calls a function
+    once, which may compile it: `say` gets a line about the target first.
     """
     from sepv.schemes import load_scheme
 

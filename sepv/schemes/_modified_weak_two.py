@@ -130,7 +130,7 @@ def increment(problem: Problem, y0: Array, y1: Array, step: Array) -> Increment:
 
 
 def parts(problem: Problem, h: float, noise: Array) -> Array:
-    """The numbers that `increment` takes of a step: Δ and 3c²h with c² = Σ c_j², (2, M)."""
+    """The numbers that `increment` needs of each step, (2, M) for M paths: Δ and 3c²h with c² = Σ c_j²."""
     return np.stack(
         [problem.random_step(h, noise), np.full(noise.shape[1], 3.0 * float(np.sum(problem.c**2)) * h)]
     )

@@ -1,7 +1,7 @@
-"""Schemes side by side: cost and accuracy, regressions, hard cases, roundings, long times.
+"""Schemes compared: cost and accuracy, slowdowns, hard cases, rounding, long times.
 
-Each study stands by itself, has a command of its name, and is loaded when it is asked for: `_compare` (error with its
-price), `_bench` (counters and paired times), `_hard_cases`, `_ulps`, `_energy_growth`, `_solvability`.
+Each study stands alone, has a command of its name, and is loaded on demand: `_compare` (error against cost), `_bench`
+(counts of evaluations, times of two versions in pairs), `_hard_cases`, `_ulps`, `_energy_growth`, `_solvability`.
 `_evaluation_count` counts what a scheme evaluates. Every picture goes through `_picture`. The paper's own experiments
 are in `sepv.reference.paper`.
 """

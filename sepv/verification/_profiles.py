@@ -3,11 +3,11 @@
 A profile is found where each of its laws was measured and holds. It is not found where one of them is not applicable,
 inconclusive or expected to fail.
 
-An order is measured. Every law about orders says of each problem which order its errors show (`measured` in its
-witness): the largest one whose bound lies below what is sure of the slope. That is the lower end of the interval where
-paths are sampled, and the slope itself where an integral leaves no noise. The profile has the least of these over
-problems and laws, as Milstein's theorem asks of mean-square order p: (3.8) and (3.9) of one step, and the rms error of
-paths, which must be there. Errors of one step that no reference is known for (*not applicable*) leave it to the others.
+An order is measured. For each problem, every law about orders states the order that the errors show (`measured` in
+its witness): the largest order whose bound lies below the slope. If paths are sampled, the lower end of the confidence
+interval stands for the slope. The profile has the least of these orders over problems and laws. For mean-square order p
+they are those of Milstein's theorem, (3.8) and (3.9) of the paper for one step, and the rms error of paths. The profile
+needs the rms error; if there is no reference for one step (*not applicable*), the other laws decide.
 """
 
 from __future__ import annotations

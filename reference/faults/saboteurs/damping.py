@@ -1,4 +1,4 @@
-"""Faults of schemes for damped systems: each claims what *conformal* claims, and loses one decay or the symmetry."""
+"""Faults of schemes for damped systems: each claims what *conformal* claims, and breaks a law of decay or symmetry."""
 
 from __future__ import annotations
 

@@ -53,11 +53,11 @@ def text(
 ) -> str:  # fmt: skip
     """The source of a generated module.
 
-    imports : lines
+    imports : the lines that import names
     numbers : its constants
     parameters : names of what its kernel reads, in order
-    pieces : name -> the lines for a lane, and the variable that they add to
-    tables : lines of its arrays
+    pieces : name -> the lines for a lane, which is one path of a block, and the variable that they add to
+    tables : the lines that define arrays
     kernel : the function of `sepv.simulate._compiled.kernels` that advances a block
     """
     lines = [_HEAD, imports, 'INF, NAN = float("inf"), float("nan")']

@@ -196,7 +196,7 @@ class NewtonWriter(Writer):
 def _approach(
     code: CodeBuilder, P: Sequence[Polynomial], y: Sequence[str], sweeps: int
 ) -> tuple[list[str], str | None]:
-    """ȳ after sweeps from y and a step, and 1/det(1 − K) if it is used; m is the size of the step in z."""
+    """Code for ȳ: fixed-point sweeps from y, then a Newton step; m is its size in z. Also 1/det(1 − ½ΔP′), or None."""
     middle = list(y)
     for _ in range(sweeps):
         middle = _swept(code, P, y, middle)

@@ -159,7 +159,7 @@ def noise(m: Stratum, random: Random) -> tuple[float, ...]:
 
 
 def skew(d: int, degree: Stratum, unit: float, random: Random) -> Structure:
-    """Any skew B of this degree; degree 0 is canonical in half of the cases, and in some B is zero but for a block."""
+    """A random skew B of this degree. Half of the constant ones are canonical; some others have one nonzero block."""
     if degree.high == 0 and random.random() < 0.5:
         return planes(d)
     moved = random.sample(range(d), random.randint(2, d)) if random.random() < SOMETIMES else range(d)
