@@ -178,7 +178,7 @@ def _designed(where: Question, seed: int, repeat: int) -> list[Case]:
 
 
 def _explore(log: SearchLog, scheme: Scheme, effort: Effort, question: _Question, examples: int) -> None:
-    """Search so many random cases, driven towards large defects relative to the bound; shrink the first violation."""
+    """Search `examples` random cases, driven towards large defects over bounds; shrink the first violation."""
     measured_before = log.checks
     simplifying: _Budget | None = None
 
