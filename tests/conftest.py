@@ -51,7 +51,7 @@ TOGETHER = {
 # Files and folders of the marker `quick`: a look at each floor of the core, in less than a minute of one core.
 QUICK = (
     "tests/record/", "tests/solve/", "tests/problem/test_problems.py", "tests/problem/test_structures.py",
-    "tests/verification/test_tolerance.py", "tests/verification/test_search.py", "tests/verification/test_poisson.py",
+    "tests/verification/test_tolerance.py", "tests/verification/test_search.py",
     "tests/test_arguments.py", "tests/test_imports.py", "tests/docs/test_names.py",
 )  # fmt: skip
 

@@ -219,7 +219,7 @@ CHECKS: dict[str, Check] = {
         cli("growth leapfrog -p henon-heiles --time 8 --no-noise", 0, "theory speaks of one degree of freedom"),
     "growth: a short time": cli("growth --h 0.1 --time 1", 2, "Remedy: T = 1.6"),
     "hard: unknown case": cli("hard --case nosuch", 2, "nosuch"),
-    "reproduce: unknown figure": cli("reproduce 4.9", 2, "Remedy: sepv reproduce 4.3"),
+    "reproduce: unknown figure": cli("reproduce 4.9", 2, "4.1, 4.2", "'4.9'", "Remedy: sepv reproduce 4.3"),
     "solvability: unknown problem": cli("solvability nosuch", 2, "nosuch"),
     "solvability: no range": cli("solvability rigid-body --range 0", 2, "--range"),
     "solvability: no time": cli("solvability rigid-body --time nan", 2, "not a finite number"),

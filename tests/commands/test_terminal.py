@@ -139,9 +139,8 @@ def test_schemes_and_laws_are_completed() -> None:
 @pytest.mark.parametrize("encoding", ["ascii", "cp1252"])
 def test_a_report_is_printed_in_any_encoding(encoding: str) -> None:
     line = a_process("verify midpoint --law truncation,identity --examples 5")
-    done = subprocess.run(
-        line, env=os.environ | {"PYTHONIOENCODING": encoding}, capture_output=True, check=False
-    )
+    variables = os.environ | {"PYTHONIOENCODING": encoding}
+    done = subprocess.run(line, env=variables, capture_output=True, check=False)
     assert done.returncode == 0, done.stderr
     shown = done.stdout.decode("ascii")
     assert "<= 0" in shown

@@ -39,9 +39,8 @@ def exists(name: str) -> bool:
         return all(re.search(rf"^(def |class )?{part}\b", text, re.MULTILINE) for part in parts[known:])
     for part in parts[known:]:
         if not hasattr(found, part):  # a field without a default, or one that an instance alone has
-            return isinstance(found, type) and bool(
-                re.search(rf"\b{part}\b.* = |^ +{part}: ", getsource(found), re.M)
-            )
+            source = getsource(found) if isinstance(found, type) else ""
+            return bool(re.search(rf"\b{part}\b.* = |^ +{part}: ", source, re.MULTILINE))
         found = getattr(found, part)
     return True
 

@@ -151,7 +151,7 @@ def casimir_change(tried: Scheme, problem: Problem, h: float) -> float:
     return float(mean_after(tried, problem, y, h, C)[0] - C.value(y) - h * C.rate)
 
 
-# The problem.
+# Additive noise.
 
 
 def test_vectors_survive_json_and_are_checked() -> None:
@@ -197,9 +197,6 @@ def test_means_of_casimirs_grow_at_a_constant_rate(system: PolynomialSystem, see
         rate = casimir_drift.quantity(problem, A, y, 1.0).rate
         assert abs(change[1] - rate) <= 1e-13 * (terms[1] + rate)
         assert abs(change[2]) <= 1e-13 * terms[2]
-
-
-# Schemes.
 
 
 @pytest.mark.parametrize("right", [schemes.drift_preserving, RIGHT["pushed-at-once"]], ids=lambda s: s.name)

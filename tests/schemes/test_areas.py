@@ -83,9 +83,8 @@ def test_the_rule_has_their_moments_with_and_without_areas() -> None:
         assert np.allclose(H @ w, 0)
         assert np.allclose((H * w) @ H.T, np.eye(2) / 12)
         assert np.allclose((H * w) @ x.T, 0)
-        assert np.allclose(
-            nodes.zeta, x if nodes.zeta.shape == x.shape else np.concatenate([x, H])[:, nodes.index]
-        )
+        known = x if nodes.zeta.shape == x.shape else np.concatenate([x, H])[:, nodes.index]
+        assert np.allclose(nodes.zeta, known)
     # The areas of the last one are made of the same B_i: E[A_12 H_1 ΔW_2] = h²/12.
     assert nodes.areas is not None
     assert np.isclose(np.sum(w * nodes.areas[0] * H[0] * x[1]), 1 / 12)

@@ -138,9 +138,8 @@ def test_long_steps_from_a_small_state_end_at_the_rounding_of_what_they_move() -
 
 def test_what_a_correction_leaves_alone_does_not_end_the_iteration() -> None:
     """A third component that nothing moves has a correction of zero."""
-    idle = PolynomialSystem(
-        3, polynomial(3, {(4, 0, 0): 0.25, (0, 2, 0): 0.5}), ((0, 1, constant(3, -1.0)),), (0.5,)
-    )
+    H = polynomial(3, {(4, 0, 0): 0.25, (0, 2, 0): 0.5})
+    idle = PolynomialSystem(3, H, ((0, 1, constant(3, -1.0)),), (0.5,))
     problem = problems.polynomial_problem(idle)
     y = np.array([1.1, 0.3, 0.7])
     solution = schemes.projected(4).solve(problem, y, 0.5, np.array([0.2]))

@@ -233,9 +233,8 @@ def test_systems_that_differ_in_coefficients_share_one_kernel() -> None:
     from sepv.simulate._compiled.schemes import formula_of
 
     rng, formula = np.random.default_rng(0), formula_of(EP)
-    quartics = [
-        quartic([v + 0.001 * (i + 1) / 7 for i, v in enumerate(rng.uniform(-0.4, 0.4, 8))]) for _ in range(8)
-    ]
+    values = rng.uniform(-0.4, 0.4, (8, 8)) + 0.001 * np.arange(1, 9) / 7
+    quartics = [quartic(row) for row in values.tolist()]
     bodies = [problems.rigid_body(inertia=rng.uniform(0.4, 2.0, 3)) for _ in range(4)]
     for family in (quartics, bodies):
         assert len({_written(code_of(p), formula, 1, 128, False)[0] for p in family}) == 1

@@ -101,9 +101,8 @@ def test_a_step_without_solution_says_so() -> None:
 
 def test_a_state_at_rest_stays_where_the_jacobian_is_singular() -> None:
     """H = y1 y2 has a saddle at the origin; at Δ = 2 the Jacobian of (3.4) and (2.1) there is singular."""
-    data = problems.from_json(
-        {"dimension": 2, "hamiltonian": [[[1, 1], 1.0]], "structure": [[0, 1, [[[0, 0], 1.0]]]]}
-    )
+    B = [[0, 1, [[[0, 0], 1.0]]]]
+    data = problems.from_json({"dimension": 2, "hamiltonian": [[[1, 1], 1.0]], "structure": B})
     problem = problems.polynomial_problem(data)
     for scheme in IMPLICIT:
         assert scheme.step(problem, np.zeros(2), 1.0, np.array([1.0])).tolist() == [0.0, 0.0]

@@ -198,9 +198,8 @@ def test_each_claimed_violation_is_an_error_at_the_line_of_the_step(monkeypatch:
     monkeypatch.chdir(Path(__file__).parents[1])
     (found,) = error_lines(report)
     line = inspect.getsourcelines(drifting)[1]
-    assert found.startswith(
-        f"::error file=verification/test_files.py,line={line},title=sepv%3A identity::identity "
-    )
+    mark = f"::error file=verification/test_files.py,line={line},title=sepv%3A identity::identity "
+    assert found.startswith(mark)
     assert "%0A" in found
     monkeypatch.chdir("/")
     monkeypatch.setattr(inspect, "getsourcefile", lambda _: None)

@@ -24,8 +24,6 @@ from sepv.verification import Effort, Verdict, load_laws, verify
 from sepv.verification._law import NO_NOISE
 from sepv.verification._units import Units, units_of
 
-# Laws over paths have budgets of their own and are run by `benchmarks.false_alarms`.
-PATHS = {"mean-square-order", "weak-order", "right-limit", "rounding"}
 # What each run asks: *energy* of all, and *symmetry* of every other one and of those that claim no energy. The others
 # cost minutes, and have a deep run and `benchmarks.false_alarms`.
 QUICK = {

@@ -43,10 +43,8 @@ def slope(_: Scheme, case: Case) -> Measurement:
 
 
 def law() -> Law:
-    words = dict.fromkeys(("statement", "source"), "")
-    return searched(
-        name="slope", unit="1", cases=Cases(instead={Systems.SINGLE: states}), check=slope, **words
-    )
+    cases = Cases(instead={Systems.SINGLE: states})
+    return searched(name="slope", statement="", source="", unit="1", cases=cases, check=slope)
 
 
 def verdicts() -> list[Verdict]:
