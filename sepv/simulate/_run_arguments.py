@@ -48,7 +48,7 @@ def require_drawable(run: Run, h: float, seed: int, paths: range, refine: int | 
             remedy="sepv.integrate for one path, or sepv.simulate.drawn and the scheme's step for many",
         )
     if run.k is not None:
-        bounded.truncate(np.zeros(1), h, run.k)  # refuses h and k that Remark 2.1 does not cover
+        bounded.truncation_bound(h, run.k)  # refuses h and k that Remark 2.1 does not cover
     wiener.validate(seed, h * run.steps, run.steps, run.problem.noises, paths)
     wiener.grid(run.steps, refine)
     ask_once(run.scheme, run.problem, run.start, float(h))
@@ -76,7 +76,7 @@ def prepared(
         k = require_whole("truncation k", k, "the paper takes k = 2, and None is no truncation")
     order = scheme.mean_square_order
     # Clipping as in Remark 2.1 has a mean square O(h^{k+1}) a step, and order p has room for h^{2p+1}: k ≥ 2p. k < 1
-    # is no truncation, and refused by `truncate`.
+    # is no truncation, and refused by `truncation_bound`.
     if k is not None and order is not None and 1 <= k < 2 * order:
         warnings.warn(
             f"Truncation k = {k} costs {scheme.name} its mean-square order {order:g}: the error stalls at order "

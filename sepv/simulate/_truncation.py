@@ -27,6 +27,10 @@ def truncation_bound(h: float, k: int) -> float:
             received=f"h = {h!r}",
             remedy="a smaller step, or untruncated increments (truncation=None)",
         )
+    if k != int(k) or k < 1:
+        raise UsageError(
+            expected="truncation k, an integer ≥ 1, or None", received=repr(k), remedy="the paper takes k = 2"
+        )
     return math.sqrt(2 * k * abs(math.log(h)))
 
 
@@ -45,10 +49,6 @@ def truncate(dW: ArrayLike, h: float, k: int | None = 2, unit: float = 1.0) -> A
     increments = np.asarray(dW, dtype=np.float64)
     if k is None:
         return increments
-    if k != int(k) or k < 1:
-        raise UsageError(
-            expected="truncation k, an integer ≥ 1, or None", received=repr(k), remedy="the paper takes k = 2"
-        )
     bound = truncation_bound(h / unit, k) * math.sqrt(h)
     return np.clip(increments, -bound, bound)
 

@@ -9,6 +9,7 @@ construction has its own, read in the order of time, so that a path of any lengt
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -86,6 +87,7 @@ def grid(steps: int, refine: int | None = None) -> Grid:
     return Grid(base, halvings, top)
 
 
+@lru_cache(maxsize=64)
 def spreads(T: float, grid: Grid) -> Array:
     """Factors of the normals: √h₀ at level 0, then half the √h of the level that is halved."""
     h = T / grid.base * 0.5 ** np.maximum(np.arange(grid.halvings + 1) - 1.0, 0.0)
@@ -94,6 +96,7 @@ def spreads(T: float, grid: Grid) -> Array:
     return factors
 
 
+@lru_cache(maxsize=64)
 def stream_words(seed: int, grid: Grid) -> NDArray[np.uint64]:
     """Initial words of the SFC64 streams, (streams, 3): two words of the seed, and the number of the level.
 

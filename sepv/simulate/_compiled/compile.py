@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from importlib.util import find_spec
@@ -75,14 +76,21 @@ def _installed() -> bool:
 
 @lru_cache(maxsize=256)
 def _loaded(code: RecordedProblem, formula: Formula, lanes: int, compensated: bool) -> Kernel:
-    from sepv.simulate._compiled.store import load
-
     noises = code.problem.noises
     text, parameters = _written(code, formula, noises, lanes, compensated)
     gradients, structures = code.cost(formula.recorded, formula.names(noises))
     # A stage costs as much as the method of one stage, and an evaluation of B.
     read = np.array([*code.problem.c, *parameters], dtype=np.float64)
-    return Kernel(load(text), read, gradients, structures * formula.stages)
+    collects = gc.isenabled()
+    gc.disable()  # numba makes a million objects that stay: looking through them takes a tenth of the time
+    try:
+        from sepv.simulate._compiled.store import load, ordinary
+
+        ordinary("lanes"), ordinary("driver")
+        return Kernel(load(text), read, gradients, structures * formula.stages)
+    finally:
+        if collects:
+            gc.enable()
 
 
 def _written(

@@ -8,136 +8,80 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba import njit, types
-from numba.core import cgutils
-from numba.extending import intrinsic
-from numba.np.arrayobj import make_array, populate_array
+from numba import njit
 
-from sepv.simulate._compiled.functions import select
-from sepv.simulate._compiled.lanes import begin, fill, normals
-from sepv.simulate._compiled.layout import ALIVE, DONE, FAILED, LANES, LIVING
-from sepv.simulate._compiled.signatures import OPTIONS, RUN, address, call_advance, call_begin, call_fill
-
-BEGINNING, FILLING, DRAWING = address(begin), address(fill), address(normals)
+from sepv.simulate._compiled.functions import add_rows, copy_row, for_simd, part, raise_row, set_bits, set_row
+from sepv.simulate._compiled.layout import ALIVE, FAILED, LIVING, STATUS
+from sepv.simulate._compiled.signatures import OPTIONS, RUN, call_advance, call_begin, call_fill, call_start
 
 
-# Inlined by numba, so that they are compiled once, with `run`.
-_kernel: Any = njit(error_model="numpy", nogil=True, inline="always")
-
-
-@intrinsic
-def _from(typingctx: Any, array: Any, first: Any, lane: Any) -> Any:  # noqa: ARG001 - numba's signature
-    """The array (N, m, M) from array[first, 0, lane] on, with its strides: rows go on into the next at their end."""
-
-    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        kind = signature.return_type
-        whole = make_array(kind)(context, builder, arguments[0])
-        shape = cgutils.unpack_tuple(builder, whole.shape, 3)
-        skipped = builder.mul(arguments[1], builder.mul(shape[1], shape[2]))
-        data = builder.gep(whole.data, [builder.add(skipped, arguments[2])], inbounds=True)
-        found = make_array(kind)(context, builder)
-        populate_array(
-            found, data=data, shape=whole.shape, strides=whole.strides, itemsize=whole.itemsize, meminfo=None
-        )
-        return found._getvalue()
-
-    return array(array, types.int64, types.int64), code
-
-
-@_kernel
-def _copy(given: Any, first: int, count: int, lane: int, out: Any) -> None:
-    """Copy the steps first … first + count − 1 of lanes `lane` and on of `given`, zero beyond its end."""
-    width = given.shape[2] - lane
-    for i in range(count):
-        for j in range(out.shape[1]):
-            for k in range(out.shape[2]):
-                out[i, j, k] = given[first + i, j, lane + k] if k < width else 0.0
-
-
-@_kernel
-def _add(increments: Any, count: int, W: Any, b: int) -> None:
-    """Add the increments to the sums of block b."""
-    for j in range(W.shape[1]):
-        if W.shape[2] == LANES:
-            for i in range(count):
-                for k in range(LANES):
-                    W[b, j, k] += increments[i, j, k]
-        else:
-            for k in range(W.shape[2]):
-                total = W[b, j, k]  # in a register: through memory each sum would wait for the last store
-                for i in range(count):
-                    total += increments[i, j, k]
-                W[b, j, k] = total
-
-
-@_kernel
-def _to_points(increments: Any, count: int, thresholds: Any, values: Any, out: Any) -> None:
-    """Replace each increment by the value between whose thresholds it lies."""
-    for i in range(count):
-        for j in range(out.shape[1]):
-            for k in range(out.shape[2]):
-                u = increments[i, j, k]
-                v = values[0]
-                for t in range(thresholds.shape[0]):
-                    v = select(u >= thresholds[t], values[t + 1], v)
-                out[i, j, k] = v
-
-
-@_kernel
-def _settle(S: Any, I: Any, lanes: int, start: Any, count: int, b: int) -> None:
-    """Set the state of block b at the start; its integers I and the sums of its increments are zero already."""
-    living = min(lanes, count - b * lanes)
-    for i in range(start.shape[0]):
-        S[b, i] = start[i]
-    for k in range(lanes):
-        I[b, FAILED * lanes + k] = -1
-        I[b, ALIVE * lanes + k] = select(k < living, 1, 0)
-    I[b, 4 * lanes + LIVING] = living
-
-
-@njit(RUN, **OPTIONS)
-def run(
-    beginning: int, filling: int, drawing: int, advance: Any, left_over: Any, S: Any, I: Any, W: Any, start: Any,
-    living: int, words: Any, path: int, rng: Any, stack: Any, top: Any, factors: Any, base: int, halvings: int,
-    given: Any, place: int, n0: int, n1: int, h: float, bound: float, thresholds: Any, values: Any, P: Any,
-    buffer: Any, points: Any, halves: Any, scratch: Any,
+@njit(RUN, **OPTIONS | {"no_cpython_wrapper": False})
+def run(  # noqa: PLR0912 - in one piece, as a block runs
+    beginning: int, filling: int, drawing: int, starting: int, advance: int, left_over: int, S: Any, I: Any, sums: Any,
+    rng: Any, stack: Any, top: Any, ends: Any, W: Any, marks: Any, done: Any, n1: int, y0: Any, words: Any, path: int,
+    factors: Any, base: int, halvings: int, given: Any, place: int, h: float, bound: float, thresholds: Any,
+    values: Any, P: Any, buffer: Any, points: Any,
 ) -> None:  # fmt: skip
-    """Run steps n0 … n1 − 1 of a chunk of blocks.
+    """Run a chunk of paths in blocks of lanes from step done[0] to step n1.
 
-    The state of the chunk is S, I, W, rng, stack and top; it is set up if n0 = 0. Blocks that run to the end at once
-    share one set of the last three. The first path has the number `path`.
+    The state of the chunk is S, I, sums, rng, stack and top, a set for each block; it is set up if no step is done.
+    Blocks that run to the end at once share one set. The first path has the number `path`. Its results go to ends, W
+    and marks, see `sepv.simulate._compiled.block_run`.
 
     Increments are those of lanes `place` and on of `given` (N, m, M), or are drawn if that is empty. If there are
-    `values`, each increment is replaced by the value between whose thresholds it lies. `advance` calls `left_over` for
-    lanes that it has not solved. The last four arguments are scratch space of this function, `begin` and `normals`.
+    `values`, each increment is replaced by the value of the last threshold that it reaches. `advance` calls
+    `left_over` for lanes that it has not solved. The last two arguments are scratch space.
     """
-    piece, lanes = buffer.shape[0], W.shape[2]
-    for b in range(S.shape[0]):
-        alive, own = True, min(b, rng.shape[0] - 1)
+    for_simd()
+    (piece, noises, lanes), n0 = buffer.shape, done[0]
+    for first in range(0, ends.shape[1], lanes):
+        alive, own, left = True, (first // lanes if S.shape[0] > 1 else 0), ends.shape[1] - first
+        living = left if left < lanes else lanes  # `min` takes numba longer to compile
         streams, waiting, coarse = rng[own], stack[own], top[own]
         if n0 == 0:  # one block at a time, so that its data are in the cache when they are used
-            _settle(S, I, lanes, start, living, b)
+            set_bits(S.shape[1], (S, (own, 0), 0))
+            set_bits(noises * lanes, (sums, (own, 0, 0), 0))
+            set_bits(4 * lanes, (I, (own, 0), 0))
+            set_bits(lanes, (I, (own, FAILED * lanes), -1))
+            for i in range(y0.shape[0]):
+                set_row(lanes, (S, (own, i * lanes), y0[i]))
+            set_row(living, (I, (own, ALIVE * lanes), 1))
+            I[own, 4 * lanes + LIVING] = living
+            call_start(starting, (S[own], I[own], buffer, P))
         if n0 == 0 and rng.shape[1] > 0:
-            number = path + b * lanes
-            begun = drawing, streams, coarse, words, number, factors, base, halvings, halves, scratch
+            number = path + first
+            begun = drawing, streams, coarse, words, number, factors, base, halvings
             call_begin(beginning, begun)
         for n in range(n0, n1, piece):
-            count = min(piece, n1 - n)
-            lane = place + b * lanes
+            count = piece if n1 - n > piece else n1 - n
+            lane = place + first
             increments = buffer
             if given.shape[0] == 0:
-                rows = drawing, buffer, n, count, streams, waiting, coarse, factors, halvings, scratch
+                rows = drawing, buffer, n, count, streams, waiting, coarse, factors, halvings
                 call_fill(filling, rows)
-            elif lane + lanes > given.shape[2]:
-                _copy(given, n, count, lane, buffer)
+            elif lane + lanes > given.shape[2]:  # lanes without a path have zeros
+                for i in range(count):
+                    for j in range(noises):
+                        copy_row(given.shape[2] - lane, (given, (n + i, j, lane), buffer, (i, j, 0)))
             else:
-                increments = _from(given, n, lane)
+                increments = part(given, n, lane)
             seen = increments
             if values.shape[0] > 0:
-                _to_points(increments, count, thresholds, values, points)
                 seen = points
+                for i in range(count):
+                    for j in range(noises):
+                        for t in range(values.shape[0]):
+                            step = increments, (i, j, 0), points, (i, j, 0), thresholds[t], values[t]
+                            raise_row(lanes, step)
             if alive:
-                alive = call_advance(advance, (S[b], I[b], seen, count, n, h, bound, P, left_over)) == 0
-            _add(increments, count, W, b)
-        # Written here and not by the caller, so that states are never ahead of their number after an interrupt.
-        I[b, 4 * lanes + DONE] = n1
+                alive = call_advance(advance, (S[own], I[own], seen, count, n, h, bound, P, left_over)) == 0
+            for j in range(noises):
+                add_rows(increments, count, j, sums, own)
+        for i in range(ends.shape[0]):
+            copy_row(living, (S, (own, i * lanes), ends, (i, first)))
+        for j in range(noises):
+            copy_row(living, (sums, (own, j, 0), W, (j, first)))
+        for i in range(2):
+            copy_row(living, (I, (own, (STATUS + i) * lanes), marks, (i, first)))
+    # Written here and not by the caller, so that states are never ahead of their number after an interrupt.
+    done[0] = n1

@@ -8,7 +8,7 @@ compiles a function anew where its own file has changed.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,9 @@ _PART_3 = float.fromhex("0x1.18469898cc517p-44")
 _TWO_OVER_PI = 2 / math.pi
 # The largest angle; beyond it the result is NaN: the angle's own rounding is 1e-7, and the reduction is not exact.
 _LARGEST_ANGLE = 1e9
+_INT, _BYTE, _DOUBLE = ir.IntType(64), ir.IntType(8), ir.DoubleType()
+# Lanes whose increments are added up together: four registers of eight.
+TOGETHER = 32
 _TO_INTEGER = 1.5 * 2.0**52  # adding it rounds to the nearest integer
 _LN2_HIGH, _LN2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 
@@ -41,13 +44,13 @@ def _emits(instruction: Callable[[Any, Any], Any]) -> Callable[..., Any]:
 @intrinsic
 def float_bits(typingctx: Any, x: Any) -> Any:  # noqa: ARG001 - numba's signature
     """The 64 bits of a float64 as an int64."""
-    return types.int64(types.float64), _emits(lambda builder, a: builder.bitcast(a[0], ir.IntType(64)))
+    return types.int64(types.float64), _emits(lambda builder, a: builder.bitcast(a[0], _INT))
 
 
 @intrinsic
 def bits_float(typingctx: Any, x: Any) -> Any:  # noqa: ARG001 - numba's signature
     """The float64 with these 64 bits."""
-    return types.float64(types.int64), _emits(lambda builder, a: builder.bitcast(a[0], ir.DoubleType()))
+    return types.float64(types.int64), _emits(lambda builder, a: builder.bitcast(a[0], _DOUBLE))
 
 
 @intrinsic
@@ -64,17 +67,42 @@ def fma(typingctx: Any, a: Any, b: Any, c: Any) -> Any:  # noqa: ARG001 - numba'
 
 
 @intrinsic
-def prefer_512_bit(typingctx: Any) -> Any:  # noqa: ARG001 - numba's signature
-    """Ask LLVM for registers of 512 bits where there are any; on Intel's it takes 256 by default.
+def for_simd(typingctx: Any) -> Any:  # noqa: ARG001 - numba's signature
+    """Ask LLVM for good SIMD code of the function's loops: registers of 512 bits, and arrays that do not overlap.
 
-    For loops of pure arithmetic that is 1.4 times slower.
+    On Intel's processors it takes 256 bits by default: for loops of pure arithmetic that is 1.4 times slower.
     """
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001 - numba's
         add_attribute(builder.function.attributes, '"prefer-vector-width"="512"')
+        for argument in builder.function.args:
+            if isinstance(argument.type, ir.PointerType):
+                argument.add_attribute("noalias")
         return context.get_dummy_value()
 
     return types.void(), code
+
+
+def place(context: Any, builder: Any, kind: Any, array: Any, *indices: Any, lanes: int = 1) -> Any:
+    """The address of an element of an array, or of a vector of lanes from there on."""
+    found = cgutils.get_item_pointer(
+        context, builder, kind, make_array(kind)(context, builder, array), indices
+    )
+    vector = ir.VectorType(found.type.pointee, lanes)
+    return builder.bitcast(found, vector.as_pointer()) if lanes > 1 else found
+
+
+@intrinsic
+def part(typingctx: Any, array: Any, first: Any, lane: Any) -> Any:  # noqa: ARG001 - numba's signature
+    """The array (N, m, M) from array[first, 0, lane] on, with its strides: rows go on into the next at their end."""
+
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        kind, (whole, first, lane) = signature.return_type, arguments
+        found = make_array(kind)(context, builder, whole)
+        found.data = place(context, builder, kind, whole, first, _INT(0), lane)
+        return found._getvalue()
+
+    return array(array, types.int64, types.int64), code
 
 
 @intrinsic
@@ -82,11 +110,7 @@ def prefetch(typingctx: Any, array: Any, n: Any, j: Any, k: Any) -> Any:  # noqa
     """Prefetch the cache line of array[n, j, k], which need not exist."""
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        found = make_array(signature.args[0])(context, builder, arguments[0])
-        shape = cgutils.unpack_tuple(builder, found.shape, 3)
-        row = builder.add(builder.mul(arguments[1], shape[1]), arguments[2])
-        place = builder.gep(found.data, [builder.add(builder.mul(row, shape[2]), arguments[3])])
-        byte = builder.bitcast(place, ir.IntType(8).as_pointer())
+        byte = builder.bitcast(place(context, builder, signature.args[0], *arguments), _BYTE.as_pointer())
         kinds = [byte.type, *[ir.IntType(32)] * 3]
         function = builder.module.declare_intrinsic(
             "llvm.prefetch", [byte.type], ir.FunctionType(ir.VoidType(), kinds)
@@ -97,18 +121,92 @@ def prefetch(typingctx: Any, array: Any, n: Any, j: Any, k: Any) -> Any:  # noqa
     return types.void(array, types.int64, types.int64, types.int64), code
 
 
+def _on_rows(rows: int, emit: Callable[..., Any], whole: bool = False) -> Any:
+    """Make f(count, (array, indices, …, number, …)): `emit` for the addresses of `count` elements of each row.
+
+    With `whole` the code is for all elements at once: it gets the addresses of the first ones, and the count.
+
+    A row begins at the indices of its array. Loops of numba's own take longer to compile, by a tenth of a second each.
+    """
+
+    @intrinsic
+    def operation(_typingctx: Any, count: Any, arguments: Any) -> Any:  # noqa: ARG001 - numba's signature
+        def code(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            kinds, given = signature.args[1], cgutils.unpack_tuple(builder, values[1])
+            starts = [
+                place(context, builder, kinds[i], given[i], *cgutils.unpack_tuple(builder, given[i + 1]))
+                for i in range(0, 2 * rows, 2)
+            ]
+            if whole:
+                emit(builder, *starts, values[0], *given[2 * rows :])
+                return context.get_dummy_value()
+            with cgutils.for_range(builder, values[0]) as loop:
+                emit(builder, *(builder.gep(v, [loop.index]) for v in starts), *given[2 * rows :])
+            return context.get_dummy_value()
+
+        return types.void(types.int64, arguments), code
+
+    return operation
+
+
+def _halve(builder: Any, left: Any, right: Any, factor: Any) -> None:
+    whole = builder.load(left)
+    half = builder.fadd(builder.fmul(_DOUBLE(0.5), whole), builder.fmul(factor, builder.load(right)))
+    builder.store(half, left)
+    builder.store(builder.fsub(whole, half), right)
+
+
+def _raise(builder: Any, u: Any, v: Any, threshold: Any, value: Any) -> None:
+    reached = builder.fcmp_ordered(">=", builder.load(u), threshold)
+    builder.store(builder.select(reached, value, builder.load(v)), v)
+
+
+# Copy a row to another. Set all bits of its numbers to those of 0 or −1. Set a row to a number. Multiply it by one.
+copy_row = _on_rows(2, lambda builder, a, b, count: cgutils.raw_memcpy(builder, b, a, count, 8), whole=True)
+set_bits = _on_rows(1, lambda builder, a, count, bits: cgutils.memset(
+    builder, a, builder.mul(count, _INT(8)), builder.trunc(bits, _BYTE)), whole=True)  # fmt: skip
+set_row = _on_rows(1, lambda builder, target, value: builder.store(value, target))
+scale_row = _on_rows(1, lambda builder, x, factor: builder.store(builder.fmul(builder.load(x), factor), x))
+# Replace increments and normals, times a factor, by the increments over the halves of their steps.
+halve_rows = _on_rows(2, _halve)
+# Set v to a value where u is at least a threshold.
+raise_row = _on_rows(2, _raise)
+
+
 @intrinsic
-def marked(typingctx: Any, array: Any, first: Any) -> Any:  # noqa: ARG001 - numba's signature
-    """One bit for each of 64 bytes of the array from `first` on: 1 where the byte is not 0."""
+def add_rows(typingctx: Any, rows: Any, count: Any, j: Any, W: Any, b: Any) -> Any:  # noqa: ARG001 - numba's signature
+    """Add rows[:count, j] to W[b, j], which stays in registers meanwhile, TOGETHER lanes at a time."""
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        found = make_array(signature.args[0])(context, builder, arguments[0])
-        kind = ir.VectorType(ir.IntType(8), 64)
-        place = builder.gep(found.data, [arguments[1]], inbounds=True)
-        bytes_ = builder.load(builder.bitcast(place, kind.as_pointer()), align=1)
-        return builder.bitcast(builder.icmp_signed("!=", bytes_, ir.Constant(kind, None)), ir.IntType(64))
+        rows, count, j, W, b = arguments
 
-    return types.uint64(array, types.int64), code
+        width = cgutils.unpack_tuple(builder, make_array(signature.args[3])(context, builder, W).shape)[2]
+        whole = builder.and_(width, _INT(-TOGETHER))
+        for lanes, first, last in ((TOGETHER, _INT(0), whole), (1, whole, width)):
+            with cgutils.for_range_slice(builder, first, last, _INT(lanes), _INT) as (k, _):
+                start = place(context, builder, signature.args[3], W, b, j, k, lanes=lanes)
+                total = cgutils.alloca_once_value(builder, builder.load(start, align=8))
+                with cgutils.for_range(builder, count) as loop:
+                    row = place(context, builder, signature.args[0], rows, loop.index, j, k, lanes=lanes)
+                    builder.store(builder.fadd(builder.load(total), builder.load(row, align=8)), total)
+                builder.store(builder.load(total), start, align=8)
+        return context.get_dummy_value()
+
+    return types.void(rows, types.int64, types.int64, W, types.int64), code
+
+
+def _mixed(builder: Any, a: Any, b: Any, order: Sequence[int]) -> Any:
+    """A vector of elements of two vectors, numbered through."""
+    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(ir.IntType(32), len(order)), list(order)))
+
+
+def _following(builder: Any, state: Any) -> list[Any]:
+    """The next 64 bits of SFC64 in a state (a, b, c, counter), and its next state; numbers, or vectors of them."""
+    (a, b, c, counter), bits = state, state[0].type
+    out = builder.add(builder.add(a, b), counter)
+    turned = builder.or_(builder.shl(c, bits(24)), builder.lshr(c, bits(40)))
+    a, b = builder.xor(b, builder.lshr(b, bits(11))), builder.add(c, builder.shl(c, bits(3)))
+    return [out, a, b, builder.add(turned, out), builder.add(counter, bits(1))]
 
 
 @intrinsic
@@ -117,14 +215,64 @@ def sfc64(typingctx: Any, a: Any, b: Any, c: Any, counter: Any) -> Any:  # noqa:
     kind = types.UniTuple(types.uint64, 5)
 
     def code(context: Any, builder: Any, signature: Any, state: Any) -> Any:  # noqa: ARG001 - numba's
-        (a, b, c, counter), bits = state, ir.IntType(64)
-        out = builder.add(builder.add(a, b), counter)
-        turned = builder.or_(builder.shl(c, bits(24)), builder.lshr(c, bits(40)))
-        a, b = builder.xor(b, builder.lshr(b, bits(11))), builder.add(c, builder.shl(c, bits(3)))
-        following = a, b, builder.add(turned, out), builder.add(counter, bits(1))
-        return context.make_tuple(builder, kind, [out, *following])
+        return context.make_tuple(builder, kind, _following(builder, state))
 
     return kind(*[types.uint64] * 4), code
+
+
+def _drawn(context: Any, builder: Any, kind: Any, rng: Any, s: Any, k: Any, lanes: int = 1) -> Any:
+    """Draw from stream s of rng (streams, 4, L) for lane k, or for a vector of lanes."""
+    words = [place(context, builder, kind, rng, s, _INT(i), k, lanes=lanes) for i in range(4)]
+    out, *state = _following(builder, [builder.load(word, align=8) for word in words])
+    for word, value in zip(words, state, strict=True):
+        builder.store(value, word, align=8)
+    return out
+
+
+@intrinsic
+def draw(typingctx: Any, rng: Any, s: Any, k: Any) -> Any:  # noqa: ARG001 - numba's signature
+    """The next 64 bits of stream s of lane k."""
+
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return _drawn(context, builder, signature.args[0], *arguments)
+
+    return types.uint64(rng, types.int64, types.int64), code
+
+
+@intrinsic
+def eight_normals(typingctx: Any, rng: Any, s: Any, k: Any, table: Any, out: Any, i: Any, j: Any) -> Any:  # noqa: ARG001 - numba's
+    """Draw from stream s of eight lanes, k and on, by the ziggurat's first test; return the bits of lanes that fail it.
+
+    A lane of out[i, j] gets its normal, or if it fails the 64 bits drawn. The two numbers of each of the layers in
+    `table` are loaded together, which takes half as long as gathering first the widths and then the limits.
+    """
+    bits, doubles = ir.VectorType(_INT, 8), ir.VectorType(_DOUBLE, 8)
+
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        rng, s, k, table, out, i, j = arguments
+        r = _drawn(context, builder, signature.args[0], rng, s, k, lanes=8)
+        layers = builder.and_(r, bits(0xFF))
+        pairs = []
+        for lane in (0, 2, 4, 6, 1, 3, 5, 7):
+            layer = builder.extract_element(layers, _INT(lane))
+            pair = place(context, builder, signature.args[3], table, layer, _INT(0), lanes=2)
+            pairs.append(builder.load(pair, align=8))
+        while len(pairs) > 2:  # joined to those of the even lanes, and those of the odd ones
+            joined = zip(pairs[::2], pairs[1::2], strict=True)
+            pairs = [_mixed(builder, a, b, range(2 * a.type.count)) for a, b in joined]
+        width, limit = (
+            _mixed(builder, pairs[0], pairs[1], [i + n for i in range(0, 8, 2) for n in (j, j + 8)])
+            for j in (0, 1)
+        )
+        size = builder.sitofp(builder.and_(builder.lshr(r, bits(9)), bits(0x000FFFFFFFFFFFFF)), doubles)
+        sign = builder.shl(builder.and_(r, bits(0x100)), bits(55))
+        x = builder.xor(builder.bitcast(builder.fmul(size, width), bits), sign)
+        done = builder.fcmp_ordered("<", size, limit)
+        first = builder.bitcast(place(context, builder, signature.args[4], out, i, j, k), bits.as_pointer())
+        builder.store(builder.select(done, x, r), first, align=8)
+        return builder.zext(builder.bitcast(builder.not_(done), _BYTE), _INT)
+
+    return types.uint64(rng, types.int64, types.int64, table, out, types.int64, types.int64), code
 
 
 @intrinsic
@@ -133,12 +281,6 @@ def lowest_bit(typingctx: Any, bits: Any) -> Any:  # noqa: ARG001 - numba's sign
     return types.int64(types.uint64), _emits(
         lambda builder, a: builder.cttz(a[0], ir.Constant(ir.IntType(1), 1))
     )
-
-
-@intrinsic
-def not_(typingctx: Any, condition: Any) -> Any:  # noqa: ARG001 - numba's signature
-    """The negated condition, without a branch."""
-    return types.boolean(types.boolean), _emits(lambda builder, a: builder.not_(a[0]))
 
 
 @_inline

@@ -14,7 +14,7 @@ from typing import Any
 
 from numba import njit
 
-from sepv.simulate._compiled.functions import prefer_512_bit, prefetch
+from sepv.simulate._compiled.functions import for_simd, prefetch
 from sepv.simulate._compiled.signatures import OPTIONS, call_left_over
 
 # Placeholders for names that a generated module defines; the values here are never used.
@@ -64,7 +64,7 @@ def ahead(buffer: Any, n: int) -> None:
 
 def any_marked(I: Any, group: int, mark: int) -> bool:
     """True if BUSY has the bit `mark` (1, 2 or 4) for a lane of the group that begins at lane `group`."""
-    prefer_512_bit()
+    for_simd()
     found = 0
     for k in range(group, group + GROUP):
         found |= I[BUSY + k]
@@ -80,7 +80,7 @@ def moved(
 
     Return True if a lane lives on.
     """
-    prefer_512_bit()
+    for_simd()
     if trouble == 0 and I[LIVING] == L:
         for k in range(L):
             quick(S, I, buffer, n, k, first, h, bound, q)
@@ -106,7 +106,7 @@ def explicit(
     S: Any, I: Any, buffer: Any, count: int, first: int, h: float, bound: float, P: Any, left_over: int,  # noqa: ARG001
 ) -> int:  # fmt: skip
     """Take steps of an explicit scheme: the increment, and a test that it is finite. 1 if no lane lives on."""
-    prefer_512_bit()
+    for_simd()
     q = loaded(P)
     for n in range(count):
         ahead(buffer, n)
@@ -127,7 +127,7 @@ def iterated(
     steps, or in any trouble, are left over. BUSY is 1 in a lane that goes on, 0 in one that is done, and 2 where a
     projection ends outside the domain.
     """
-    prefer_512_bit()
+    for_simd()
     q = loaded(P)
     for n in range(count):
         ahead(buffer, n)
@@ -162,7 +162,7 @@ def staged(  # noqa: PLR0912 - in one piece, as the method reads
     BUSY is 1 in a lane that sweeps, 4 in one whose result is to be checked, 0 in one that is done, and 2 in one left to
     Newton's iteration (`sepv.solve`).
     """
-    prefer_512_bit()
+    for_simd()
     q = loaded(P)
     for n in range(count):
         ahead(buffer, n)
@@ -200,7 +200,7 @@ def staged(  # noqa: PLR0912 - in one piece, as the method reads
 
 def sums(S: Any, I: Any, buffer: Any, group: int, rule: int, q: Any) -> None:
     """Compute G_i = Σ W_in ∇H(u_n) of a group, node by node. If a sweep is written out, do nothing."""
-    prefer_512_bit()
+    for_simd()
     if STRAIGHT:
         return
     for k in range(group, group + GROUP):

@@ -11,9 +11,9 @@ from sepv.solve import LEFT, ROUNDING, Status
 LANES = 128
 # The bytes of a cache line.
 CACHE_LINE = 64
-# Rows of the integers of a block, then eight numbers (a cache line), of which these five are used.
+# Rows of the integers of a block, then eight numbers (a cache line), of which these four are used.
 BUSY, ALIVE, STATUS, FAILED = range(4)
-EVALUATIONS, STRUCTURES, LIVING, WORK, DONE = range(5)
+EVALUATIONS, STRUCTURES, LIVING, WORK = range(4)
 NUMBERS = 8
 # A first correction below this ends the iteration, because its square is below LEFT; later ones are compared.
 FIRST = 2.0**-31
@@ -73,6 +73,6 @@ def text(
         *tables,
         f"advance = compiled(kernels.{kernel}, globals(), ADVANCE)",
         "start = compiled(kernels.start, globals(), START)",
-        "ADVANCING = address(advance)",
+        "STARTING, ADVANCING = address(start), address(advance)",
     ]
     return "\n".join(lines)

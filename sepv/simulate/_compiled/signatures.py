@@ -14,8 +14,11 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
 
-# Options of compiled functions. They allocate no arrays, so that none need be counted, and C does not call them.
-OPTIONS: Any = {"error_model": "numpy", "nogil": True, "cache": True, "_nrt": False, "no_cfunc_wrapper": True}
+# Options of compiled functions. They allocate no arrays, so that none need be counted, and are called by address.
+OPTIONS: Any = {
+    "error_model": "numpy", "nogil": True, "cache": True, "_nrt": False,
+    "no_cfunc_wrapper": True, "no_cpython_wrapper": True,
+}  # fmt: skip
 _vector, _matrix, _block = types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
 _integers, _int, _float = types.int64[::1], types.int64, types.float64
 # advance(S, I, increments, count, first, h, bound, P, left_over): take `count` steps of a block; 1 if none of its lanes
@@ -25,18 +28,17 @@ ADVANCE = _int(_vector, _integers, _block, _int, _int, _float, _float, _vector, 
 START = types.void(_vector, _integers, _block, _vector)
 # See `sepv.simulate._compiled.lanes` and `sepv.simulate._compiled.driver`. Without signatures numba would compile a
 # function again where an argument is a constant.
-_scratch = types.Tuple((types.uint64[::1], types.uint8[::1]))
 _words = types.uint64[:, ::1]
 _streams, _stacks = types.uint64[:, :, :, ::1], types.float64[:, :, :, ::1]
 _states = types.uint64[:, :, ::1]
 ZIGGURAT = _float(_states, _int, _int, types.uint64)
-NORMALS = types.void(_states, _int, _block, _int, _int, _int, _scratch)
-FILL = types.void(_int, _block, _int, _int, _states, _block, _block, _vector, _int, _scratch)
-BEGIN = types.void(_int, _states, _block, _words, _int, _vector, _int, _int, _block, _scratch)
+NORMALS = types.void(_states, _int, _block, _int, _int, _int)
+FILL = types.void(_int, _block, _int, _int, _states, _block, _block, _vector, _int)
+BEGIN = types.void(_int, _states, _block, _words, _int, _vector, _int, _int)
 RUN = types.void(
-    _int, _int, _int, _int, _int, _matrix, types.int64[:, ::1], _block, _vector, _int, _words, _int, _streams, _stacks,
-    _stacks, _vector, _int, _int, _block, _int, _int, _int, _float, _float, _vector, _vector, _vector,
-    _block, _block, _block, _scratch,
+    _int, _int, _int, _int, _int, _int, _matrix, types.int64[:, ::1], _block, _streams, _stacks, _stacks, _matrix,
+    _matrix, types.int64[:, ::1], _integers, _int, _vector, _words, _int, _vector, _int, _int, _block, _int, _float,
+    _float, _vector, _vector, _vector, _block, _block,
 )  # fmt: skip
 
 
@@ -70,7 +72,7 @@ def calling(signature: Any) -> Callable[..., Any]:
     return call
 
 
-call_advance, call_begin = calling(ADVANCE), calling(BEGIN)
+call_start, call_advance, call_begin = calling(START), calling(ADVANCE), calling(BEGIN)
 call_fill, call_normals = calling(FILL), calling(NORMALS)
 
 

@@ -110,10 +110,7 @@ def ordinary(name: str) -> ModuleType:
 
     numba identifies its files by the module's file alone, so these two are stored here as well.
     """
-    text = (Path(__file__).parent / f"{name}.py").read_text(encoding="utf-8")
-    if name == "driver":
-        text = text.replace("sepv.simulate._compiled.lanes", ordinary("lanes").__name__)
-    return load(text)
+    return load((Path(__file__).parent / f"{name}.py").read_text(encoding="utf-8"))
 
 
 @_by_one_thread

@@ -35,11 +35,10 @@ class Writer(ABC):
         self.unknowns = formula.stages * d
         self.offset = {}
         base = 0
-        # Rows: state, unknowns of Newton's iteration, rounding of Kahan's sum; the last correction, the energy at the
-        # start, the largest defects of energy and Casimirs. What few lanes need, they compute again: a store takes as
-        # long as several operations.
-        rows = {"Y": d, "Z": self.unknowns, "E": d if compensated else 0}
-        rows |= dict.fromkeys(("P", "H", "WH", "WC"), 1)
+        # Rows: state, largest defects of energy and Casimirs, in the driver's order; unknowns of Newton's iteration,
+        # rounding of Kahan's sum, the last correction, the energy at the start. What few lanes need, they compute
+        # again: a store takes as long as several operations.
+        rows = {"Y": d, "WH": 1, "WC": 1, "Z": self.unknowns, "E": d if compensated else 0, "P": 1, "H": 1}
         for name, count in {**rows, **self.more_rows()}.items():
             self.offset[name] = base
             base += count * L
@@ -65,7 +64,6 @@ class Writer(ABC):
         }  # fmt: skip
         numbers = {
             **constants(self.lanes), "SIZE": self.size, "IMPLICIT": self.formula.implicit,
-            "ENERGY": self.offset["WH"] // self.lanes, "CASIMIR": self.offset["WC"] // self.lanes,
             "STAGES": self.formula.stages, "UNKNOWNS": self.offset["Z"] // self.lanes, **self.numbers(),
         }  # fmt: skip
         # The pieces are written first, because writing them names the coefficients.

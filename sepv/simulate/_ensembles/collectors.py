@@ -121,11 +121,11 @@ class InMemory(Total):
         """Put the ends of a chunk into their places. A chunk that is the whole ensemble is kept as it is."""
         whole, here = self.ensemble, slice(task.first, task.first + task.count)
         if task.count == self.paths:
-            whole = replace(whole, **{key: getattr(chunk, key) for key in AXES})
+            self.ensemble = replace(chunk, times=whole.times, reason=whole.reason, about=whole.about)
         else:
             for key in AXES:
                 getattr(whole, key)[..., here] = getattr(chunk, key)
-        self.ensemble = _more(whole, chunk)
+            self.ensemble = _more(whole, chunk)
         self.done[here] = True
         self.progress(int(self.done.sum()), self.paths)
 

@@ -173,7 +173,7 @@ def ensemble(
         raise
     except Exception as error:
         raise ChunkFailure(error, total.finished()) from error
-    return replace(total.result(), repeated=repeated)
+    return replace(total.result(), repeated=repeated) if repeated else total.result()
 
 
 def _increments(
