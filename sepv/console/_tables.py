@@ -175,8 +175,8 @@ def kept(needed: Mapping[str, int], width: int, dropped: Sequence[str], between:
 
 def markdown(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """The lines of a table of Markdown."""
-    lines = (headings, ["---"] * len(headings), *rows)
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+    head, *body = ("| " + " | ".join(line) + " |" for line in (headings, *rows))
+    return "\n".join([head, "|" + "---|" * len(headings), *body])
 
 
 def longest(texts: Iterable[str]) -> int:
