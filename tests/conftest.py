@@ -52,7 +52,7 @@ TOGETHER = {
 QUICK = (
     "tests/record/", "tests/solve/", "tests/problem/test_problems.py", "tests/problem/test_structures.py",
     "tests/verification/test_tolerance.py", "tests/verification/test_search.py",
-    "tests/test_arguments.py", "tests/test_imports.py", "tests/docs/test_names.py",
+    "tests/test_imports.py", "tests/docs/test_names.py",
 )  # fmt: skip
 
 

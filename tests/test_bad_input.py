@@ -27,18 +27,11 @@ from sepv.reference.problem import exact_problem
 from sepv.reference.steps import reference_step
 
 import sepv
-from sepv import SepvError, Skipped, StepFailure, large, problems, schemes
-from sepv.problem import (
-    HamiltoniansProblem,
-    NamedProblem,
-    PolynomialSystem,
-    StructuresProblem,
-    commuting_hamiltonians,
-    mechanics,
-)
+from sepv import PolynomialSystem, SepvError, Skipped, StepFailure, large, problems, schemes
+from sepv.problem import HamiltoniansProblem, NamedProblem, StructuresProblem, Systems, mechanics
 from sepv.problems._common import canonical
 from sepv.record import _polynomial as poly
-from sepv.schemes import PointLaw, Scheme, continued, divided
+from sepv.schemes import Orders, PointLaw, Scheme, continued, divided
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.studies._solvability.branch import End, follow
@@ -351,6 +344,7 @@ CHECKS: dict[str, Check] = {
     "polynomial: negative exponent": refused(lambda: poly.polynomial(2, {(1, -1): 1.0}), "≥ 0"),
     "polynomial: too few exponents": refused(lambda: poly.polynomial(2, {(1,): 1.0}), "2 exponents"),
     "polynomial: infinite coefficient": refused(lambda: poly.polynomial(1, {(1,): np.inf}), "finite"),
+    "polynomial: a degree too high": refused(lambda: poly.polynomial(1, {(poly.MAX_DEGREE + 1,): 1.0}), "degree"),
     "polynomial: exponent of a billion": refused(lambda: poly.polynomial(1, {(10**9,): 1.0}), "degree"),
     "system: no dimension": refused(lambda: problems.from_json({"hamiltonian": [], "structure": []})),
     "system: zero dimensions": system(dimension=0, hamiltonian=[], structure=[]),
@@ -414,6 +408,14 @@ CHECKS: dict[str, Check] = {
     "scheme: longest step": each(
         (0.0, -1.0, float("nan"), "1"), lambda limit: Scheme("x", EP.step, longest_step=limit),
         "longest_step, a number > 0"),
+    "scheme: an order of paths without noise": scheme("without noise", noise=False, mean_square_order=1.0),
+    "scheme: additive without noise": scheme("without noise", noise=False, systems=Systems.ADDITIVE),
+    "scheme: an order below zero": scheme("order, a number", order=-1),
+    "scheme: a weaker order for less noise": refused(lambda: Orders(1.0, commutative=0.5), "weaker"),
+    "scheme: paths of a few points":
+        refused(lambda: replace(schemes.midpoint, increments="two-point"), "weak order alone"),
+    "ensemble: areas that are not drawn": refused(
+        lambda: sepv.ensemble("drift-preserving", "noisy-henon-heiles", h=0.125, T=1.0, paths=3), "asks for halves"),
     "scheme: unknown class": scheme("single, nambu", systems="double"),
     "scheme: asks for all": scheme("areas", asks="all"),
     "reduce: no name": paths(reduce=lambda ends: ends.y[0], words="functionals by name"),
@@ -496,7 +498,8 @@ CHECKS: dict[str, Check] = {
         lambda: problems.polynomial_problem(PolynomialSystem(3, NAMBU.hamiltonian, (), nambu=NAMBU.nambu)),
         "nambu_system"),
     "commuting: a Hamiltonian that does not": refused(
-        lambda: commuting_hamiltonians(problems.harmonic_oscillator(), [lambda y: np.stack([0 * y[0], 1 + 0 * y[1]])]),
+        lambda: sepv.problem.commuting_hamiltonians(
+            problems.harmonic_oscillator(), [lambda y: np.stack([0 * y[0], 1 + 0 * y[1]])]),
         r"\{H_0, H_1\} = -0\.2 at y = \[0\.2, 0\.1\]"),
     "structures: not skew": structures("skew", structure=lambda y: np.zeros((3, 3, *y.shape[1:])) + 1.0),
     "structures: two noises": structures("one for each coefficient", noise=(1.0, 2.0)),

@@ -43,9 +43,8 @@ def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
     add(problems, "    figure_eight, harmonic_trap,", "    heisenberg,\n")
 
     # A law: its file, and one line.
-    (package / "properties" / "test_noise_scale.py").write_text(
-        block_in(PAGE, "python", 'name="noise-scale"')
-    )
+    law = block_in(PAGE, "python", 'name="noise-scale"')
+    (package / "properties" / "test_noise_scale.py").write_text(law)
     add(package / "verification" / "_laws.py", '    "midpoint",\n', '    "noise-scale",\n')
     return folder
 

@@ -268,9 +268,8 @@ def test_a_named_problem_has_its_parts(name: str, lanes: tuple[int, ...]) -> Non
 
 
 def test_powers_that_no_monomial_has_do_not_overflow() -> None:
-    data = sepv.problems.from_json(
-        {"dimension": 2, "hamiltonian": [[[2, 0], 0.5], [[0, 3], 1.0]], "structure": []}
-    )
+    H = [[[2, 0], 0.5], [[0, 3], 1.0]]
+    data = sepv.problems.from_json({"dimension": 2, "hamiltonian": H, "structure": []})
     single = sepv.problems.build(data)
     y = np.float32(np.array([1e15, 1e10]))
     with np.errstate(over="raise"):

@@ -13,14 +13,8 @@ from sepv.reference.equations_by_class import equation_for
 from sepv.reference.steps import reference_step
 
 import sepv
-from sepv import ProblemError, StepFailure, problems, schemes
-from sepv.problem import (
-    CommutingStructure,
-    PolynomialSystem,
-    StructuresProblem,
-    Systems,
-    commuting_hamiltonians,
-)
+from sepv import PolynomialSystem, ProblemError, StepFailure, problems, schemes
+from sepv.problem import CommutingStructure, StructuresProblem, Systems, commuting_hamiltonians
 from sepv.problems._several import closed_form, commuting_actions
 from sepv.record import _polynomial as poly
 from sepv.record._binary64 import EPS, TINY

@@ -169,8 +169,6 @@ def test_areas_are_drawn_with_their_law_or_not_at_all() -> None:
     assert np.array_equal(path.y, again.y)
     with pytest.raises(UsageError, match=r"dW of shape \(8, 3\)"):
         sepv.integrate("area-midpoint", "random-inertia", h=0.125, T=1.0, dW=path.dW[:, :2])
-    with pytest.raises(UsageError, match="asks for halves"):
-        sepv.ensemble("drift-preserving", "noisy-henon-heiles", h=0.125, T=1.0, paths=3)
 
 
 # Gauss-Hermite quadrature with four points: moments up to 7, enough for weak order 3.
@@ -258,8 +256,6 @@ def test_increments_of_a_few_points_need_no_truncation_and_have_no_paths() -> No
     report = sepv.verify(scheme, laws=[*PATHWISE, "truncation"])
     assert {f.verdict for f in report.findings} == {Verdict.NOT_APPLICABLE}
     assert report.to_json()["scheme"]["increments"] == "two-point"
-    with pytest.raises(UsageError, match="weak order alone"):
-        replace(schemes.midpoint, increments="two-point")
     with pytest.raises(UsageError, match="bounded already, by 1 √h"):
         sepv.integrate(scheme, "pendulum", h=0.125, T=1.0, truncation=2)
     assert weakly(scheme, "normal").increments is None

@@ -298,9 +298,8 @@ def test_without_noise_there_is_one_trajectory_with_two_prices() -> None:
     names = ("leapfrog", "yoshida-4", "energy-preserving")
     methods = [from_scheme(schemes.by_name(name), problems.henon_heiles(), "numpy") for name in names]
     quiet = replace(methods[0], name="for c = ()", deterministic=True)
-    found = compare(
-        [*methods, quiet], problems.henon_heiles(), steps=(16, 32, 64), repeats=1, targets=(1e-3,), T=4.0
-    )
+    run = {"steps": (16, 32, 64), "repeats": 1, "targets": (1e-3,), "T": 4.0}
+    found = compare([*methods, quiet], problems.henon_heiles(), **run)
     assert found.deterministic
     assert {p.paths for p in found.points} == {1}
     errors = {name: [p.strong.value for p in found.of(name)] for name in names}

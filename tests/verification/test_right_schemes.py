@@ -15,8 +15,8 @@ from benchmarks.right_schemes import RIGHT
 from benchmarks.right_schemes.other_formulas import flow
 from benchmarks.right_schemes.solved_otherwise import of_lanes
 from benchmarks.units import LAWS, PROBLEMS, SCALES, Scale, findings, scaled, wrong
-from sepv import StepFailure, UsageError, problems, schemes
-from sepv.problem import Array, Problem, Systems
+from sepv import StepFailure, problems, schemes
+from sepv.problem import Array, Problem
 from sepv.schemes import Scheme, ask
 from sepv.schemes._guard import Refusal
 from sepv.simulate import run_chunk, truncate
@@ -175,11 +175,6 @@ def test_who_is_without_noise() -> None:
     assert not scheme().deterministic
     assert not scheme(order=2, mean_square_order=1.0).deterministic
     assert not scheme(order=2, noise=True).deterministic
-    for facts in ({"mean_square_order": 1.0}, {"systems": Systems.ADDITIVE}):
-        with pytest.raises(UsageError, match="without noise"):
-            scheme(noise=False, **facts)
-    with pytest.raises(UsageError, match="order, a number"):
-        scheme(order=-1)
 
 
 SAMPLES = Effort(paths=2048)
