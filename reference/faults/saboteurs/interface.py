@@ -148,9 +148,9 @@ def sets_error_handling(step: Step, problem: Problem, y: Array, h: float, dW: Ar
     return step(problem, y, h, dW)
 
 
-@SABOTEURS.around("NumPy is told to print four digits, for ever", _CONTRACT)
+@SABOTEURS.around("NumPy is told to print four digits, or five where these were four", _CONTRACT)
 def sets_print_options(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    np.set_printoptions(precision=4)
+    np.set_printoptions(precision=4 + (np.get_printoptions()["precision"] == 4))
     return step(problem, y, h, dW)
 
 
