@@ -8,7 +8,7 @@ compiles a function anew where its own file has changed.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -173,6 +173,15 @@ halve_rows = _on_rows(2, _halve)
 raise_row = _on_rows(2, _raise)
 
 
+def _vectors(context: Any, builder: Any, kind: Any, array: Any, lanes: int) -> Iterator[tuple[int, Any]]:
+    """Loop over the last axis of (n, m, L), by vectors of lanes and then one by one: their number, and the first."""
+    width = cgutils.unpack_tuple(builder, make_array(kind)(context, builder, array).shape)[2]
+    whole = builder.and_(width, _INT(-lanes))
+    for size, first, last in ((lanes, _INT(0), whole), (1, whole, width)):
+        with cgutils.for_range_slice(builder, first, last, _INT(size), _INT) as (k, _):
+            yield size, k
+
+
 @intrinsic
 def add_rows(typingctx: Any, rows: Any, count: Any, j: Any, W: Any, b: Any) -> Any:  # noqa: ARG001 - numba's signature
     """Add rows[:count, j] to W[b, j], which stays in registers meanwhile, TOGETHER lanes at a time."""
@@ -180,16 +189,13 @@ def add_rows(typingctx: Any, rows: Any, count: Any, j: Any, W: Any, b: Any) -> A
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         rows, count, j, W, b = arguments
 
-        width = cgutils.unpack_tuple(builder, make_array(signature.args[3])(context, builder, W).shape)[2]
-        whole = builder.and_(width, _INT(-TOGETHER))
-        for lanes, first, last in ((TOGETHER, _INT(0), whole), (1, whole, width)):
-            with cgutils.for_range_slice(builder, first, last, _INT(lanes), _INT) as (k, _):
-                start = place(context, builder, signature.args[3], W, b, j, k, lanes=lanes)
-                total = cgutils.alloca_once_value(builder, builder.load(start, align=8))
-                with cgutils.for_range(builder, count) as loop:
-                    row = place(context, builder, signature.args[0], rows, loop.index, j, k, lanes=lanes)
-                    builder.store(builder.fadd(builder.load(total), builder.load(row, align=8)), total)
-                builder.store(builder.load(total), start, align=8)
+        for lanes, k in _vectors(context, builder, signature.args[3], W, TOGETHER):
+            start = place(context, builder, signature.args[3], W, b, j, k, lanes=lanes)
+            total = cgutils.alloca_once_value(builder, builder.load(start, align=8))
+            with cgutils.for_range(builder, count) as loop:
+                row = place(context, builder, signature.args[0], rows, loop.index, j, k, lanes=lanes)
+                builder.store(builder.fadd(builder.load(total), builder.load(row, align=8)), total)
+            builder.store(builder.load(total), start, align=8)
         return context.get_dummy_value()
 
     return types.void(rows, types.int64, types.int64, W, types.int64), code
@@ -200,33 +206,40 @@ def _mixed(builder: Any, a: Any, b: Any, order: Sequence[int]) -> Any:
     return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(ir.IntType(32), len(order)), list(order)))
 
 
-def _following(builder: Any, state: Any) -> list[Any]:
-    """The next 64 bits of SFC64 in a state (a, b, c, counter), and its next state; numbers, or vectors of them."""
-    (a, b, c, counter), bits = state, state[0].type
-    out = builder.add(builder.add(a, b), counter)
+def _drawn(builder: Any, words: Sequence[Any]) -> Any:
+    """The next 64 bits of SFC64, whose state (a, b, c, counter) is at these addresses; or a vector of them."""
+    a, b, c, counter = (builder.load(word, align=8) for word in words)
+    bits, out = a.type, builder.add(builder.add(a, b), counter)
     turned = builder.or_(builder.shl(c, bits(24)), builder.lshr(c, bits(40)))
     a, b = builder.xor(b, builder.lshr(b, bits(11))), builder.add(c, builder.shl(c, bits(3)))
-    return [out, a, b, builder.add(turned, out), builder.add(counter, bits(1))]
+    for word, value in zip(
+        words, (a, b, builder.add(turned, out), builder.add(counter, bits(1))), strict=True
+    ):
+        builder.store(value, word, align=8)
+    return out
+
+
+def _words(context: Any, builder: Any, kind: Any, rng: Any, s: Any, k: Any, lanes: int = 1) -> list[Any]:
+    """The addresses of the state of stream s of rng (streams, 4, L), for lane k or for a vector of lanes."""
+    return [place(context, builder, kind, rng, s, _INT(i), k, lanes=lanes) for i in range(4)]
 
 
 @intrinsic
-def sfc64(typingctx: Any, a: Any, b: Any, c: Any, counter: Any) -> Any:  # noqa: ARG001 - numba's signature
-    """The next 64 bits of the generator SFC64 in the state (a, b, c, counter), followed by its next state."""
-    kind = types.UniTuple(types.uint64, 5)
+def mix(typingctx: Any, rng: Any, s: Any, rounds: Any) -> Any:  # noqa: ARG001 - numba's signature
+    """Draw from stream s of all lanes, `rounds` times; two registers at a time hide the latency."""
 
-    def code(context: Any, builder: Any, signature: Any, state: Any) -> Any:  # noqa: ARG001 - numba's
-        return context.make_tuple(builder, kind, _following(builder, state))
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        rng, s, rounds = arguments
+        for lanes, k in _vectors(context, builder, signature.args[0], rng, 16):
+            words = _words(context, builder, signature.args[0], rng, s, k, lanes)
+            state = [cgutils.alloca_once_value(builder, builder.load(word, align=8)) for word in words]
+            with cgutils.for_range(builder, rounds):
+                _drawn(builder, state)
+            for word, value in zip(words, state, strict=True):
+                builder.store(builder.load(value), word, align=8)
+        return context.get_dummy_value()
 
-    return kind(*[types.uint64] * 4), code
-
-
-def _drawn(context: Any, builder: Any, kind: Any, rng: Any, s: Any, k: Any, lanes: int = 1) -> Any:
-    """Draw from stream s of rng (streams, 4, L) for lane k, or for a vector of lanes."""
-    words = [place(context, builder, kind, rng, s, _INT(i), k, lanes=lanes) for i in range(4)]
-    out, *state = _following(builder, [builder.load(word, align=8) for word in words])
-    for word, value in zip(words, state, strict=True):
-        builder.store(value, word, align=8)
-    return out
+    return types.void(rng, types.int64, types.int64), code
 
 
 @intrinsic
@@ -234,7 +247,7 @@ def draw(typingctx: Any, rng: Any, s: Any, k: Any) -> Any:  # noqa: ARG001 - num
     """The next 64 bits of stream s of lane k."""
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        return _drawn(context, builder, signature.args[0], *arguments)
+        return _drawn(builder, _words(context, builder, signature.args[0], *arguments))
 
     return types.uint64(rng, types.int64, types.int64), code
 
@@ -250,7 +263,7 @@ def eight_normals(typingctx: Any, rng: Any, s: Any, k: Any, table: Any, out: Any
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         rng, s, k, table, out, i, j = arguments
-        r = _drawn(context, builder, signature.args[0], rng, s, k, lanes=8)
+        r = _drawn(builder, _words(context, builder, signature.args[0], rng, s, k, 8))
         layers = builder.and_(r, bits(0xFF))
         pairs = []
         for lane in (0, 2, 4, 6, 1, 3, 5, 7):

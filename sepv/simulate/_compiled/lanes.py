@@ -21,9 +21,9 @@ from sepv.simulate._compiled.functions import (
     for_simd,
     halve_rows,
     lowest_bit,
+    mix,
     scale_row,
     select,
-    sfc64,
 )
 from sepv.simulate._compiled.signatures import BEGIN, FILL, NORMALS, OPTIONS, ZIGGURAT, address, call_normals
 from sepv.simulate._wiener import MIXING, STREAMS
@@ -84,18 +84,11 @@ def normals(rng: Any, s: int, out: Any, first: int, apart: int, count: int) -> N
     for_simd()
     noises, lanes = out.shape[1], out.shape[2]
     if lanes == 1:
-        # The state stays in registers: through memory each draw would wait for the last store.
-        a, b, c, counter = rng[s, 0, 0], rng[s, 1, 0], rng[s, 2, 0], rng[s, 3, 0]
         for i in range(first, first + apart * count, apart):
             for j in range(noises):
-                r, a, b, c, counter = sfc64(a, b, c, counter)
+                r = draw(rng, s, 0)
                 x, done = _first(r)
-                if not done:
-                    rng[s, 0, 0], rng[s, 1, 0], rng[s, 2, 0], rng[s, 3, 0] = a, b, c, counter
-                    x = _ziggurat(rng, s, 0, r)
-                    a, b, c, counter = rng[s, 0, 0], rng[s, 1, 0], rng[s, 2, 0], rng[s, 3, 0]
-                out[i, j, 0] = x
-        rng[s, 0, 0], rng[s, 1, 0], rng[s, 2, 0], rng[s, 3, 0] = a, b, c, counter
+                out[i, j, 0] = x if done else _ziggurat(rng, s, 0, r)
         return
     for i in range(first, first + apart * count, apart):
         for j in range(noises):
@@ -173,11 +166,9 @@ def begin(
     for_simd()
     for s in range(rng.shape[0]):
         for k in range(rng.shape[2]):
-            a, b, counter = words[s, 0], words[s, 1], np.uint64(1)
-            c = words[s, 2] + np.uint64(path + k) * np.uint64(STREAMS)
-            for _ in range(MIXING):  # in registers
-                _, a, b, c, counter = sfc64(a, b, c, counter)
-            rng[s, 0, k], rng[s, 1, k], rng[s, 2, k], rng[s, 3, k] = a, b, c, counter
+            rng[s, 0, k], rng[s, 1, k], rng[s, 3, k] = words[s, 0], words[s, 1], np.uint64(1)
+            rng[s, 2, k] = words[s, 2] + np.uint64(path + k) * np.uint64(STREAMS)
+        mix(rng, s, MIXING)
     if top.shape[0] == 0:
         return
     width, apart = top.shape[1] * top.shape[2], 1 << halvings

@@ -10,8 +10,8 @@ import re
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Iterator
-from functools import cache, wraps
+from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -88,23 +88,7 @@ def name_of(text: str) -> str:
     return "sepv_kernel_" + hashlib.sha256(b"\0".join(parts)).hexdigest()[:24]
 
 
-# A module that one thread is still executing is already in sys.modules, where another thread would find a part of it.
-_LOADING = threading.RLock()
-
-
-def _by_one_thread(function: Callable[[str], ModuleType]) -> Callable[[str], ModuleType]:
-    """Cache the results of a function; while one thread computes a result, others wait."""
-    kept = cache(function)
-
-    @wraps(function)
-    def asked(text: str) -> ModuleType:
-        with _LOADING:
-            return kept(text)
-
-    return asked
-
-
-@_by_one_thread
+@cache
 def ordinary(name: str) -> ModuleType:
     """The module `driver` or `lanes`, compiled, identified by its content and its linked code.
 
@@ -113,9 +97,18 @@ def ordinary(name: str) -> ModuleType:
     return load((Path(__file__).parent / f"{name}.py").read_text(encoding="utf-8"))
 
 
-@_by_one_thread
+# A module that one thread is still executing is already in sys.modules, where another thread would find a part of it.
+_LOADING = threading.RLock()
+
+
 def load(text: str) -> ModuleType:
     """The module with this source, compiled, or read from the cache if it was compiled before."""
+    with _LOADING:
+        return _loaded(text)
+
+
+@cache
+def _loaded(text: str) -> ModuleType:
     name = name_of(text)
     path = cache_folder("engine") / f"{name}.py"
     if not path.is_file() or path.read_text(encoding="utf-8") != text:
