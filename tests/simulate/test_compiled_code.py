@@ -139,10 +139,10 @@ def test_compiled_code_that_was_cut_off_is_compiled_again(tmp_path, monkeypatch)
     text = (
         "from numba import njit\n\n\n@njit('float64(float64)', cache=True)\ndef twice(x):\n    return 2 * x\n"
     )
-    store.load.__wrapped__(text)
+    store._loaded.__wrapped__(text)
     (compiled,) = tmp_path.glob("engine/__pycache__/*.nbc")
     compiled.write_bytes(compiled.read_bytes()[:50])
-    assert store.load.__wrapped__(text).twice(1.5) == 3.0
+    assert store._loaded.__wrapped__(text).twice(1.5) == 3.0
 
 
 def test_threads_that_ask_for_one_module_wait_for_the_whole_of_it(tmp_path, monkeypatch) -> None:
