@@ -73,12 +73,5 @@ def test_the_results_that_were_used_last_stay(monkeypatch: pytest.MonkeyPatch) -
     assert {key: again.get(key, lambda: 2) for key in "cab"} == {"c": 1, "a": 1, "b": 2}
 
 
-def test_what_raises_is_not_kept() -> None:
-    first = Kept("numbers")
-    with pytest.raises(ZeroDivisionError):
-        first.get("a", lambda: 1 // 0)
-    assert first.get("a", lambda: 1) == 1
-
-
 def test_kept_cases_are_those_that_are_drawn() -> None:
     assert python(MAKE_CASES) == python(MAKE_CASES, "kept") != ""

@@ -12,12 +12,11 @@ terms. Errors that may be off by R, from rounding, a solver's stated tolerance a
 interval refutes only if it is narrow and there is a whole number in it.
 
 The same is done with r = 2 and 4, which need longer windows: rounding moves their slopes less, and the narrowest of the
-three intervals counts. Errors that a window confirms must go on falling: from there to h = 0, ln(e/h^(p+1)) changes by
-at most |s − t| + half, the integral of s − (p + 1) over ln h. A coefficient that is wrong in a late digit breaks this,
-because its own power of h leads only where errors are small. The finest step sizes that are still certain decide, in
-units of time in which the slope of the field is 2, whatever the problem's own (`sepv.verification._units`). A slope
-below ½ is no order at all, since y1 = y0 for h = 0: it is a tolerance that was not stated, and finer steps are left
-out.
+three intervals counts. A coefficient that is wrong in a late digit has its own power of h, which leads only where
+errors are small: errors finer than a confirming window are compared with a sum of two powers (`_slower`). The finest
+step sizes that are still certain decide, in units of time in which the slope of the field is 2, whatever the problem's
+own (`sepv.verification._units`). A slope below ½ is no order at all, since y1 = y0 for h = 0: it is a tolerance that
+was not stated, and finer steps are left out.
 """
 
 from __future__ import annotations
@@ -57,6 +56,8 @@ WIDEST, REFUTES = 0.5, 0.25
 UNSTATED = 1.5
 # An interval that refutes has a whole number in it, or one so near: between two whole numbers no power of h was seen.
 WHOLE = 0.05
+# Errors that go over to a lower power of h fit the sum of both to this share of their squares, at so many step sizes.
+FIT, FITTED = 0.03, 9
 # Larger errors, in the unit of length, are far from any power of h: no bound begins there.
 SMALL = 2.0**-4
 # Members of a family of random systems that are asked beside its named problems.
@@ -128,19 +129,25 @@ def _extrapolated(h: Array, e: Array, rounding: float) -> Order:
 def _slower(
     h: Array, e: Array, found: Order, last: int, used: int, least: float, rounding: float
 ) -> Order | None:
-    """A violation where errors finer than a confirming window, up to `last`, fall too slowly; None if there is none.
+    """A violation where errors go over from a confirmed power of h to a lower one, q; None if they do not.
 
-    A slope that still falls fast, such as that towards an unstated tolerance, extrapolates below UNSTATED.
+    The error is then |A h^q + C h^(p+1)| with vectors A and C, so that e²/h^(2q) is a polynomial of degree two in
+    h^(p+1−q); C may vary with h. All errors from the confirming window on that are far above rounding must fit it, and
+    A must be most of the two finest. Errors of a solver's tolerance scatter, or fall more slowly than h².
     """
-    grace = np.exp(abs(np.log(e[last - 1] / e[last]) / np.log(RATIO) - found.value) + found.half)
-    for k in range(used - 1, last, -1):
-        seen = _extrapolated(h[k - WINDOW + 1 : k + 1], e[k - WINDOW + 1 : k + 1], rounding)
-        off = rounding * (RATIO / e[k] + (1 + RATIO) / e[k - 1] + 1 / e[k - 2]) / np.log(RATIO) / (RATIO - 1)
-        slope = float(np.log(e[k - 1] / e[k]) / np.log(RATIO))
-        large = e[k] - rounding > grace * e[last] * (h[k] / h[last]) ** least
-        if large and seen.value - off > UNSTATED and max(slope, seen.value) < least:
-            text = f"h^{slope:.2f} at h = {h[k]:.1e}, after {found.text}"
-            return Order(Verdict.VIOLATED, slope, float(off), text)
+    power, fine = round(found.value), slice(max(last - WINDOW + 1, 0), used)
+    certain = e[fine] > rounding / (5 * FIT)
+    x, E = h[fine][certain] / h[used - 1], e[fine][certain]
+    for q in range(2, min(power, int(np.ceil(least)))):
+        squares, allowed = (E / x**q) ** 2, FIT + 2 * rounding / E
+        y = x ** (power - q)
+        rows = np.stack([np.ones_like(x), y, y**2, y**2 * x], axis=1) / (squares * allowed)[:, None]
+        sizes = np.linalg.norm(rows, axis=0)
+        parts = np.linalg.lstsq(rows / sizes, 1 / allowed, rcond=None)[0]
+        off = np.abs(rows / sizes @ parts - 1 / allowed)
+        if len(x) >= FITTED and off.max() <= 1 and parts[0] / sizes[0] > squares[-2] / 2:
+            text = f"h^{q} for h < {h[last]:.1e}, after {found.text}"
+            return Order(Verdict.VIOLATED, float(q), 0.0, text)
     return None
 
 
@@ -226,7 +233,7 @@ def rounds_step_sizes(scheme: Scheme, problem: Problem) -> float | None:
 
 def orders(scheme: Scheme, found: StepErrors, least: float) -> list[Order]:
     """The order from each state."""
-    tolerance = scheme.solver_tolerance
+    tolerance = scheme.precision
     rounding = (ROUNDING * EPS + 2 * tolerance) * found.scale + 2 * found.flow
     floor = CLEAR * (FLOOR * EPS + tolerance) * found.scale
     return [judge(found.h, e, least, rounding, floor) for e in found.errors]

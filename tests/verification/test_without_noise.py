@@ -174,6 +174,14 @@ def test_errors_that_do_not_fall_accuse_nobody() -> None:
     assert judge(h, law, 4.5, 1e-14, 2e-11).verdict is Verdict.VIOLATED
 
 
+@pytest.mark.parametrize("power", [0, 1])
+def test_an_unstated_tolerance_that_scatters_is_no_lower_order(power: int) -> None:
+    h, noise = 4 * RATIO ** -np.arange(31.0), np.random.default_rng(1).standard_normal((200, 31))
+    errors = np.abs(h**5 + 1e-12 * h**power * noise)
+    verdicts = [judge(h, e, 4.5, 64 * EPS, 1e5 * EPS).verdict for e in errors]
+    assert verdicts.count(Verdict.HOLDS) >= 190 and Verdict.VIOLATED not in verdicts
+
+
 def test_several_hamiltonians_have_no_such_order() -> None:
     finding = found(sepv.schemes.by_name("stochastic-midpoint"))
     assert finding.verdict is Verdict.NOT_APPLICABLE
