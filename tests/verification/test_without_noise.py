@@ -179,7 +179,7 @@ def test_an_unstated_tolerance_that_scatters_is_no_lower_order(power: int) -> No
     h, noise = 4 * RATIO ** -np.arange(31.0), np.random.default_rng(1).standard_normal((200, 31))
     errors = np.abs(h**5 + 1e-12 * h**power * noise)
     verdicts = [judge(h, e, 4.5, 64 * EPS, 1e5 * EPS).verdict for e in errors]
-    assert verdicts.count(Verdict.HOLDS) >= 190 and Verdict.VIOLATED not in verdicts
+    assert verdicts.count(Verdict.HOLDS) >= 200 - verdicts.count(Verdict.INCONCLUSIVE) >= 190
 
 
 def test_several_hamiltonians_have_no_such_order() -> None:
