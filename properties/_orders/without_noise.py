@@ -56,7 +56,7 @@ WIDEST, REFUTES = 0.5, 0.25
 UNSTATED = 1.5
 # An interval that refutes has a whole number in it, or one so near: between two whole numbers no power of h was seen.
 WHOLE = 0.05
-# Errors that go over to a lower power of h fit the sum of both to this share of their squares, at so many step sizes.
+# The share of their squares to which errors must fit a sum of two powers of h, and the least number of step sizes.
 FIT, FITTED = 0.03, 9
 # Larger errors, in the unit of length, are far from any power of h: no bound begins there.
 SMALL = 2.0**-4
@@ -233,7 +233,7 @@ def rounds_step_sizes(scheme: Scheme, problem: Problem) -> float | None:
 
 def orders(scheme: Scheme, found: StepErrors, least: float) -> list[Order]:
     """The order from each state."""
-    tolerance = scheme.precision
+    tolerance = scheme.solver_tolerance
     rounding = (ROUNDING * EPS + 2 * tolerance) * found.scale + 2 * found.flow
     floor = CLEAR * (FLOOR * EPS + tolerance) * found.scale
     return [judge(found.h, e, least, rounding, floor) for e in found.errors]

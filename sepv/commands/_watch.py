@@ -91,7 +91,7 @@ def watched(work: Callable[[], Any]) -> int:
 
 
 def _can_watch() -> bool:
-    """Test that this process can watch: not from a thread or beside one, nor under a debugger or profiler."""
+    """Test that this process can watch another: only its main thread runs, without a debugger or profiler."""
     alone = threading.current_thread() is threading.main_thread() and threading.active_count() == 1
     tools = getattr(sys, "monitoring", None)
     looked_at = sys.gettrace() or sys.getprofile() or (tools and any(map(tools.get_tool, range(6))))

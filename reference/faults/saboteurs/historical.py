@@ -150,14 +150,14 @@ def _fixed_numbers(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 _in(
     TAYLOR,
     ("overwritten-temporary",
-     "a temporary that held f(y) is overwritten by y + Δf, and f′ is applied to it as if it were f still",
+     "the temporary for f(y) is overwritten by y + Δf before f′ is applied to it",
      ("expansion", *_LIMIT, *_LOCAL), partial(_by_taylor, wrong=True),
      f"{_SCIML}/StochasticDiffEq.jl/issues/636, mended in pull 651: ImplicitRKMil without noise went elsewhere"),
 )  # fmt: skip
 _in(
     DIFFERENCE,
     ("one-sided-difference",
-     "Milstein's term of the Stratonovich form by a one-sided difference of width √h, which has a mean of its own",
+     "Milstein's term of the Stratonovich form by a one-sided difference of width √h, whose mean is not zero",
      ("local-mean", "local-weak"), partial(_by_difference, sides=1),
      f"{_SCIML}/StochasticDiffEq.jl/issues/19: order ½ where Itô's form has 1; torchsde: docs/peers"),
     ("drift-in-the-difference", "the same difference, taken along the drift as well",
