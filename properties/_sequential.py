@@ -121,7 +121,7 @@ def _setup(name: str, truncation: int | None, order: float | None) -> Setup:
 def setups_for(scheme: Scheme, effort: Effort | None = None) -> tuple[Setup, ...]:
     """The setups for a scheme: by its class and claims, or on a user's problems.
 
-    For (1.1) one more has B(y), a quartic H and two noises together; if steps are spared, it is the only one.
+    For class (1.1) one more problem has B(y), a quartic H and two noises together; with few steps it is the only one.
     """
     facts = (scheme.truncation, scheme.mean_square_order)
     users = problems_of(scheme)

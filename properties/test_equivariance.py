@@ -100,7 +100,7 @@ def _congruent(
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """|Φ_z(Py + b) − PΦ_y(y) − b| for a step short enough that all of them are contractions with factor κ.
+    """|Φ_z(Py + b) − PΦ_y(y) − b| for a step so short that the equations of both steps are contractions with factor κ.
 
     Both steps have a residual r at rounding, which is an error of at most r/(1 − κ) in the largest component; |P|_∞
     multiplies that of y1. Py + b is rounded at both ends, at most twice in each component; ‖∂z1/∂z0‖ ≤ (1 + κ)/(1 −

@@ -72,7 +72,7 @@ class Mean(NamedTuple):
 def mean(output: Any, inputs: Any, z: Any) -> Mean:
     """The average of the gradient of an output, ∫₀¹∇output(y + τz)dτ, for inputs y (d,) and further symbols z (d,).
 
-    Raises NoClosedForm where the output is not a sum of a polynomial and of the functions above of affine arguments.
+    Raises NoClosedForm unless the output is a polynomial plus functions of `_RULES` of affine arguments.
     """
     tape = inputs[0].tape
     symbol = tape.symbol(output)

@@ -1,4 +1,4 @@
-"""Bounded increments: the clip of Remark 2.1, or the values of a law of a few points."""
+"""Bounded increments: clipped as in Remark 2.1, or drawn from a distribution on a few points."""
 
 from __future__ import annotations
 

@@ -68,7 +68,7 @@ class NewtonWriter(Writer):
         return {"TOGETHER": together, "STEPS": self.sweeps + self.steps, "FAST": FAST}
 
     def side_by_side(self, lines: list[str]) -> list[str]:
-        """Interleave the lines of a lane of the first half with those of a lane of the second half.
+        """Interleave the code of two lanes (paths), one from each half of the block.
 
         A step is one chain of operations that wait for each other: two chains take little longer than one.
         """

@@ -218,7 +218,7 @@ def from_token(token: str) -> Case:
 
 
 def witness_of(token: str) -> dict[str, Any]:
-    """The JSON of a token, valid by the schema of witnesses; nothing is imported, unlike in `from_json`."""
+    """Decode a token to JSON and validate it as a witness; unlike `from_json` it imports nothing."""
     try:
         packed = base64.urlsafe_b64decode(token + "=" * (-len(token) % 4))
         data = parse_json(_unpacked(packed))

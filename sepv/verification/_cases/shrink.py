@@ -40,7 +40,7 @@ def shrunk(case: Case, fails: Callable[[Case], bool | None]) -> Case:
 
 
 def _stands(case: Case) -> bool:
-    """True if the candidate is a problem, with a step inside its contraction radius."""
+    """True if the candidate is a valid problem, with a step inside its contraction radius."""
     try:
         problem, y, h, dW = case.build()
     except SepvError:  # a matrix is no longer a Casimir, a structure no longer that of its factor
