@@ -243,7 +243,7 @@ def placed(
     # Shares of |h| and of |c_jΔW_j|, with signs such that Δ is at least a quarter of their sum.
     shares = [random.uniform(0.125, 1) for _ in range(1 + len(loud))]
     if kind == UNEVEN:
-        end = random.choice([1.0, 1.0, random.random()])
+        end = 1.0 if moving else random.random()
         powers = [end, -end, *(random.uniform(-1, 1) for _ in loud)][: len(loud)]
         shares[1:] = [10 ** (UNEVENNESS * power) for power in random.sample(powers, len(powers))]
     if kind == STILL:
