@@ -49,6 +49,7 @@ if TYPE_CHECKING:
     from sepv.exact import exact_flow as exact_flow
     from sepv.problem import PolynomialSystem as PolynomialSystem
     from sepv.problem import Problem as Problem
+    from sepv.schemes import PathSolver as PathSolver
     from sepv.schemes import PointLaw as PointLaw
     from sepv.schemes import Scheme as Scheme
     from sepv.schemes import StatefulStep as StatefulStep
@@ -77,7 +78,7 @@ __getattr__, __dir__ = lazily(
         "ClusterFailure Interrupted",
         "exact": "*exact exact_flow",
         "problem": "*problem Problem PolynomialSystem",
-        "schemes": "*schemes PointLaw Scheme StatefulStep",
+        "schemes": "*schemes PathSolver PointLaw Scheme StatefulStep",
         "simulate": "*simulate Ensemble ensemble long_path Trajectory integrate",
         "verification": "*verification Effort Verdict Report verify",
         "verification.strategies": "*strategies",

@@ -17,17 +17,15 @@ import click
 import numpy as np
 from sepv.properties._sequential import FALSE_ALARM, FIRST_LOOK
 from sepv.reference.peers.peer import load
-from sepv.reference.peers.posing import PathSolver
 
 from benchmarks.peers.compliance_measurements import (
     LIBRARIES,
     SETUPS,
     law_cells,
-    path_cells,
     release,
     suite_key,
 )
-from benchmarks.peers.compliance_rows import Row, path_row, scheme_row
+from benchmarks.peers.compliance_rows import Row, scheme_row
 from benchmarks.peers.deviations import Deviation, deviations_shown_by
 from benchmarks.peers.kept_measurements import Cell, measured
 from benchmarks.peers.options import measuring, page_options, put
@@ -37,7 +35,7 @@ from sepv.console import Shown, markdown
 from sepv.errors import TargetError
 from sepv.problem import Problem
 from sepv.schemes import Scheme, energy_preserving
-from sepv.simulate import ensemble, wiener
+from sepv.simulate import ensemble
 from sepv.verification import LAWS, Effort, Law, Verdict, energy_ulp, load_laws
 from sepv.verification._report import MARKS
 
@@ -62,26 +60,18 @@ def rows(libraries: Sequence[str], effort: Effort, folder: Path | None, shown: S
         except TargetError as error:
             click.echo(f"{library} left out: {error.received}", err=True)
             continue
-        jobs += [(library, solver) for solver in (*adapter.schemes.values(), *adapter.paths)]
+        jobs += [(library, solver) for solver in adapter.schemes.values()]
     laws = load_laws()
     cells: list[Cell] = []
     for library, solver in jobs:
         cells += solver_cells(library, solver, laws, effort)
     found = measured(cells, folder, shown)
-    return [
-        (path_row if isinstance(solver, PathSolver) else scheme_row)(library, solver, found)
-        for library, solver in jobs
-    ]
+    return [scheme_row(library, solver, found) for library, solver in jobs]
 
 
-def solver_cells(
-    library: str, solver: Scheme | PathSolver, laws: Sequence[Law], effort: Effort
-) -> Iterator[Cell]:
-    """Laws on one scheme, or errors of whole paths, and energy defects."""
-    if isinstance(solver, PathSolver):
-        yield from path_cells(library, solver, effort)
-    else:
-        yield from law_cells(library, solver, laws, effort)
+def solver_cells(library: str, solver: Scheme, laws: Sequence[Law], effort: Effort) -> Iterator[Cell]:
+    """Laws on one scheme, and energy defects."""
+    yield from law_cells(library, solver, laws, effort)
     for setup in SETUPS:
         yield Cell(
             solver.name,
@@ -91,17 +81,12 @@ def solver_cells(
         )
 
 
-def _energy(solver: Scheme | PathSolver, problem: Problem, T: float) -> str:
+def _energy(solver: Scheme, problem: Problem, T: float) -> str:
     """The largest defect in energy ulps, or how many paths failed."""
     h, start = T / ENERGY_STEPS, np.array(problem.initial, dtype=np.float64)
     with np.errstate(over="ignore", invalid="ignore"):
-        if isinstance(solver, PathSolver):
-            dW = wiener.increments(0, T=T, steps=ENERGY_STEPS, noises=problem.noises, paths=PATHS)
-            H = problem.hamiltonian(solver.path(problem, start, h, dW).swapaxes(0, 1))
-            failed, defects = ~np.isfinite(H).all(axis=0), np.abs(H - H[0])
-        else:
-            result = ensemble(solver, problem, h=h, T=T, paths=PATHS, engine="numpy")
-            failed, defects = result.status != 0, result.energy_defect
+        result = ensemble(solver, problem, h=h, T=T, paths=PATHS, engine="numpy")
+        failed, defects = result.status != 0, result.energy_defect
     if failed.any():
         return f"{np.count_nonzero(failed)} paths failed"
     return f"{float(np.max(defects)) / energy_ulp(problem, start, start):.2g}"
@@ -178,7 +163,7 @@ def _laws(found: Sequence[Row], contradicted: Collection[str]) -> str:
         groups.setdefault(tuple(r.verdicts.items()), []).append(r.name + mark)
     lines = [(_listed(names), *kept(dict(verdicts))) for verdicts, names in groups.items()]
     missing = f"Not measured: {', '.join(left_out) or 'none'}."
-    caption = f"{missing} Whole paths were measured only for claimed laws. {UNNAMED}"
+    caption = f"{missing} {UNNAMED}"
     return f"{caption}\n\n{markdown(('solvers', *KEPT), lines)}"
 
 
@@ -195,7 +180,7 @@ code in float64, with the increment given. [Orders by kind of noise](solvers.md)
 - Paths run over [0, {setup.T:g}] with {steps} steps; sepv's own scheme begins with {setup.steps[0] // 2}. Solvers of
   one state at a time get {FIRST_LOOK} paths, which leaves more verdicts open. The nominal false-alarm rate of a run is
   {FALSE_ALARM:g}. The files `results/LIBRARY/VERSION.json` have the measured orders.
-- A solver that carries a state from step to step is measured over whole paths, and in one step with a fresh state.
+- If a solver carries a state from step to step, laws about paths carry it too. Laws about one step ask its first step.
 - A space-time Lévy area is a normal variable from a stream whose key is the increment. Other Lévy areas are zero,
   because the brackets of the noise fields vanish here."""
 

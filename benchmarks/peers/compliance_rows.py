@@ -6,9 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from sepv.reference.peers.posing import PathSolver
-
-from benchmarks.peers.compliance_measurements import NO_AREAS, SETUPS, path_verdicts, release, silent
+from benchmarks.peers.compliance_measurements import NO_AREAS, SETUPS, release, silent
 from sepv.schemes import Scheme
 from sepv.verification import LAWS, Verdict
 from sepv.verification._report import MARKS
@@ -24,7 +22,7 @@ class Row:
         The largest energy defect in energy ulps, for each of `SETUPS`.
     verdicts : dict of law name to mark
     notes : tuple of str
-        Reasons of the verdict "error", and paths that failed.
+        Reasons of the verdict "error".
     """
 
     library: str
@@ -78,19 +76,3 @@ def _notes(scheme: Scheme, findings: Mapping[str, Any]) -> Iterator[str]:
             f"{scheme.name}, right-limit: the error itself falls with h; the law extrapolates mean errors in whole "
             "powers of h, and takes a mean error that falls like h^½ for a wrong limit"
         )
-
-
-def path_row(library: str, solver: PathSolver, cells: Mapping[tuple[str, str], Any]) -> Row:
-    """The row of a solver of whole paths, from its measured cells: two laws, judged by the thresholds of these laws."""
-    found = [cells[solver.name, f"whole paths, {s.problem}"] for s in SETUPS]
-    return Row(
-        library=library,
-        release=release(library),
-        solver=solver.name.removeprefix(f"{library} "),
-        source=solver.source,
-        energy=tuple(cells[solver.name, f"energy defect, {s.problem}"] for s in SETUPS),
-        verdicts={
-            law: f"{MARKS[verdict]} +" for law, (verdict, _, _) in path_verdicts(solver, cells).items()
-        },
-        notes=tuple(cell["note"] for cell in found if cell["note"]),
-    )

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from datetime import UTC, datetime
 from importlib.metadata import distributions
 from pathlib import Path
@@ -16,17 +15,16 @@ from typing import Any
 
 import click
 from sepv.reference.peers.peer import load
-from sepv.reference.peers.posing import PathSolver
 
 from benchmarks.peers import compliance_measurements as measurements
 from benchmarks.peers.compliance_measurements import LIBRARIES, release
 from benchmarks.peers.deviations import shown_by
-from benchmarks.peers.kept_measurements import Cell, measured
+from benchmarks.peers.kept_measurements import measured
 from sepv._version import __version__
 from sepv.console import showing
 from sepv.errors import SepvError
 from sepv.files import finite, json_text, write_atomically
-from sepv.verification import SUITE, Effort, Law, Verdict, load_laws
+from sepv.verification import SUITE, Effort, Law, load_laws
 
 FORMAT = 1
 # Those that are quick enough for many versions. The local laws, by quadrature over several noises, see most faults
@@ -41,9 +39,8 @@ def record(
 ) -> dict[str, Any]:
     """The record of the installed library: the measured behaviour of its solvers, as in record.schema.json."""
     adapter, asked = load(library), load_laws(ASKED)
-    schemes, paths = tuple(adapter.schemes.values()), adapter.paths
+    schemes = tuple(adapter.schemes.values())
     cells = [cell for s in schemes for cell in measurements.law_cells(library, s, asked, effort)]
-    cells += [_safe(cell) for p in paths for cell in measurements.path_cells(library, p, effort)]
     found = measured(cells, keep, shown)
     shown.update("the scripts that show deviations", 1.0)
     # What is installed beside it, without installers: a change may be another library's.
@@ -62,24 +59,9 @@ def record(
             "python": platform.python_version(), "machine": platform.machine(), "packages": packages
         },
         "absent": list(adapter.absent),
-        "solvers": [
-            *(_scheme_entry(library, scheme, asked, found) for scheme in schemes),
-            *(_path_entry(library, solver, found) for solver in paths),
-        ],
+        "solvers": [_scheme_entry(library, scheme, asked, found) for scheme in schemes],
         "scripts": [] if scripts is None else list(_scripts(library, scripts)),
     }  # fmt: skip
-
-
-def _safe(cell: Cell) -> Cell:
-    """A solver of whole paths that raises is an entry of its own, and no end of the run."""
-
-    def measure() -> Any:
-        try:
-            return cell.measure()
-        except Exception as error:
-            return {"error": f"{type(error).__name__}: {error}".partition("\n")[0]}
-
-    return replace(cell, measure=measure)
 
 
 def _scheme_entry(
@@ -99,22 +81,6 @@ def _entry(library: str, solver: Any, weak_order: float | None, laws: dict[str, 
 def _said(unit: str, cell: dict[str, Any]) -> dict[str, Any]:
     said = {key: finite(cell.get(key)) for key in ("verdict", "claimed", "defect", "bound")}
     return said | {"unit": unit, "message": cell["message"][:LONGEST]}
-
-
-def _path_entry(library: str, solver: PathSolver, found: dict[tuple[str, str], Any]) -> dict[str, Any]:
-    cells = [value for (name, _), value in found.items() if name == solver.name]
-    errors = [cell["error"] for cell in cells if "error" in cell]
-    if errors:
-        verdicts = dict.fromkeys(("mean-square-order", "right-limit"), (Verdict.ERROR, None, None))
-    else:
-        verdicts = dict(measurements.path_verdicts(solver, found))  # type: ignore[arg-type]  # None only after an error
-    notes = "; ".join(errors) or "; ".join(cell["note"] for cell in cells if cell["note"])
-    units = {"mean-square-order": "slope of the rms error", "right-limit": "log of the fall"}
-    laws = {}
-    for law, (verdict, number, limit) in verdicts.items():
-        cell = {"verdict": verdict.value, "claimed": True, "defect": number, "bound": limit, "message": notes}
-        laws[law] = _said(units[law], cell)
-    return _entry(library, solver, None, laws)
 
 
 def _scripts(library: str, folder: Path) -> Iterator[dict[str, Any]]:

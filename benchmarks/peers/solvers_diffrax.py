@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from sepv.reference.peers.diffrax import _Given, enable_x64
 from sepv.reference.peers.posing import LANES, Path, in_blocks
-from sepv.reference.peers.posing_fields import Fields, pose_fields
+from sepv.reference.peers.posing_fields import PosedFields, pose_fields
 
 from benchmarks.peers.solver import Solver
 from sepv.problem import Array, Problem
@@ -21,7 +21,7 @@ from sepv.schemes import Step
 SOURCE = 'diffrax, "SDE solver table" (docs.kidger.site/diffrax/devdocs/SDE_solver_table)'
 
 
-def _terms(fields: Fields, constant: bool, numbers: Any, dW: Any, H: Any) -> Any:
+def _terms(fields: PosedFields, constant: bool, numbers: Any, dW: Any, H: Any) -> Any:
     """Drift and noise fields (d, m); `constant` ones do not depend on y for JAX either."""
 
     def drift(_t: Any, y: Any, _args: Any) -> Any:
@@ -34,7 +34,7 @@ def _terms(fields: Fields, constant: bool, numbers: Any, dW: Any, H: Any) -> Any
 
 
 def _advance(
-    solver: Any, fields: Fields, constant: bool, numbers: Any, h: Any, y: Any, rows: Any, state: Any
+    solver: Any, fields: PosedFields, constant: bool, numbers: Any, h: Any, y: Any, rows: Any, state: Any
 ) -> Any:
     """y_next and the solver's state, from rows of ΔW and H; a state of None starts the solver."""
     dW, H = rows[: fields.noises], rows[fields.noises :]
@@ -46,7 +46,7 @@ def _advance(
 
 
 @partial(jax.jit, static_argnames=("solver", "fields", "constant"))
-def _steps(solver: Any, fields: Fields, constant: bool, numbers: Any, h: Any, y: Any, rows: Any) -> Any:
+def _steps(solver: Any, fields: PosedFields, constant: bool, numbers: Any, h: Any, y: Any, rows: Any) -> Any:
     """One step of each lane: y (d, L), rows (m or 2m, L)."""
 
     def lane(y: Any, rows: Any) -> Any:
@@ -56,7 +56,7 @@ def _steps(solver: Any, fields: Fields, constant: bool, numbers: Any, h: Any, y:
 
 
 @partial(jax.jit, static_argnames=("solver", "fields"))
-def _paths(solver: Any, fields: Fields, numbers: Any, h: Any, y: Any, rows: Any) -> Any:
+def _paths(solver: Any, fields: PosedFields, numbers: Any, h: Any, y: Any, rows: Any) -> Any:
     """Whole paths with the solver's state handed on: rows (N, m, L) -> (N + 1, d, L)."""
 
     def lane(y: Any, rows: Any) -> Any:

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache, partial
+from operator import itemgetter
 from typing import Any
 
 import diffrax
@@ -29,10 +30,10 @@ import numpy as np
 from sepv.reference.peers._diffrax_ode import INTEGRATORS
 from sepv.reference.peers._jax import enable_x64
 from sepv.reference.peers.peer import Peer
-from sepv.reference.peers.posing import LANES, Formulas, PathSolver, in_blocks, pose, size
+from sepv.reference.peers.posing import LANES, Formulas, in_blocks, pose, size
 
 from sepv.problem import Array, PolynomialSystem, Problem
-from sepv.schemes import Scheme
+from sepv.schemes import Scheme, StatefulStep
 from sepv.studies import Method, from_states
 
 
@@ -99,7 +100,7 @@ def _steps(solver: Any, formulas: Formulas, arrays: Any, c: Any, h: Any, y: Any,
     def lane(y: Any, dW: Any) -> Any:
         return _one_step(solver, formulas, arrays, c, h, y, dW, None)[0]
 
-    return jax.vmap(lane, in_axes=1, out_axes=1)(y, dW)
+    return jax.vmap(lane, in_axes=1, out_axes=1)(y, dW), None
 
 
 @partial(jax.jit, static_argnames=("solver", "formulas", "keep"))
@@ -118,6 +119,9 @@ def _paths(
         return jnp.concatenate([first[0][None], rest]) if keep else last[0]
 
     return jax.vmap(lane, in_axes=(1, 2), out_axes=-1)(y, dW)
+
+
+_next = jax.jit(_one_step, static_argnames=("solver", "formulas"))
 
 
 @lru_cache(maxsize=256)
@@ -142,48 +146,51 @@ def _wide(rows: Array, count: int) -> Array:
     return np.concatenate([rows, np.zeros(missing)], axis=axis)
 
 
-def _call(program: Any, solver: Any, problem: Problem, y: Array, h: float, dW: Array) -> Any:
-    """A compiled program on y (d, L) and dW (…, m, L), in float64; its answer's components are those of y."""
+def _call(
+    program: Any, solver: Any, problem: Problem, y: Array, h: float, dW: Array, *state: Any
+) -> tuple[Any, Any]:
+    """A compiled program on y (d, L) and dW (m, L), or (d,) and (m,), in float64: y_next, and the solver's state."""
     formulas, numbers = _padded(problem)
     d, m = problem.dimension, problem.noises
     if formulas.kind == "polynomial":
         y, dW = _wide(y, numbers[0].shape[0]), _wide(dW, size(m, 4))
-    c = _wide(problem.c, dW.shape[-2])
+    c = _wide(problem.c, dW.shape[0])
     with enable_x64(True):
-        answer = program(solver, formulas, numbers, c, np.float64(h), y, dW)
-        return np.asarray(answer)[..., :d, :]
+        y_next, own = program(solver, formulas, numbers, c, np.float64(h), y, dW, *state)
+        return np.asarray(y_next)[:d], own
 
 
 def _step_by(solver: Any) -> Callable[[Problem, Array, float, Array], Array]:
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         # Random problems have one state each; batches come from the paper's problems.
         lanes = 1 if isinstance(problem.data, PolynomialSystem) else LANES
-        return in_blocks(lambda y, dW: _call(_steps, solver, problem, y, h, dW), y, dW, lanes)
+        return in_blocks(lambda y, dW: _call(_steps, solver, problem, y, h, dW)[0], y, dW, lanes)
 
     return step
 
 
-def _path_by(solver: Any) -> Callable[[Problem, Array, float, Array], Array]:
-    def path(problem: Problem, y0: Array, h: float, dW: Array) -> Array:
-        start = np.repeat(y0[:, None], dW.shape[2], axis=1)
-        return np.concatenate([start[None], _call(_paths, solver, problem, start, h, dW)])
+def _stateful(solver: Any) -> StatefulStep:
+    """The step of a solver of which `_next` hands the state on, one path at a time."""
 
-    return path
+    def step(problem: Problem, state: tuple[Array, Any], h: float, dW: Array) -> tuple[Array, Any]:
+        return _call(_next, solver, problem, state[0], h, dW, state[1])
+
+    return StatefulStep(lambda _, y: (y, None), step, itemgetter(0))
 
 
 _absent: list[str] = []
 
 
-def _scheme(name: str, order: float, weak: float = 1.0, note: str = "") -> Any:
+def _scheme(name: str, order: float, weak: float = 1.0, batched: bool = True) -> Any:
     """The solver of that name as a `Scheme`; None where this release has none."""
     make = getattr(diffrax, name, None)
     if make is None:
-        _absent.append(f"{name}{note}")
+        _absent.append(name)
         return None
     return Scheme(
-        name=f"diffrax {name}{note}", step=_step_by(make()), mean_square_order=order, weak_order=weak,
+        name=f"diffrax {name}", step=_step_by(make()) if batched else _stateful(make()), mean_square_order=order,
         source=f'diffrax, "SDE solver table": order {order:g} strong and {weak:g} weak for commutative noise',
-        truncation=None, batched=True,
+        weak_order=weak, truncation=None, batched=batched,
     )  # fmt: skip
 
 
@@ -195,8 +202,8 @@ milstein = _scheme("StratonovichMilstein", 1.0)
 spark = _scheme("SPaRK", 1.0)
 general_shark = _scheme("GeneralShARK", 1.0)
 slow_rk = _scheme("SlowRK", 1.5, 2.0)
-# The state holds a second solution beside y, so one step started afresh is Heun's method; whole paths are not.
-reversible_heun = _scheme("ReversibleHeun", 1.0, note=", one step afresh")
+# The solver's state holds a second solution beside y.
+reversible_heun = _scheme("ReversibleHeun", 1.0, batched=False)
 
 
 class _Field(diffrax.AbstractTerm):
@@ -330,14 +337,6 @@ PEER = Peer(
         for name, (solver, *driver) in _DRIVEN.items()
         if hasattr(diffrax, solver)
     },
-    paths=(
-        PathSolver(
-            "diffrax ReversibleHeun, whole paths",
-            _path_by(diffrax.ReversibleHeun()),
-            1.0,
-            reversible_heun.source,
-        ),
-    ),
     drawing=tuple(scheme for scheme in (spark, general_shark, slow_rk) if scheme is not None),
     absent=tuple(_absent),
     integrators=INTEGRATORS,

@@ -19,8 +19,6 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeVar
 
-from sepv.reference.peers.posing import PathSolver
-
 from sepv._arguments import did_you_mean, optional
 from sepv.errors import TargetError
 from sepv.schemes import Scheme
@@ -43,8 +41,6 @@ class Peer:
         Its solvers, one step at a time, for the laws. Keys are the names after "library-".
     methods : dict of str to Method
         Its solvers under the best driver known, for `sepv compare`.
-    paths : tuple of PathSolver
-        Solvers that hand state from step to step, over whole paths.
     drawing : tuple of Scheme
         Solvers that draw an area beside the increment: a mean over ΔW alone is not the mean of their step.
     absent : tuple of str
@@ -56,7 +52,6 @@ class Peer:
     library: str
     schemes: Mapping[str, Scheme] = field(default_factory=dict)
     methods: Mapping[str, Method] = field(default_factory=dict)
-    paths: tuple[PathSolver, ...] = ()
     drawing: tuple[Scheme, ...] = ()
     absent: tuple[str, ...] = ()
     integrators: Mapping[str, Scheme] = field(default_factory=dict)

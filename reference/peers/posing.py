@@ -4,9 +4,6 @@ A problem's own functions are NumPy's, which a compiler cannot trace (`TracerArr
 derivative does not see through. A problem given as data is posed again: `pose` returns formulas, which are hashable and
 few, and numbers, which are arrays. A compiled step takes the formulas as a static argument and the numbers as data:
 one program serves every problem of a size. No library is imported here: a formula takes the namespace.
-
-A solver that hands state from one step to the next is a `PathSolver`: one step alone is not the solver, so whole paths
-are measured. Its first step is a `Scheme` beside it, for the laws about one step; the order is that of whole paths.
 """
 
 from __future__ import annotations
@@ -25,7 +22,7 @@ from sepv.problems import EXTENSIONS, PAPER, build, structure_entries
 from sepv.record import FUNCTIONS, Polynomial, Tape, gradient, poly, source
 from sepv.schemes import load_problem
 
-__all__ = ["Formulas", "PathSolver", "field_in", "in_blocks", "pose"]
+__all__ = ["Formulas", "field_in", "in_blocks", "pose"]
 
 # The smallest sizes of tables of polynomials, filled up with zeros, so that few programs serve all problems.
 LEAST_POWER, LEAST_TERMS = 8, 32
@@ -33,16 +30,6 @@ LEAST_POWER, LEAST_TERMS = 8, 32
 LANES = 64
 # A function (problem, y0 (d,), h, dW (N, m, M)) -> states (N + 1, d, M).
 Path = Callable[[Problem, Array, float, Array], Array]
-
-
-@dataclass(frozen=True)
-class PathSolver:
-    """A solver of whole paths, and the order that its documentation states for noise that commutes."""
-
-    name: str
-    path: Path
-    mean_square_order: float
-    source: str = ""
 
 
 @dataclass(frozen=True)

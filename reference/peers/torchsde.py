@@ -12,17 +12,18 @@ In a comparison all paths are one batch of `torchsde.sdeint` over the whole inte
 from __future__ import annotations
 
 from collections.abc import Callable
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
 import torch
 import torchsde
 from sepv.reference.peers.peer import Peer
-from sepv.reference.peers.posing import LANES, PathSolver, in_blocks, pose
+from sepv.reference.peers.posing import LANES, in_blocks, pose
 
 from sepv.errors import Skipped
 from sepv.problem import Array, Problem
-from sepv.schemes import Scheme
+from sepv.schemes import Scheme, StatefulStep
 from sepv.studies import Method, from_states
 
 
@@ -68,10 +69,10 @@ class Given(torchsde.BaseBrownian):
         return (dW, dW.new_zeros((*dW.shape, dW.shape[-1]))) if return_A else dW
 
 
-def _integrate(
-    method: str, options: dict[str, Any], problem: Problem, y: Array, h: float, dW: Array
-) -> Array:
-    """The states (N + 1, d, L) of torchsde.sdeint from y (d, L) with the increments dW (N, m, L)."""
+def _solved(
+    method: str, options: dict[str, Any], problem: Problem, y: Array, h: float, dW: Array, **more: Any
+) -> Any:
+    """Call torchsde.sdeint from y (d, L) with the increments dW (N, m, L): states (N + 1, L, d) as a tensor."""
     weights, noise_type = problem.c, "scalar" if problem.noises == 1 else "general"
     if problem.noises != 1 and method == "milstein":
         size = float(np.linalg.norm(weights))
@@ -82,26 +83,32 @@ def _integrate(
     times = torch.arange(len(dW) + 1, dtype=torch.float64) * h
     with torch.no_grad():
         start = torch.as_tensor(np.ascontiguousarray(y.T))
-        states = torchsde.sdeint(system, start, times, bm=noise, method=method, dt=h, options=options)
-    return states.detach().numpy().transpose(0, 2, 1).copy()
+        return torchsde.sdeint(system, start, times, bm=noise, method=method, dt=h, options=options, **more)
+
+
+def _positive(h: float) -> None:
+    if not h > 0:
+        raise Skipped("torchsde wants times that increase: h > 0")
 
 
 def _step_by(method: str, options: dict[str, Any]) -> Callable[[Problem, Array, float, Array], Array]:
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-        if not h > 0:
-            raise Skipped("torchsde wants times that increase: h > 0")
+        _positive(h)
 
         def block(y: Array, dW: Array) -> Any:
-            return _integrate(method, options, problem, y, h, dW[None])[-1]
+            return _solved(method, options, problem, y, h, dW[None])[-1].numpy().T.copy()
 
         return in_blocks(block, y, dW, LANES)
 
     return step
 
 
-def _path(problem: Problem, y0: Array, h: float, dW: Array) -> Array:
-    start = np.repeat(y0[:, None], dW.shape[2], axis=1)
-    return _integrate("reversible_heun", {}, problem, start, h, dW)
+def _handed_on(problem: Problem, state: tuple[Array, Any], h: float, dW: Array) -> tuple[Array, Any]:
+    """One step of reversible Heun on one path, from y (d,) and the solver's own state, which torchsde hands out."""
+    _positive(h)
+    more = {"extra": True, "extra_solver_state": state[1]}
+    states, own = _solved("reversible_heun", {}, problem, state[0][:, None], h, dW[None, :, None], **more)
+    return states[-1, 0].numpy().copy(), own
 
 
 def _source(order: float, note: str = "") -> str:
@@ -123,8 +130,11 @@ midpoint = _scheme("midpoint", note=_SEVERAL)
 log_ode = _scheme("log_ode", note=_SEVERAL)
 milstein = _scheme("milstein")
 milstein_grad_free = _scheme("milstein", name="milstein grad_free", grad_free=True)
-# The state holds a second solution beside y, so one step started afresh is Heun's method; whole paths are not.
-reversible_heun = _scheme("reversible_heun", 0.5, name="reversible_heun, one step afresh")
+# The solver's state holds a second solution beside y.
+reversible_heun = Scheme(
+    name="torchsde reversible_heun", step=StatefulStep(lambda _, y: (y, None), _handed_on, itemgetter(0)),
+    mean_square_order=0.5, weak_order=1.0, source=_source(0.5), truncation=None,
+)  # fmt: skip
 
 
 def _method(method: str) -> Method:
@@ -155,5 +165,4 @@ PEER = Peer(
         "milstein-grad-free": milstein_grad_free, "reversible-heun": reversible_heun,
     },
     methods={name.replace("_", "-"): _method(name) for name in ("heun", "midpoint", "reversible_heun")},
-    paths=(PathSolver("torchsde reversible_heun, whole paths", _path, 0.5, _source(0.5)),),
 )  # fmt: skip

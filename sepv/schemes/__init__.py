@@ -56,10 +56,10 @@ from sepv.schemes._point_distributions import NAMES as POINT_LAWS
 from sepv.schemes._point_distributions import NORMAL, point_law
 from sepv.schemes._point_distributions import PointLaw as PointLaw
 from sepv.schemes._projected import projected as projected
-from sepv.schemes._scheme import OF_SEVERAL, REFUSALS, Step, as_lanes, takes
+from sepv.schemes._scheme import OF_SEVERAL, Step, as_lanes, takes
 from sepv.schemes._scheme import Scheme as Scheme
 from sepv.schemes._scheme import weakly as weakly
-from sepv.schemes._stateful import StatefulStep, joined_lanes, lanes
+from sepv.schemes._stateful import REFUSALS, PathSolver, StatefulStep, joined_lanes, lanes
 from sepv.schemes._tableaux import MAX_STAGES, exact_nodes, gauss_tableau, moments
 from sepv.schemes._tableaux import amplification as gauss_amplification
 

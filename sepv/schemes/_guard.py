@@ -16,8 +16,8 @@ from sepv.errors import SchemeFault, SepvError, StepFailure, UsageError
 from sepv.problem import Array, Problem, is_several
 from sepv.problems.shown_to_schemes import shown
 from sepv.schemes._further_increments import answer, carry, joined
-from sepv.schemes._scheme import REFUSALS, Scheme, Step
-from sepv.schemes._stateful import StatefulStep
+from sepv.schemes._scheme import Scheme, Step
+from sepv.schemes._stateful import REFUSALS, PathSolver, StatefulStep, whole
 
 
 class Refusal(StepFailure):
@@ -202,6 +202,14 @@ def guarded(scheme: Scheme) -> Scheme:
         check_answer(y1, y, scheme.dtype, finite=False)
         return np.asarray(y1, dtype=np.float64), state
 
+    def path(problem: Problem, y0: Array, h: float, dW: Array) -> Array:
+        assert isinstance(scheme.step, PathSolver)
+        note_step(lambda: f"{problem.name}: a path from y0 = {y0.tolist()} of {len(dW)} steps h = {h!r}")
+        with translated(problem, y0, h, dW):
+            return whole(scheme.step.path, shown(problem), y0, h, dW[:, :, 0])[:, :, None]
+
+    if isinstance(scheme.step, PathSolver):
+        return replace(scheme, step=PathSolver(path), solve=None)
     rule = StatefulStep(lambda _, y: (y, None), carried, lambda path: path[0])
     # A scheme without states is given a function.
     step: Step = rule if isinstance(scheme.step, StatefulStep) else rule.__call__

@@ -15,6 +15,7 @@ from sepv.problem import Array, Problem, Systems
 from sepv.record import EPS
 from sepv.schemes._picture_look import Look
 from sepv.schemes._point_distributions import PointLaw, point_law
+from sepv.schemes._stateful import PathSolver
 from sepv.solve import Solution
 
 # Kinds of a step's fifth argument: none, Lévy areas, increments over the first half, or space-time Lévy areas.
@@ -24,9 +25,6 @@ DTYPES = ("float64", "float32")
 # increment, and of the two in the sum. The bounds of single steps count each operation.
 SINGLE_STEP = 4.0
 
-
-# Exceptions by which a scheme refuses a step if it does not use `sepv.StepFailure`, which is an ArithmeticError too.
-REFUSALS = (ArithmeticError, np.linalg.LinAlgError)
 # Laws about paths, which do not apply to increments that only match some moments.
 PATHWISE = frozenset(("mean-square-order", "right-limit", "local-mean", "local-mean-square", "commutation"))
 # Classes in which each noise has a field of its own.
@@ -167,6 +165,8 @@ class Scheme:
                 )
         if self.mean_square_order is not None:
             claims |= PATHWISE - {"commutation"}
+            if isinstance(self.step, PathSolver):
+                claims -= {"local-mean", "local-mean-square"} - set(self.claims)
         if self.weak_order is not None:
             claims |= {"weak-order", "local-weak"}
         if self.order is not None:

@@ -7,12 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
 
-from sepv.errors import UsageError
+from sepv.errors import Skipped, UsageError
 from sepv.problem import Array, Problem
+
+# Exceptions by which a scheme refuses a step if it does not use `sepv.StepFailure`, which is an ArithmeticError too.
+REFUSALS = (ArithmeticError, np.linalg.LinAlgError)
 
 
 @dataclass(frozen=True)
@@ -67,6 +72,68 @@ class StatefulStep:
     def __call__(self, problem: Problem, y: Array, h: float, dW: Array, *further: Array) -> Array:
         """y1 of the first step of a path from y."""
         return self.value(self.step(problem, self.init(problem, y), h, dW, *further))
+
+
+class PathSolver(StatefulStep):
+    """A solver that offers whole paths only, such as a multistep method, as a step: ``Scheme(name, PathSolver(path))``.
+
+    `path(problem, y0, h, dW)` takes y0 (d,) and the increments dW (N, m, M) of M paths, and returns their states
+    (N + 1, d, M). It is called with M = 1. The laws of orders compute each path once. Other laws take steps: the state
+    of a path is y0 with the increments so far, and each step computes the path anew from y0, so N steps with noise cost
+    N(N + 1)/2 steps of the solver. A scheme with a `mean_square_order` then claims no law of the local error, because
+    the first step of a multistep method may have a lower order.
+    """
+
+    path: Callable[[Problem, Array, float, Array], Array]
+
+    def __init__(self, path: Callable[[Problem, Array, float, Array], Array]) -> None:
+        super().__init__(_begun, partial(_from_the_start, path), itemgetter("y"))
+        object.__setattr__(self, "path", path)
+
+    def states(self, problem: Problem, y0: Array, h: float, dW: Array) -> Array:
+        """The states (N + 1, d) of one path with the increments dW (N, m).
+
+        They are NaN from the first step that the solver refuses by an exception of `REFUSALS`.
+        """
+        solved, refused, states = 0, len(dW) + 1, np.full((len(dW) + 1, y0.size), np.nan)
+        states[0], n = y0, len(dW)
+        while solved < n < refused:
+            try:
+                states[: n + 1] = whole(self.path, problem, y0, h, dW[:n])
+                solved = n
+            except REFUSALS:
+                refused = n
+            n = (solved + refused) // 2
+        return states
+
+
+def _begun(_problem: Problem, y: Array) -> dict[str, Any]:
+    return {"y0": y.copy(), "h": None, "increments": (), "states": y.copy()[None], "y": y.copy()}
+
+
+def _from_the_start(
+    path: Callable[..., Array], problem: Problem, state: dict[str, Any], h: float, dW: Array
+) -> dict[str, Any]:
+    y0, states, increments = state["y0"], state["states"], (*state["increments"], dW.copy())
+    if state["h"] not in (None, h):
+        raise Skipped("a solver of whole paths has one step size a path")
+    n = len(increments)
+    if n >= len(states):
+        # Without noise the increments to come are known: as many steps again are computed with this one.
+        states = whole(path, problem, y0, h, np.array([*increments, *([] if dW.size else increments)]))
+    return {"y0": y0, "h": h, "increments": increments, "states": states, "y": states[n].copy()}
+
+
+def whole(path: Callable[..., Array], problem: Problem, y0: Array, h: float, dW: Array) -> Array:
+    """The states (N + 1, d) that `path` returns for increments (N, m). Raises UsageError for any other shape."""
+    answer, wanted = path(problem, y0.copy(), h, dW[:, :, None].copy()), (len(dW) + 1, y0.size, 1)
+    if np.shape(answer) != wanted:
+        raise UsageError(
+            expected=f"PathSolver(path), path returning states (N + 1, d, M) = {wanted}",
+            received=f"{type(answer).__name__} of shape {np.shape(answer)}",
+            remedy="the first axis has the times, y0 among them, and the last axis the paths",
+        )
+    return np.array(answer)[:, :, 0]
 
 
 def lanes(state: Any, index: Any) -> Any:

@@ -10,12 +10,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from click.testing import CliRunner
 from doors import ROOT
 from sepv.reference.peers.peer import Peer, load
-from sepv.reference.peers.posing import PathSolver
 
 from benchmarks.peers import changes as trend
 from benchmarks.peers import compliance, deviations
@@ -31,7 +29,6 @@ from benchmarks.peers.trend import main as trends
 from benchmarks.peers.trend_page import page
 from sepv import Scheme, TargetError, UsageError
 from sepv.console import Shown
-from sepv.problem import Problem, vector_field
 from sepv.verification import Effort, load_laws
 
 DOCS = ROOT / "docs"
@@ -110,27 +107,6 @@ def test_an_interrupted_table_goes_on_where_it_was_and_is_the_same(tmp_path, mon
     damaged = CliRunner().invoke(compliance.main, arguments)
     assert damaged.exit_code != 0
     assert "remove it" in damaged.stderr + str(damaged.exception)
-
-
-def test_whole_paths_of_a_solver_of_order_one_have_their_order_and_their_limit() -> None:
-    """Heun's method as a solver of paths; and Euler's, whose limit is Itô's."""
-    verdicts = {}
-    for name, half in (("heun", 0.5), ("euler", 0.0)):
-
-        def path(problem: Problem, y0: Any, h: float, dW: Any, half: float = half) -> np.ndarray:
-            states = [np.repeat(y0[:, None], dW.shape[2], axis=1)]
-            for row in dW:
-                y, delta = states[-1], problem.random_step(h, row)
-                f = vector_field(problem, y)
-                states.append(y + delta * ((1 - half) * f + half * vector_field(problem, y + delta * f)))
-            return np.array(states)
-
-        solver = PathSolver(f"own {name}", path, 1.0)
-        cells = {(c.solver, c.name): c.measure() for c in measurements.path_cells("sepv", solver, QUICK)}
-        cells |= {(solver.name, f"energy defect, {s.problem}"): "1" for s in measurements.SETUPS}
-        verdicts[name] = rows.path_row("sepv", solver, cells).verdicts
-    assert verdicts["heun"] == {"mean-square-order": "holds +", "right-limit": "holds +"}
-    assert verdicts["euler"] == {"mean-square-order": "– +", "right-limit": "– +"}
 
 
 def test_a_note_says_why_a_mark_is_not_what_it_seems() -> None:
@@ -366,7 +342,7 @@ def test_without_uv_the_remedy_is_its_installation(tmp_path: Path, monkeypatch: 
 def test_a_library_that_is_installed_here_is_recorded_as_the_schema_says(tmp_path, monkeypatch):
     sdeint = pytest.importorskip("sdeint", reason="sdeint is not installed")
     whole = load("sdeint")
-    few = replace(whole, schemes={"strat-heun": whole.schemes["strat-heun"]}, paths=())
+    few = replace(whole, schemes={"strat-heun": whole.schemes["strat-heun"]})
     monkeypatch.setattr(peer, "load", lambda _library: few)
     monkeypatch.setattr(peer, "ASKED", ("identity", "noise-sum", "local-mean"))
     found = peer.record("sdeint", Effort(examples=2, paths=64, shrink_checks=0), None, None, Shown())

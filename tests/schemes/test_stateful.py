@@ -1,6 +1,7 @@
 """Steps with a state, which paths carry and single steps begin anew; and steps in single precision with its bounds."""
 
 from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,11 +11,21 @@ from sepv.properties._states_of_a_path import keeps_states
 
 import sepv
 from benchmarks.right_schemes import RIGHT
-from sepv import SchemeFault, StatefulStep, UsageError, problems
+from sepv import PathSolver, SchemeFault, StatefulStep, UsageError, problems
 from sepv.problem import Array, PolynomialSystem, Problem, mechanics, vector_field
 from sepv.problems._common import canonical
 from sepv.record import _polynomial as poly
-from sepv.schemes import Scheme, ask, energy_preserving, guarded, joined_lanes, lanes, load_scheme
+from sepv.schemes import (
+    Scheme,
+    SchemeCrash,
+    ask,
+    energy_preserving,
+    guarded,
+    joined_lanes,
+    lanes,
+    load_scheme,
+)
+from sepv.simulate import run_chunk
 from sepv.solve import Status
 from sepv.verification import Case, Effort
 from sepv.verification._cases.single_precision import in_range, single
@@ -153,6 +164,44 @@ def test_a_rule_alone_is_a_scheme_and_what_is_no_function_is_refused() -> None:
     assert sepv.verify(scheme, laws="contract", effort=FEW).finding("contract").verdict.text == "holds"
     with pytest.raises(UsageError, match="value a function"):
         StatefulStep(HEUN.step.init, HEUN.step.step, 3)
+
+
+def heun(problem: Problem, y0: Array, h: float, dW: Array, half: float = 0.5) -> Array:
+    """Whole paths of Heun's method, or with half = 0 of Euler's, which refuse an increment above 10⁵."""
+    states = [np.repeat(y0[:, None], dW.shape[2], axis=1)]
+    for row in dW:
+        y, delta = states[-1], problem.random_step(h, row)
+        f = vector_field(problem, y)
+        states.append(y + delta * ((1 - half) * f + half * vector_field(problem, y + delta * f)))
+        if np.max(np.abs(row), initial=0.0) > 1e5:
+            raise sepv.StepFailure("the increment is too large")
+    return np.array(states)
+
+
+def test_a_solver_of_whole_paths_is_judged_by_its_paths() -> None:
+    """Euler's limit is that of Itô's equation."""
+    laws = "mean-square-order,right-limit"
+    for half, verdict in ((0.5, "holds"), (0.0, "violated")):
+        scheme = Scheme("whole", PathSolver(partial(heun, half=half)), mean_square_order=1.0)
+        assert scheme.claims == {"mean-square-order", "right-limit"}
+        assert set(verdicts(scheme, laws).values()) == {verdict}
+    assert verdicts(scheme, "contract", examples=5) == {"contract": "holds"}
+    assert load_scheme(PathSolver(heun)).step.path is heun
+
+
+def test_whole_paths_are_those_of_the_steps_and_a_refused_step_is_named() -> None:
+    problem, solver = problems.rigid_body(), Scheme("whole", PathSolver(heun), truncation=None)
+    raw = sepv.simulate.increments(3, T=1.0, steps=N, noises=1, paths=range(3))
+    raw[5, 0, 1] = 1e6
+    many = run_chunk(guarded(solver), problem, np.array(problem.initial), 1 / N, raw, None)
+    assert (many.status.tolist(), many.failed_step.tolist()) == ([0, Status.OVERFLOW, 0], [-1, 5, -1])
+    path = sepv.integrate(solver, problem, h=1 / N, T=1.0, dW=raw[:, :, 0])
+    np.testing.assert_array_equal(path.y[:, -1], many.y[:, 0])
+    calm = problems.pendulum(noise=())
+    alone = sepv.integrate(solver, calm, h=1 / N, T=1.0)
+    np.testing.assert_array_equal(alone.y, heun(calm, alone.y[:, 0], 1 / N, np.zeros((N, 0, 1)))[:, :, 0].T)
+    with pytest.raises(SchemeCrash, match=r"states \(N \+ 1, d, M\) = \(2, 3, 1\)"):
+        ask(replace(solver, step=PathSolver(lambda *_: np.zeros(3))), problem, np.ones(3), h, np.zeros(1))
 
 
 SINGLE = RIGHT["energy-preserving-in-single-precision"]
