@@ -1,6 +1,6 @@
-"""References in arbitrary precision; they import mpmath and the problem description, and no scheme code.
+"""Reference values in arbitrary precision, computed by mpmath from the problem description without any scheme's code.
 
-Four bodies of material beside them import schemes and problems, and nothing here imports them: `faults`, the schemes
-broken on purpose by which laws are measured; `hard`, the catalogue of hard cases; `paper`, the paper's experiments
-measured again; and `peers`, solvers of other libraries.
+Four subpackages do import schemes and problems: `faults` (schemes broken on purpose, by which laws are measured),
+`hard` (the catalogue of hard cases), `paper` (the paper's experiments measured again) and `peers` (solvers of other
+libraries). The modules beside these four import none of them.
 """

@@ -1,9 +1,9 @@
 """Arithmetics in which one formula is evaluated: the numbers and functions that problems and schemes need.
 
 A formula is written once, with + − × ÷ and integer powers, and evaluated in binary64, in decimal digits
-(mpmath), in balls (`sepv.reference.balls`) or as a power series (`sepv.reference.series`). Derivatives are
-not written at all: a number may carry an infinitesimal part ε with ε² = 0, and the ε-part of R(x + εv) is
-R′(x)v. In binary64 and in mpmath ε is i times something whose square is lost in any sum.
+(mpmath), in balls (`sepv.reference.balls`) or as a power series (`sepv.reference.series`). No derivative is
+written out: a number may carry an infinitesimal part ε with ε² = 0, and the ε-part of R(x + εv) is R′(x)v.
+In binary64 and in mpmath ε is the imaginary unit times a number so small that its square is lost in any sum.
 """
 
 from __future__ import annotations
@@ -30,20 +30,20 @@ class Arithmetic:
     Attributes
     ----------
     number : float -> number
-        A binary64 number, exactly.
+        Converts a binary64 number without a rounding.
     sinc, log1p_ratio : number -> number
         sin(x)/x and log(1 + x)/x, both 1 at 0.
     gauss : n -> [(node, weight), …]
-        Gauss-Legendre quadrature on [0, 1].
+        The Gauss-Legendre quadrature rule with n nodes on [0, 1].
     nudged : (value, slope) -> number
-        value + ε slope.
+        The number value + ε slope.
     slope : number -> number
-        The ε-part.
+        The ε-part of a number.
     dot : (numbers, numbers) -> number
-        Σ a_i b_i, by a faster way than summing products where there is one.
+        The scalar product Σ a_i b_i, by the library's own function if it has a faster one.
     tables : (arithmetic, convert), optional
-        The arithmetic that makes the tables of methods with stages, and the conversion of an entry: tables made once
-        should not have the rounding errors of this arithmetic.
+        A more precise arithmetic that computes the tables of methods with stages, and the conversion of an entry. It
+        keeps the rounding errors of this arithmetic out of the tables.
     """
 
     number: Callable[[float], Number]
@@ -60,9 +60,9 @@ class Arithmetic:
 
 
 def total(terms: Iterable[Number]) -> Number:
-    """The sum of at least one number, in order; a starting zero would be a number of another kind.
+    """Sum one or more numbers in their order, without a starting zero, which would be a number of another kind.
 
-    The built-in `sum` of floats compensates roundings from Python 3.12 on, which changes the digits.
+    The built-in `sum` would not do: from Python 3.12 on it compensates the roundings of floats, which changes digits.
     """
     iterator = iter(terms)
     result = next(iterator)
@@ -72,7 +72,7 @@ def total(terms: Iterable[Number]) -> Number:
 
 
 def power(x: Number, k: int) -> Number:
-    """x^k for k ≥ 1 by products alone: mpmath's own powers of complex numbers lose a small imaginary part."""
+    """The power x^k, k ≥ 1, by products alone: mpmath's own powers of complex numbers lose a small imaginary part."""
     if k == 1:
         return x
     root = power(x, k // 2)
@@ -81,7 +81,7 @@ def power(x: Number, k: int) -> Number:
 
 @lru_cache(maxsize=8)
 def context(digits: int) -> Any:
-    """An `MPContext` of this many decimal digits, made once for each number: the global precision is not touched."""
+    """An mpmath context with this many decimal digits, made once for each number; the global precision stays as set."""
     ctx = mpmath.mp.clone()
     ctx.dps = digits
     return ctx
@@ -89,7 +89,7 @@ def context(digits: int) -> Any:
 
 @lru_cache(maxsize=64)
 def gauss_nodes(nodes: int, digits: int) -> list[tuple[Number, Number]]:
-    """Gauss-Legendre nodes and weights on [0, 1], ascending: Newton on P_n from Tricomi's first guess."""
+    """Gauss-Legendre nodes and weights on [0, 1], ascending, by Newton's method on P_n from Tricomi's first guess."""
     ctx = context(digits + 10)
     roots = []
     for i in range(nodes):
@@ -114,7 +114,7 @@ def _float_nodes(nodes: int) -> list[tuple[float, float]]:
 
 @lru_cache(maxsize=8)
 def decimal(digits: int) -> Arithmetic:
-    """The arithmetic of mpmath with this many digits. ε = 10^−1000 i: exponents are unbounded there."""
+    """The arithmetic of mpmath with this many digits; ε can be 10^−1000 i, because mpmath's exponents are unbounded."""
     ctx = context(digits)
     epsilon = ctx.mpf(10) ** -1000
 
@@ -147,7 +147,7 @@ def decimal(digits: int) -> Arithmetic:
     )
 
 
-# Small enough that the square is lost, large enough that states down to 1e-180 do not underflow.
+# ε in binary64: its square is lost in any sum, and its product with a state down to 1e-180 does not underflow.
 _EPSILON = 2.0**-400
 
 
@@ -178,16 +178,16 @@ BINARY64 = Arithmetic(
     slope=lambda x: x.imag / _EPSILON if isinstance(x, complex) else 0.0,
     tables=(decimal(30), float),
 )
-"""Python's floats: a first guess and its Jacobian, never a reference. Raises ArithmeticError or ValueError."""
+"""The arithmetic of floats, for first guesses and Jacobians only. Its functions raise ArithmeticError or ValueError."""
 
 
 def sinc_slope(x: Number, cos: Number, sinc: Number) -> Number:
-    """sinc′(x) = (cos x − sinc x)/x, below 1e-3 by its series, to about 1e-10: it serves Newton's Jacobians."""
+    """The derivative sinc′(x) = (cos x − sinc x)/x, for |x| < 1e-3 by its series, to about 1e-10, for Jacobians."""
     return -x / 3 * (1 - x * x / 10) if abs(x) < 1e-3 else (cos - sinc) / x
 
 
 def log1p_ratio_slope(x: Number, value: Number) -> Number:
-    """d/dx log(1 + x)/x = (1/(1 + x) − log(1 + x)/x)/x, below 1e-3 by its series, to about 1e-12."""
+    """The derivative of log(1 + x)/x, (1/(1 + x) − log(1 + x)/x)/x, for |x| < 1e-3 by its series, to about 1e-12."""
     if abs(x) < 1e-3:
         return -1 / 2 + x * (2 / 3 - x * (3 / 4 - x * (4 / 5)))
     return (1 / (1 + x) - value) / x

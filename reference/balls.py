@@ -1,4 +1,4 @@
-"""Ball arithmetic for the same formulas: python-flint's Arb, every result an enclosure. Needs the extra `certify`."""
+"""Ball arithmetic by python-flint's Arb: each computed ball contains the exact value. Needs the extra `certify`."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def require_flint() -> Any:
     Raises
     ------
     UsageError
-        Where the extra is missing; the message says what works without it.
+        If python-flint is not installed; the message says what works without it.
     """
     if not available():
         raise UsageError(
@@ -39,14 +39,14 @@ def require_flint() -> Any:
 
 @contextmanager
 def precision(bits: int) -> Iterator[Any]:
-    """A context in which Arb works with this many bits; flint's setting is restored at its end."""
+    """Run a `with` block in which Arb works with this many bits; flint's earlier setting is restored at its end."""
     flint = require_flint()
     with flint.ctx.workprec(bits):
         yield flint
 
 
 def from_mpf(x: Any) -> Any:
-    """Convert an mpf to a ball, of radius 0 if the precision holds its bits."""
+    """Convert an mpmath number to a ball; its radius is 0 if Arb's precision holds all bits of the number."""
     flint = require_flint()
     sign, man, exp, _ = x._mpf_
     return flint.arb(flint.fmpz(-int(man) if sign else int(man))) * flint.arb(2) ** int(exp)
@@ -60,9 +60,9 @@ def ball(radius: Any) -> Any:
 
 @lru_cache(maxsize=8)
 def real_balls(bits: int) -> Arithmetic:
-    """Real balls, for use within `precision(bits)`. ε is the variable of a power series cut after it.
+    """The arithmetic of real balls, for use within `precision(bits)`; ε is the variable of a power series cut after ε.
 
-    There is one for each precision, which keeps its tables of nodes.
+    The arithmetic is cached for each number of bits, so that its tables of quadrature nodes are computed once.
     """
     del bits
     flint = require_flint()
@@ -77,7 +77,7 @@ def real_balls(bits: int) -> Arithmetic:
         return of
 
     def log1p_ratio(x: Number) -> Number:
-        """log(1 + x)/x decreases: its values at the ends of x enclose it."""
+        """Enclose log(1 + x)/x for a ball x by the values at both ends of x, because the function decreases."""
         ends = [e.log1p() / e if e != 0 else arb(1) for e in (x.lower(), x.upper())]
         return ends[0].union(ends[1])
 
@@ -100,7 +100,7 @@ def real_balls(bits: int) -> Arithmetic:
 
 @lru_cache(maxsize=8)
 def complex_balls(bits: int) -> Arithmetic:
-    """Complex balls, to bound ∇H and B off the real axis; only the functions in ∇H and B are there."""
+    """The arithmetic of complex balls, to bound ∇H and B off the real axis; only functions in ∇H and B are defined."""
     acb = require_flint().acb
     nodes = real_balls(bits).gauss
 
@@ -121,7 +121,7 @@ def complex_balls(bits: int) -> Arithmetic:
 
 
 def _sinc_slope(x: Any) -> Any:
-    """sinc′(x): −x/3 up to |x|³/30 (an alternating series), else (cos x − sinc x)/x; |sinc′| < 1/2 everywhere."""
+    """Enclose sinc′(x): −x/3 ± |x|³/30 (a series) if x is small, else ±1/2 if 0 is in x, else (cos x − sinc x)/x."""
     size = abs(x).upper()
     if size < 1e-3:
         return -x / 3 + ball(size * size * size / 30)
@@ -129,7 +129,7 @@ def _sinc_slope(x: Any) -> Any:
 
 
 def _log1p_ratio_slope(x: Any, value: Any) -> Any:
-    """d/dx log(1 + x)/x = −∫₀¹ τ(1 + τx)⁻² dτ: −1/2 up to (2/3)|x|(1 − |x|)⁻³, else (1/(1 + x) − log(1 + x)/x)/x."""
+    """Enclose q′(x) = −∫₀¹τ(1 + τx)⁻²dτ, q = log(1 + x)/x: −½ ± (2/3)|x|(1 − |x|)⁻³ near 0, else (1/(1 + x) − q)/x."""
     size = abs(x).upper()
     if size < 1e-3 or (x.contains(0) and size < 1):
         return ball(size * 2 / 3 / (1 - size) ** 3) - require_flint().arb(0.5)

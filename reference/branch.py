@@ -1,10 +1,10 @@
-"""The branch of solutions that starts at y0 for Δ = 0, followed to its end as the step grows.
+"""Continuation of the solution of an implicit step: from y0 at step zero along the growing step, up to a fold if any.
 
-The equation of an implicit scheme has one solution near y0 for small Δ. With the step t(h, ΔW), t from 0 to 1, that
-solution moves until it meets another and both vanish: a fold, where the Jacobian is singular. The curve of solutions
-turns back there, so that no solution beyond depends continuously on t from y0 on. One may exist all the same, on
-this curve after a second fold or on another: where {H = H(y0)} is bounded there is one for every Δ (Leray and
-Schauder). A solver that returns such a solution has changed branches.
+The equation of an implicit scheme has one solution near y0 if the random step Δ = h + Σ c_j ΔW_j is small. Let the
+step be t(h, ΔW) with t growing from 0 to 1. The solution moves with t, and may meet another solution at a fold, where
+the Jacobian is singular and the curve of solutions turns back. No solution for a larger t continues this curve. One
+may still exist, after a second fold or on another curve: if {H = H(y0)} is bounded, there is a solution for every Δ
+(Leray and Schauder). A solver that returns such a solution has changed branches.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from sepv.reference.problem import Description, ExactProblem, binary64_problem
 from sepv.reference.solve import BROKEN, Root, largest, newton
 
 _FIRST, _LEAST = 1 / 16, 1e-14
-# A solution that moves by more than this share of its size in one step may lie on another branch.
+# A solution that moves by more than this fraction of its size in one step of t may lie on another branch.
 _JUMP = 0.05
 
 
 class Branch(NamedTuple):
-    """The end of a branch of solutions: the share t of the step that was reached, 1 for all of it.
+    """The end of a branch of solutions: the fraction t of the step (h, ΔW) that was reached, 1 for the whole step.
 
-    `x` are the unknowns there, in floats.
+    `x` holds the unknowns of the equation at this t, in floats.
     """
 
     reached: float
@@ -40,9 +40,9 @@ class Branch(NamedTuple):
 def follow(
     equation: Equation, data: Description, y: Sequence[float], h: float, dW: Sequence[float]
 ) -> Branch:
-    """Follow the branch of solutions that starts in y, with the share t of the step (h, dW), in binary64.
+    """Follow the solution of the step t(h, dW) from y while t grows from 0 to 1, in binary64.
 
-    Its end is found to about 13 digits of t.
+    The end of this branch of solutions is located to about 13 digits of t.
     """
     problem = binary64_problem(data)
     y0, whole = problem.state(y), make_step(problem, h, tuple(dW))
@@ -64,7 +64,7 @@ def follow(
 def _at(
     equation: Equation, problem: ExactProblem, y0: Vector, step: Step, x: Vector, scale: float
 ) -> Vector | None:
-    """The solution of the step near the unknowns x. None if Newton's method finds none, or one too far from x."""
+    """The solution of the step near the unknowns x, or None if Newton's method finds none or one too far from x."""
     assert equation.residual is not None
     residual = equation.residual
     try:

@@ -5,8 +5,8 @@ Krawczyk's operator of F on the box X = x̃ + [−r, r]ⁿ is
     K(X) = x̃ − Y F(x̃) + (I − Y F′(X))(X − x̃),   Y ≈ F′(x̃)⁻¹.
 
 If K(X) lies in the interior of X, then F has exactly one zero in X, and it lies in K(X) (Neumaier,
-*Interval Methods for Systems of Equations*, Theorem 5.1.8). All of it is evaluated in balls, so that rounding is
-part of the proof. The equation F is the very formula of `sepv.reference.equations`.
+*Interval Methods for Systems of Equations*, Theorem 5.1.8). K(X) is evaluated in balls, so that the proof covers
+rounding. The function F is the residual of `sepv.reference.equations`, unchanged.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from sepv.reference.steps import ReferenceStep
 from sepv.errors import SepvError
 
 BITS = 500
-# The radius of the box relative to the largest component; reference vectors promise it.
+# The radius of the box X relative to the largest component; the files of reference vectors promise this radius.
 RADIUS = 1e-46
 
 
 class NotCertified(SepvError, ArithmeticError):
-    """The proof failed; the message gives the enclosure and its place."""
+    """The proof of a reference step failed; the message names the unknown and its enclosures."""
 
 
 @dataclass(frozen=True)
@@ -40,15 +40,15 @@ class Certificate:
     Attributes
     ----------
     radius : ball
-        r: the equation has exactly one solution with every unknown within r of the reference.
+        The radius r: the equation has exactly one solution with every unknown within r of the reference.
     y1 : d balls
-        Balls that contain the solution.
+        Balls that contain the components of the solution.
     energy : ball
         H(y1) − H(y0).
     casimirs : balls
-        C(y1) − C(y0), quadratic ones first.
+        C(y1) − C(y0) for each Casimir C, the quadratic ones first.
     contraction : ball
-        ‖I − Y F′(X)‖_∞ on the box: below 1.
+        The norm ‖I − Y F′(X)‖_∞ on the box X, which is below 1.
     """
 
     equation: Equation
@@ -60,7 +60,7 @@ class Certificate:
     method: str
 
     def describe(self) -> str:
-        """Describe the proof for a reader."""
+        """Describe the proof in words, with the enclosures of y1, H and the Casimirs."""
         lines = []
         if self.equation.residual is None:
             lines.append(f"{self.equation.name} is explicit: evaluated in balls, rounding and all,")
@@ -97,9 +97,9 @@ def certify(
     Raises
     ------
     UsageError
-        Without python-flint.
+        If python-flint is not installed.
     NotCertified
-        Where the box is not mapped into itself, or the reference is not in it.
+        If Krawczyk's operator does not map the box into itself, or the box does not contain its centre.
     """
     with precision(bits):
         problem = in_arithmetic(data, real_balls(bits))
@@ -155,12 +155,12 @@ def _krawczyk(
         raise NotCertified("The Jacobian at the reference is singular.") from broken
     defect = matrix(n, n, [int(i == j) for i in range(n) for j in range(n)]) - Y * slopes
     contraction = max((sum(map(abs, row), arb(0)).upper() for row in defect.tolist()), key=float)
-    # A Newton step moves the centre from the reference's precision to that of the balls.
+    # One Newton step improves the centre from the precision of the reference to that of the balls.
     start = matrix([[v] for v in residual(reference)])
     centre = [(v - c).mid() for v, c in zip(reference, (Y * start).entries(), strict=True)]
     moved = (Y * matrix([[v + ball(error)] for v in residual(centre)])).entries()
     inner = krawczyk_image(defect, moved, centre, box)
-    # The zero is in K(X), so in K(K(X)), and so on; each is smaller by the contraction, down to rounding.
+    # The zero lies in K(X), so in K(K(X)), and so on. The images shrink by the contraction factor, down to rounding.
     widest, least = max(v.rad() for v in inner), size * arb(2) ** -flint.ctx.prec
     while widest > least:
         inner = _image(defect, moved, centre, inner)
@@ -172,10 +172,10 @@ def _krawczyk(
 
 
 def krawczyk_image(defect: Any, moved: Vector, centre: Vector, box: Vector) -> Vector:
-    """K(X) for the box X, if it is a proof: x̃ lies in X and K(X) in the interior of X.
+    """Return Krawczyk's image K(X) of a box X, after a check that x̃ lies in X and K(X) in the interior of X.
 
-    The theorem expands F about x̃ by the mean value theorem, with F′(X) for the slope between x̃ and any x in X: for x̃
-    outside X that slope is not among F′(X), and K(X) may lie in X though F has no zero there.
+    The proof expands F about the centre x̃ by the mean value theorem, and takes F′(X) for the slope between x̃ and any
+    x in X. If x̃ is outside X, F′(X) need not contain that slope, and K(X) may lie in X though F has no zero in X.
 
     Parameters
     ----------
@@ -186,6 +186,7 @@ def krawczyk_image(defect: Any, moved: Vector, centre: Vector, box: Vector) -> V
     Raises
     ------
     NotCertified
+        If x̃ is not in X, or K(X) not in the interior of X.
     """
     for k, (point, large) in enumerate(zip(centre, box, strict=True)):
         if not large.contains(point):

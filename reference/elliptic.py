@@ -1,6 +1,6 @@
 """Closed forms of the exact flow: rotation, and Jacobi's elliptic functions, at any precision.
 
-They share nothing with the Taylor series but the description of the problem: no B, no ∇H is evaluated.
+They share only the problem's description with the Taylor series of `sepv.reference.flow`: no B or ∇H is evaluated.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ Form = Callable[[Any, Parameters, Vector, Number], Vector]
 
 
 def closed_form(data: Description, y: Sequence[float], theta: float, digits: int = 50) -> Vector:
-    """φ_θ(y) from its formula, to `digits` digits of the largest component.
+    """The exact flow φ_θ(y) from its formula, to `digits` digits of the largest component.
 
-    Near a separatrix the formulas lose digits by the distance 1 − m of the parameter m from 1; they are
-    evaluated with as many more.
+    Near a separatrix, where the parameter m of the elliptic functions is near 1, the formulas lose digits. They are
+    then evaluated with 2 log10(1/|1 − m|) digits more.
 
     Raises
     ------
     UsageError
-        For a problem without a closed form, θ that is not finite, digits out of range.
+        If the problem has no closed form, θ is not finite, or digits is out of range.
     """
     require_digits(digits)
     if not isinstance(data, NamedProblem) or data.name not in _FORMS:
@@ -51,7 +51,7 @@ def closed_form(data: Description, y: Sequence[float], theta: float, digits: int
 
 
 def has_closed_form(data: Description) -> bool:
-    """True if the exact flow of the problem has a closed form here."""
+    """True if this module has a closed form of the problem's exact flow."""
     if not isinstance(data, NamedProblem) or data.name not in _FORMS:
         return False
     inertia = dict(data.parameters).get("inertia", (1.0, 2.0, 3.0))
@@ -59,7 +59,7 @@ def has_closed_form(data: Description) -> bool:
 
 
 def _to_separatrix(ctx: Any, data: NamedProblem, y: Sequence[float]) -> Number:
-    """The distance |1 − m| from the separatrix; the formulas hold on it as well."""
+    """The distance |1 − m| of the elliptic parameter m from 1, its value on the separatrix, where formulas hold too."""
     state, parameters = [ctx.mpf(float(v)) for v in y], dict(data.parameters)
     if data.name == "pendulum":
         return abs(1 - _pendulum_modulus(ctx, state[0], state[1]))
@@ -91,7 +91,7 @@ def _pendulum(ctx: Any, _: Parameters, y: Vector, theta: Number) -> Vector:
     """The exact flow of the pendulum by elliptic functions.
 
     Libration, k ≤ 1: sin(q/2) = k sn(θ + u0, k²), p = 2k cn. Rotation, k > 1, with s the sign of p:
-    q = 2s am(kθ + u0, 1/k²), p = 2sk dn.
+    q = 2s am(kθ + u0, 1/k²), p = 2sk dn. The modulus k and the phase u0 follow from the initial state.
     """
     p, q = y
     turns = ctx.nint(q / (2 * ctx.pi))
@@ -113,8 +113,8 @@ class _Body:
     """A rigid body with the axes sorted so that I_a < I_b < I_c, and the invariants of its motion.
 
     y_a′ = −σA_a y_b y_c, y_b′ = σA_b y_a y_c, y_c′ = −σA_c y_a y_b with A_a = 1/I_b − 1/I_c, A_b = 1/I_a − 1/I_c,
-    A_c = 1/I_a − 1/I_b, σ the sign of the permutation. K_a = y_a²/A_a + y_b²/A_b and K_c = y_c²/A_c + y_b²/A_b
-    are conserved; a and c change places where K_a > K_c, so that m = K_a/K_c ≤ 1.
+    A_c = 1/I_a − 1/I_b, and σ is the sign of the permutation. K_a = y_a²/A_a + y_b²/A_b and K_c = y_c²/A_c + y_b²/A_b
+    are conserved. If K_a > K_c, a and c are exchanged, so that the elliptic parameter m = K_a/K_c ≤ 1.
     """
 
     def __init__(self, ctx: Any, inertia: Vector, y: Vector) -> None:
@@ -135,9 +135,9 @@ class _Body:
 
 
 def _rigid_body(ctx: Any, parameters: Parameters, y: Vector, theta: Number) -> Vector:
-    """The rigid body: y_c = s√(A_cK_c) dn, y_a = √(A_aK_a) cn, y_b = σs√(A_bK_a) sn of (λθ + u0, m).
+    """The exact flow of the rigid body by elliptic functions, with the symbols of `_Body`.
 
-    λ² = A_aA_bA_cK_c, and s is the sign of y_c.
+    y_c = s√(A_cK_c) dn, y_a = √(A_aK_a) cn, y_b = σs√(A_bK_a) sn of (λθ + u0, m), λ² = A_aA_bA_cK_c, s the sign of y_c.
     """
     body = _Body(ctx, parameters["inertia"], y)
     a, b, c, A, K, m = body.a, body.b, body.c, body.A, body.K, body.m
@@ -145,7 +145,7 @@ def _rigid_body(ctx: Any, parameters: Parameters, y: Vector, theta: Number) -> V
         return y
     s = 1 if y[c] > 0 else -1
     rate = ctx.sqrt(A[a] * A[b] * A[c] * K[c])
-    # The phase takes its sign from σ; A_aA_bA_c > 0 whichever of a and c comes first.
+    # σ gives the phase its sign, because A_aA_bA_c > 0 in either order of a and c.
     phase = ctx.atan2(body.sigma * s * y[b] / ctx.sqrt(A[b]), y[a] / ctx.sqrt(A[a]))
     sn, cn, dn, _angle = _amplitude(ctx, rate * theta + ctx.ellipf(phase, m), m)
     y1 = list(y)

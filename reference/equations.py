@@ -1,7 +1,7 @@
 """The schemes as equations in their printed form, for numbers of any arithmetic.
 
-An implicit scheme is residual(x) = 0 in its unknown x, and y1 = result(x); an explicit one has no unknown.
-None of this is taken from the core's code: `sepv.reference` imports no scheme.
+An implicit scheme is residual(x) = 0 in its unknown x, and y1 = result(x); an explicit scheme has no unknown.
+The equations are independent of the code of `sepv.schemes`, which this module does not import.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from sepv.reference.tableau import stage_table, weighted_rule
 
 
 class Step(NamedTuple):
-    """h, S = Σ c_j ΔW_j and Δ = h + S, in the numbers of the problem."""
+    """One step: its size h, the noise S = Σ c_j ΔW_j and the random step Δ = h + S, in the problem's arithmetic."""
 
     h: Number
     S: Number
@@ -25,7 +25,7 @@ class Step(NamedTuple):
     dW: tuple[Number, ...] = ()
 
 
-# The default number of nodes where H is not a polynomial: enough for a first guess.
+# The default number of quadrature nodes if H is not a polynomial: enough for a first guess.
 FEWEST_NODES = 24
 
 Residual = Callable[[ExactProblem, Vector, Step, Vector], Vector]
@@ -41,11 +41,11 @@ class Equation:
         None for an explicit method.
     result : (problem, y0, step, x) -> y1
     blocks : int
-        x has blocks · d components: 1, or the stages; 0 for an explicit method.
+        x has blocks · d components. blocks is 1, or the number of stages, or 0 for an explicit method.
     of_increments : bool
-        True if x holds increments, which vanish with Δ; False if it is y1.
+        True if x holds increments, which vanish with Δ; False if x is y1.
     nodes : int
-        For stages with H not polynomial: the nodes of the quadrature in this equation. 0 where exact.
+        The number of quadrature nodes of a method with stages if H is not a polynomial; 0 if the rule is exact.
     """
 
     name: str
@@ -85,29 +85,29 @@ def _plus(*vectors: Vector) -> Vector:
 
 
 def _energy_preserving(problem: ExactProblem, y0: Vector, step: Step, y1: Vector) -> Vector:
-    """Scheme (2.1): Δ B((y0 + y1)/2) ∫₀¹∇H(y0 + τ(y1 − y0))dτ."""
+    """The increment y1 − y0 of scheme (2.1): Δ B((y0 + y1)/2) ∫₀¹∇H(y0 + τ(y1 − y0))dτ."""
     B = problem.structure(_middle(problem, y0, y1))
     return _times(step.delta, problem.turned(B, problem.mean_gradient(y0, y1)))
 
 
 def _averaged_vector_field(problem: ExactProblem, y0: Vector, step: Step, y1: Vector) -> Vector:
-    """Scheme (2.2) for constant B: Δ B ∫₀¹∇H(y0 + τ(y1 − y0))dτ, B taken once, at y0."""
+    """The increment y1 − y0 of scheme (2.2), for constant B: Δ B(y0) ∫₀¹∇H(y0 + τ(y1 − y0))dτ."""
     return _times(step.delta, problem.turned(problem.structure(y0), problem.mean_gradient(y0, y1)))
 
 
 def _midpoint(problem: ExactProblem, y0: Vector, step: Step, y1: Vector) -> Vector:
-    """The midpoint rule (3.4): Δ f((y0 + y1)/2)."""
+    """The increment y1 − y0 of the midpoint rule (3.4): Δ f((y0 + y1)/2)."""
     return _times(step.delta, problem.field(_middle(problem, y0, y1)))
 
 
 def coordinate_increments(problem: ExactProblem, y0: Vector, y1: Vector) -> Vector:
-    """∇̄₁H(y0, y1): component i is the mean of ∂_iH on the edge where y_i moves, after the components before it."""
+    """The discrete gradient ∇̄₁H(y0, y1): entry i is the mean of ∂_iH as y_i moves, earlier components being at y1."""
     corners = [[*y1[:i], *y0[i:]] for i in range(len(y0) + 1)]
     return [problem.mean_gradient(corners[i], corners[i + 1])[i] for i in range(len(y0))]
 
 
 def _discrete_gradient(problem: ExactProblem, y0: Vector, step: Step, y1: Vector) -> Vector:
-    """The discrete-gradient scheme of §4: (h B(y0) + S B((y0 + y1)/2)) ½(∇̄₁H(y0, y1) + ∇̄₁H(y1, y0))."""
+    """The increment y1 − y0 of §4's discrete gradient: (h B(y0) + S B((y0 + y1)/2)) ½(∇̄₁H(y0, y1) + ∇̄₁H(y1, y0))."""
     mean = _middle(problem, coordinate_increments(problem, y0, y1), coordinate_increments(problem, y1, y0))
     drift = problem.turned(problem.structure(y0), mean)
     noise = problem.turned(problem.structure(_middle(problem, y0, y1)), mean)
@@ -115,21 +115,21 @@ def _discrete_gradient(problem: ExactProblem, y0: Vector, step: Step, y1: Vector
 
 
 def _euler_heun(problem: ExactProblem, y0: Vector, step: Step, _: Vector) -> Vector:
-    """Euler-Heun, §4: y0 + h f(y0) + ½ S (f(ŷ) + f(y0)), ŷ = y0 + (h + S) f(y0)."""
+    """One step of Euler-Heun, §4: y0 + h f(y0) + ½ S (f(ŷ) + f(y0)), ŷ = y0 + (h + S) f(y0), S = Σ c_j ΔW_j."""
     f0 = problem.field(y0)
     predicted = _plus(y0, _times(step.delta, f0))
     return _plus(y0, _times(step.h, f0), _times(step.S, _middle(problem, problem.field(predicted), f0)))
 
 
 def _milstein(problem: ExactProblem, y0: Vector, step: Step, _: Vector) -> Vector:
-    """Milstein, §4, Itô form: y0 + (f + ½Σc_j² f′f)h + f S + ½ f′f (S² − Σc_j² h), that is y0 + f Δ + ½ f′f S²."""
+    """Milstein: y0 + f Δ + ½ f′f S², S = Σc_jΔW_j; §4 has y0 + (f + ½Σc_j² f′f)h + f S + ½ f′f (S² − Σc_j² h), Itô."""
     f0 = problem.field(y0)
     half_S2 = problem.number(0.5) * step.S * step.S
     return _plus(y0, _times(step.delta, f0), _times(half_S2, problem.field_slope(y0, f0)))
 
 
 def _euler_maruyama(problem: ExactProblem, y0: Vector, step: Step, _: Vector) -> Vector:
-    """Euler-Maruyama, §4, Itô form: y0 + (f + ½Σc_j² f′f)h + f S."""
+    """One step of Euler-Maruyama, §4, in Itô form: y0 + (f + ½Σc_j² f′f)h + f S with S = Σ c_j ΔW_j."""
     f0 = problem.field(y0)
     correction = problem.number(0.5) * total([problem.number(0.0), *(c * c for c in problem.noise)]) * step.h
     return _plus(y0, _times(step.delta, f0), _times(correction, problem.field_slope(y0, f0)))
@@ -167,9 +167,9 @@ def gauss(stages: int) -> Equation:
 def collocation(stages: int, nodes: int = 0) -> Equation:
     """The s-stage energy-preserving collocation method with Gauss nodes c_i and step Δ.
 
-    Cohen and Hairer (BIT 51, 2011): u of degree s with u(0) = y0 and, at τ = c_i,
-    u′ = Δ B(u(c_i)) ∫₀¹ (ℓ_i(τ)/b_i) ∇H(u(τ))dτ; y1 = u(1). The unknowns are K_i = u′(c_i).
-    For H of degree ν the integrand has degree sν − 1; `nodes` is the number of nodes for other H.
+    Cohen and Hairer (BIT 51, 2011): u is the polynomial of degree s with u(0) = y0 and, at τ = c_i, u′ equal to
+    Δ B(u(c_i)) ∫₀¹ (ℓ_i(τ)/b_i) ∇H(u(τ))dτ, ℓ_i the Lagrange basis; y1 = u(1). The unknowns are K_i = u′(c_i).
+    If H has degree ν, the integrand has degree sν − 1; if H is not a polynomial, `nodes` quadrature nodes are used.
     """
 
     def residual(problem: ExactProblem, y0: Vector, step: Step, x: Vector) -> Vector:
@@ -204,7 +204,7 @@ def collocation(stages: int, nodes: int = 0) -> Equation:
 
 
 def _one_stage(problem: ExactProblem, y0: Vector, step: Step, K: Vector) -> Vector:
-    """The case s = 1: the average is that of (2.1), with y1 = y0 + K, and has a closed form."""
+    """The residual for one stage: scheme (2.1) with y1 = y0 + K, whose averaged gradient has a closed form."""
     right = _energy_preserving(problem, y0, step, _plus(y0, K))
     return [k - r for k, r in zip(K, right, strict=True)]
 

@@ -1,4 +1,4 @@
-"""H in extended precision for every description, those of the hard cases included."""
+"""The Hamiltonian H in extended precision for every problem description, those of the hard cases included."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from sepv.problem import NamedProblem
 
 @lru_cache(maxsize=64)
 def exact_energy(data: AnyDescription, digits: int = 40) -> Callable[[Sequence[float]], Any]:
-    """H of a binary64 state, as an mpf of this many digits.
+    """A function that maps a binary64 state to its Hamiltonian H, as an mpmath number of this many digits.
 
     Raises
     ------
     UsageError
-        For a name that the references do not know.
+        If the references do not know the problem's name.
     """
     ctx = context(digits)
     if isinstance(data, NamedProblem) and data.name == "kepler":

@@ -1,12 +1,11 @@
-"""E g(y(h) − y0) as a power series in h, exactly: Σ_k h^k/k! (L^k g)(y0) with the generator L of the system.
+"""The exact power series in h of E g(y(h) − y0): Σ_k h^k/k! (L^k g)(y0) with the generator L of the system.
 
-For dy = F_0 dt + Σ_j F_j∘dW_j the generator is L = A_0 + ½ Σ_j A_j², A_j = F_j·∇, with F_0 = B∇H and F_j = c_j G_j∇H
-(several structures), c_j B∇H_j (several Hamiltonians) or c_j B∇H. For polynomial data and monomials in x = y − y0 all
-coefficients are rational numbers, and those of (L^k x^α)(y0) follow from each other: with L x^α = Σ_β ℓ_αβ x^β,
+For dy = F_0 dt + Σ_j F_j∘dW_j the generator is L = A_0 + ½ Σ_j A_j², A_j = F_j·∇, with F_0 = B∇H and F_j = c_j B∇H,
+c_j G_j∇H (several structures), c_j B∇H_j (several Hamiltonians) or c_j g_j (additive noise). For polynomial data and
+monomials in x = y − y0 all coefficients are rational numbers, and (L^k x^α)(y0) obeys a recursion in k. With the
+coefficients ℓ_αβ of L x^α = Σ_β ℓ_αβ x^β, and because L lowers degrees by two at most,
 
-    (L^(k+1) x^α)(y0) = Σ_β ℓ_αβ (L^k x^β)(y0),    (L^k x^β)(y0) = 0 for |β| > 2k,
-
-because L takes away two factors at most. No step and no path is involved.
+    (L^(k+1) x^α)(y0) = Σ_β ℓ_αβ (L^k x^β)(y0),    (L^k x^β)(y0) = 0 for |β| > 2k.
 """
 
 from __future__ import annotations
@@ -92,7 +91,7 @@ def fields(data: PolynomialSystem, y0: Sequence[float]) -> list[list[Rational]]:
 
 
 def is_linear(data: PolynomialSystem) -> bool:
-    """True if all fields are polynomials of degree 1: L then keeps the degree of a polynomial."""
+    """True if all fields have degree 1 at most, so that the generator L does not raise a polynomial's degree."""
     return all(
         sum(a) <= 1
         for field in fields(data, (0.0,) * data.dimension)
@@ -106,11 +105,11 @@ def is_linear(data: PolynomialSystem) -> bool:
 def moments(
     data: PolynomialSystem, y0: tuple[float, ...], monomials: tuple[Exponents, ...], order: int
 ) -> list[list[Fraction]]:
-    """The coefficients of h^0, …, h^order in E (y(h) − y0)^α, for each α; the rest is O(h^(order + 1)).
+    """The coefficients of h^0, …, h^order in E (y(h) − y0)^α, for each α; the remainder is O(h^(order + 1)).
 
     Parameters
     ----------
-    monomials : exponents α.
+    monomials : the exponents α, a tuple of d integers for each moment.
     """
     F, d = fields(data, y0), len(y0)
 
@@ -129,7 +128,7 @@ def moments(
         return images[alpha]
 
     def at_start(k: int, alpha: Exponents) -> Fraction:
-        """The value (L^k x^α)(y0) of a power of the generator applied to a monomial, that is at x = 0."""
+        """The value at x = 0 of the k-th power of the generator L applied to the monomial x^α."""
         if sum(alpha) > 2 * k:
             return Fraction(0)
         if k == 0:

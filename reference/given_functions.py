@@ -1,7 +1,7 @@
-"""A problem made of Python functions: H as exactly as its own code allows, Casimirs exactly.
+"""Reference values for a problem made of Python functions: H as accurately as its code allows, Casimirs exactly.
 
-Such an H has no second source, so its own code is evaluated: in the platform's longest float where the code keeps that
-type, else in binary64. The possible error of its values is stated and enters the bounds.
+There is no second source for such an H, so its own code is evaluated: in the platform's longest float if the code
+keeps that type, else in binary64. A bound of the error of its values is stated, and laws add it to their bounds.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ ROUNDINGS = 16.0
 
 
 class GivenFunctions:
-    """The methods of an `ExactProblem` that laws need, for a `GivenProblem`."""
+    """A problem made of Python functions (`GivenProblem`), with the methods of `ExactProblem` that laws call."""
 
     def __init__(self, given: GivenProblem, digits: int) -> None:
         self.problem = given.problem
@@ -46,8 +46,8 @@ class GivenFunctions:
     def uncertainty(self, *states: Any) -> Any:
         """A bound of the error of H(y1) − H(y0): ROUNDINGS half-ulps of |∇H|·|y| + |H| at each state.
 
-        Longest floats reduce it by their further bits. But a function that computes a part of H in binary64 cannot be
-        told from one that does not, so the bound is that of binary64 in either case.
+        Longest floats would allow a smaller bound. But the code of H may compute a part of H in binary64, which cannot
+        be seen from outside, so the bound is that of binary64 in either case.
         """
         slopes = [
             np.sum(np.abs(self.problem.gradient(y)) * np.abs(y), axis=0) + np.abs(self.problem.hamiltonian(y))

@@ -8,7 +8,7 @@ from sepv.reference.arithmetic import context
 
 
 def bound(h: float, k: int, digits: int = 30) -> Any:
-    """The truncation bound A_h = √(2k|ln h|)."""
+    """The bound A_h = √(2k|ln h|) at which a standard normal increment ξ is truncated to ζ."""
     ctx = context(digits)
     return ctx.sqrt(2 * k * abs(ctx.ln(ctx.mpf(h))))
 
@@ -20,7 +20,7 @@ def tail(a: Any, digits: int = 30) -> Any:
 
 
 def lost_variance(h: float, k: int, digits: int = 30) -> Any:
-    """E[ξ² − ζ²] = 2∫_A^∞ (x² − A²)φ(x)dx = 2((1 − A²)P(ξ > A) + Aφ(A)), with ∫_A^∞ x²φ = Aφ(A) + P(ξ > A)."""
+    """The variance that truncation loses, E[ξ² − ζ²] = 2∫_A^∞ (x² − A²)φ(x)dx = 2((1 − A²)P(ξ > A) + Aφ(A))."""
     ctx = context(digits)
     A = bound(h, k, digits)
     density = ctx.exp(-A * A / 2) / ctx.sqrt(2 * ctx.pi)
@@ -28,13 +28,13 @@ def lost_variance(h: float, k: int, digits: int = 30) -> Any:
 
 
 def moment(p: int, digits: int = 30) -> Any:
-    """E|ξ|^p = 2^(p/2) Γ((p + 1)/2)/√π."""
+    """The absolute moment E|ξ|^p = 2^(p/2) Γ((p + 1)/2)/√π of ξ ~ N(0, 1)."""
     ctx = context(digits)
     return ctx.mpf(2) ** (ctx.mpf(p) / 2) * ctx.gamma(ctx.mpf(p + 1) / 2) / ctx.sqrt(ctx.pi)
 
 
 def truncated_moment(h: float, k: int, p: int, digits: int = 30) -> Any:
-    """E|ζ|^p = E|ξ|^p γ((p + 1)/2, A²/2)/Γ((p + 1)/2) + 2A^p P(ξ > A)."""
+    """The moment of the truncated increment, E|ζ|^p = E|ξ|^p γ((p + 1)/2, A²/2)/Γ((p + 1)/2) + 2A^p P(ξ > A)."""
     ctx = context(digits)
     A = bound(h, k, digits)
     inside = ctx.gammainc(ctx.mpf(p + 1) / 2, 0, A * A / 2, regularized=True)

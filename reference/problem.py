@@ -1,7 +1,7 @@
 """A problem description evaluated in a chosen arithmetic: H, ∇H, B, the averaged gradient, Casimirs.
 
-Written from the description (polynomial data, or name and parameters) and from the paper's formulas,
-not from the core's functions.
+The formulas are written from the description (polynomial data, or name and parameters) and from the paper. They
+call none of the functions of `sepv.problem` and `sepv.problems`.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ Monomials = list[tuple[Number, list[tuple[int, int]]]]
 
 
 class ExactProblem:
-    """H, ∇H, B and Casimirs of one description in one arithmetic. Vectors are lists of its numbers."""
+    """One problem in one arithmetic: H, ∇H, B and Casimirs. Vectors are lists of numbers of the arithmetic."""
 
     def __init__(self, data: Description, arithmetic: Arithmetic) -> None:
         self.data, self.arithmetic = data, arithmetic
@@ -56,11 +56,11 @@ class ExactProblem:
     mean_gradient: Callable[[Vector, Vector], Vector]
     # Casimirs given as polynomials, in their order.
     polynomial_casimirs: Callable[[Vector], Vector] = staticmethod(lambda _: [])
-    # For B(y)v = g(y)(v × ∇C(y)) in dimension 3: g, C, and the average of ∇C.
+    # The functions g and C and the average of ∇C if B(y)v = g(y)(v × ∇C(y)) in dimension 3, else None.
     factor: Callable[[Vector], Number] | None = None
     casimir: Callable[[Vector], Number] | None = None
     mean_casimir_gradient: Callable[[Vector, Vector], Vector] | None = None
-    # The domain of H and B.
+    # True for states in the domain of H and B.
     inside: Callable[[Vector], bool] = staticmethod(lambda _: True)
     # Structures of several noises, [c_1 G_1, …, c_m G_m](y); several Hamiltonians are written as structures.
     noise_structures: Callable[[Vector], list[Skew]] | None = None
@@ -83,7 +83,7 @@ class ExactProblem:
         return [0 * w if row is None else row for row, w in zip(rows, v, strict=True)]
 
     def field_slope(self, y: Vector, v: Vector) -> Vector:
-        """f′(y)v, the ε-part of f(y + εv)."""
+        """The directional derivative f′(y)v of the field f, as the ε-part of f(y + εv)."""
         nudged = [self.arithmetic.nudged(a, b) for a, b in zip(y, v, strict=True)]
         return [self.arithmetic.slope(w) for w in self.field(nudged)]
 
@@ -96,7 +96,7 @@ class ExactProblem:
         return [total(weight * g[i] for weight, g in slopes) for i in range(self.dimension)]
 
     def uncertainty(self, *_states: Any) -> float:
-        """The error of H(y1) − H(y0) beyond a bound of rounding in binary64: zero."""
+        """The error of H(y1) − H(y0) as evaluated here, which laws add to their bounds of rounding: zero."""
         return 0.0
 
     def casimir_values(self, y: Vector) -> Vector:
@@ -115,7 +115,7 @@ def exact_problem(data: Description | GivenProblem, digits: int = 50) -> Any:
     Raises
     ------
     UsageError
-        For a name that the references do not know.
+        If the references do not know the problem's name.
     """
     if isinstance(data, GivenProblem):
         from sepv.reference.given_functions import GivenFunctions
@@ -181,12 +181,12 @@ def _polynomial(self: ExactProblem, data: PolynomialSystem) -> None:
 
 
 def _commuting_structure(self: ExactProblem, y: Vector, c: Number, slope: Vector) -> Skew:
-    """c (v wᵀ − w vᵀ)/|w|², v = B∇H_j, w = ∇H_0 without its parts along the Casimirs' gradients; 0 where both vanish.
+    """The matrix c (v wᵀ − w vᵀ)/|w|², v = B∇H_j, w = ∇H_0 less its parts along Casimirs' gradients; 0 if v = w = 0.
 
     Raises
     ------
     ArithmeticError
-        At a critical point of H_0 where B∇H_j does not vanish: there is no such matrix.
+        If w = 0 but v ≠ 0, because there is no such matrix.
     """
     v, w = self.turned(self.structure(y), slope), self.gradient(y)
     normals = [[2 * total(a * b for a, b in zip(row, y, strict=True)) for row in A] for A in self.casimirs]
@@ -248,7 +248,7 @@ def _value(terms: Monomials, y: Vector, zero: Number) -> Number:
 
 
 def _values(rows: Sequence[Monomials], y: Vector, zero: Number) -> Vector:
-    """Values of several polynomials at one point; they share the powers."""
+    """Values of several polynomials at one point; each power y_i^k is computed once for all of them."""
     known: dict[tuple[int, int], Number] = {}
     values = []
     for terms in rows:
@@ -282,7 +282,7 @@ def _pendulum(self: ExactProblem, parameters: dict[str, Vector]) -> None:
     self.gradient = lambda y: [y[0], sin(y[1])]
 
     def mean_gradient(y0: Vector, y1: Vector) -> Vector:
-        """The averaged gradient of the pendulum: ∫₀¹sin(q0 + τδ)dτ = sin(q0 + δ/2) sin(δ/2)/(δ/2)."""
+        """The averaged gradient of the pendulum, by ∫₀¹sin(q0 + τδ)dτ = sin(q0 + δ/2) sin(δ/2)/(δ/2), δ = q1 − q0."""
         turn = half * (y1[1] - y0[1])
         return [half * (y0[0] + y1[0]), sin(y0[1] + turn) * sinc(turn)]
 
@@ -307,7 +307,7 @@ def _rigid_body(self: ExactProblem, parameters: dict[str, Vector]) -> None:
     self.structure = lambda y: [(0, 1, -y[2]), (0, 2, y[1]), (1, 2, -y[0])]
     twice = [2 * I1, 2 * I2, 2 * I3]
     self.mean_gradient = lambda y0, y1: [(a + b) / I for a, b, I in zip(y0, y1, twice, strict=True)]
-    # hat(y)v = −(v × y), C = ½|y|².
+    # B = hat(y) and hat(y)v = −(v × y), so that g = −1 and C = ½|y|².
     self.factor = lambda y: 0 * y[0] - 1
     self.casimir = lambda y: half * (y[0] * y[0] + y[1] * y[1] + y[2] * y[2])
     self.mean_casimir_gradient = lambda y0, y1: [half * (a + b) for a, b in zip(y0, y1, strict=True)]
@@ -325,7 +325,7 @@ def _lotka_volterra(self: ExactProblem, parameters: dict[str, Vector]) -> None:
     self.structure = lambda y: [(0, 1, d * y[0] * y[1]), (0, 2, b * d * y[0] * y[2]), (1, 2, -y[1] * y[2])]
 
     def mean_reciprocal(x0: Number, x1: Number) -> Number:
-        """∫₀¹dτ/(x0 + τ(x1 − x0)) = log(1 + r)/(r x0) with r = (x1 − x0)/x0."""
+        """The mean of 1/x from x0 to x1: ∫₀¹dτ/(x0 + τ(x1 − x0)) = log(1 + r)/(r x0) with r = (x1 − x0)/x0."""
         return log1p_ratio((x1 - x0) / x0) / x0
 
     self.mean_gradient = lambda y0, y1: [

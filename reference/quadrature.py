@@ -1,9 +1,9 @@
-"""Rigorous error of a Gauss rule in an equation, needed where H is not polynomial.
+"""Rigorous bound of the error of a Gauss rule in a scheme's equation, needed if H is not a polynomial.
 
-For g analytic in the Bernstein ellipse of parameter ρ around [−1, 1] and |g| ≤ M there, the N-point Gauss rule
+If g is analytic in the Bernstein ellipse of parameter ρ around [−1, 1] and |g| ≤ M in it, the N-point Gauss rule
 is off by at most (64/15) M ρ^(−2(N−1))/(1 − ρ⁻²) (Trefethen, *Approximation Theory and Approximation
-Practice*, Theorem 19.3). M is bounded by complex balls that cover the ellipse, for all K within a distance R
-of the reference; Cauchy's estimate then bounds the derivatives by K as well.
+Practice*, Theorem 19.3). M is bounded by complex balls that cover the ellipse, for all stages K within a distance
+R of the reference; Cauchy's estimate then bounds the derivatives with respect to K as well.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from sepv.reference.equations import Equation, Step, collocation, combined, in_b
 from sepv.reference.problem import ExactProblem, in_arithmetic
 from sepv.reference.tableau import horner, stage_table
 
-# With 150 nodes an ellipse of ρ = 3/2 leaves 1e-52, one of ρ = 4 leaves 1e-179.
+# With N = 150 nodes the factor ρ^(−2(N−1)) is 1e-52 for ρ = 3/2 and 1e-179 for ρ = 4.
 _NODES = 150
 _ELLIPSES = (4.0, 3.0, 2.0, 1.5)
 _CELLS = 10
@@ -30,7 +30,7 @@ def with_more_nodes(equation: Equation) -> Equation:
 def quadrature_error(
     problem: ExactProblem, y0: Vector, parts: Step, equation: Equation, x: Vector
 ) -> tuple[Any, Any]:
-    """Bounds of the quadrature error of the residual and of its derivatives near x; (0, 0) for exact rules."""
+    """Bounds of the quadrature error of the residual and of its derivatives near x; (0, 0) if the rule is exact."""
     flint = require_flint()
     if not equation.nodes:
         return flint.arb(0), flint.arb(0)
@@ -47,7 +47,7 @@ def _bound(
     table = stage_table(equation.blocks, problem.arithmetic)
     size = max(abs(v).upper() for v in y0)
     size = size if size > 0 else arb(1)
-    # A small radius: the coefficients of the basis spread it, and it divides a tiny bound.
+    # R is small because the coefficients of the basis enlarge it. The bound that R divides is tiny in any case.
     R = size / 2**40
 
     def around(centre: Any, radius: Any) -> Any:
@@ -89,7 +89,7 @@ def _bound(
             rows[i], rows[j] = rows[i] + abs(entry).upper(), rows[j] + abs(entry).upper()
         for v in rows:
             B_size = B_size.max(v.upper())
-    # The factor is the half length of [0, 1] relative to [−1, 1].
+    # The factor is half of 64/15, because [0, 1] has half the length of [−1, 1].
     rule = largest * 32 / 15 * r ** (-2 * (equation.nodes - 1)) / (1 - 1 / (r * r))
     error = (abs(parts.delta).upper() * B_size * rule).upper()
     return error, (2 * error / R).upper()

@@ -1,9 +1,9 @@
 """Running error analysis: a bound of the rounding error of a formula in plain binary64.
 
-A number carries a bound of its rounding error in units of u = 2⁻⁵³, which every operation adds to: for
-a ∘ b the errors of a and b as they propagate, and |a ∘ b| for the operation's own rounding (Higham,
-*Accuracy and Stability of Numerical Algorithms*, §3.3). Second-order terms are left out. Values are of
-mpmath, so they do not overflow.
+A number carries a bound of its rounding error in units of u = 2⁻⁵³. The bound of a ∘ b is the sum of the
+propagated bounds of a and b and of |a ∘ b| for the rounding of the operation itself (Higham, *Accuracy and
+Stability of Numerical Algorithms*, §3.3). Second-order terms are left out. Values are mpmath numbers, so
+that they do not overflow.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from sepv.reference.steps import ReferenceStep
 _DIGITS = 30
 _CTX, _DECIMAL = context(_DIGITS), decimal(_DIGITS)
 UNIT = 2.0**-53
-# Half of the least positive number: the loss of an operation that underflows.
+# Half of the least positive binary64 number bounds the error of an operation that underflows.
 UNDERFLOW = _CTX.mpf(2) ** -1075
 
 
@@ -80,7 +80,7 @@ class Rounded:
 
 
 class Dual:
-    """A dual number value + ε slope with ε² = 0, for parts of any kind that add, multiply and divide."""
+    """A dual number value + ε slope with ε² = 0; value and slope may be any numbers that add, multiply and divide."""
 
     __slots__ = ("slope", "value")
 
@@ -129,7 +129,7 @@ def _own(value: Any) -> Any:
 
 
 def _function(f: Function, slope: Callable[[Number], Number]) -> Function:
-    """The function f on numbers with error bounds; f is assumed right within one unit in the last place, 2u."""
+    """The function f on numbers with error bounds; f is assumed to be right within one unit in the last place, 2u."""
 
     def of(x: Any) -> Any:
         if isinstance(x, Dual):
@@ -155,10 +155,10 @@ ROUNDED = Arithmetic(
 
 
 def error_units(data: Description, y: Vector, h: float, dW: Vector, step: ReferenceStep) -> list[float]:
-    """The rounding error that binary64 may bring to each component of y1, in a step solved to rounding.
+    """Bound the rounding error of binary64 in each component of y1, for a step solved to rounding.
 
-    It is u(|∂y1/∂residual| r + |y1|) with r the running error bound of one evaluation of the residual at the
-    solution, or of the explicit formula. Another order of operations has another r of the same size.
+    The bound is u(|∂y1/∂residual| r + |y1|), where r is the running error bound of one evaluation of the residual at
+    the solution, or of the explicit formula. Another order of operations gives another r of about the same size.
     """
     problem = in_arithmetic(data, ROUNDED)
     equation = step.equation

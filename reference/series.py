@@ -1,7 +1,7 @@
 """Power series whose coefficients are computed on demand, in the numbers of any arithmetic.
 
-The Taylor coefficients of the solution of y′ = f(y) follow from (k + 1) y_{k+1} = [f(y)]_k, where f is the very
-formula of the problem, evaluated once on series; every further coefficient costs one convolution an operation.
+The Taylor coefficients of the solution of y′ = f(y) follow from (k + 1) y_{k+1} = [f(y)]_k, where f is the problem's
+own formula, evaluated once on series. Each further coefficient costs one convolution for each operation in f.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ def series_over(base: Arithmetic) -> Arithmetic:
     """The arithmetic of series with coefficients in `base`; constants stay numbers."""
 
     def sine_and_cosine(x: Series) -> tuple[Series, Series]:
-        """Sine and cosine: k s_k = Σ i x_i c_{k−i}, k c_k = −Σ i x_i s_{k−i}."""
+        """Sine s and cosine c of a series x, by k s_k = Σ i x_i c_{k−i} and k c_k = −Σ i x_i s_{k−i}."""
 
         def sine_rule(k: int) -> Number:
             return x.convolved(_derivative(x, k), cosine.upto(k - 1)) / k if k else base.sin(x[0])
@@ -96,7 +96,7 @@ def series_over(base: Arithmetic) -> Arithmetic:
         return sine, cosine
 
     def log(x: Series) -> Series:
-        """The logarithm l from x l′ = x′, coefficient by coefficient."""
+        """The logarithm l of a series x, from x l′ = x′, coefficient by coefficient."""
         slope = Series(base.dot, lambda k: (k + 1) * x[k + 1]) / x
         return Series(base.dot, lambda k: slope[k - 1] / k if k else base.log(x[0]))
 
@@ -110,7 +110,7 @@ def series_over(base: Arithmetic) -> Arithmetic:
 
 
 def solution_series(data: Description, base: Arithmetic, y0: Vector, order: int) -> list[Vector]:
-    """For each component of the solution of y′ = f(y), y(0) = y0, its Taylor coefficients up to `order`."""
+    """Taylor coefficients up to `order` of each component of the solution of y′ = f(y), y(0) = y0."""
     problem = in_arithmetic(data, series_over(base))
     y = [Series(base.dot, _unknown, [v]) for v in y0]
     f = problem.field(y)

@@ -1,9 +1,9 @@
 """The equation of an implicit scheme, solved to any number of digits, by Newton's method.
 
-Floats first: Newton's iteration in binary64, whose Jacobian is the ε-part of the residual, ends 16 digits
-from the solution with a Jacobian as good as that. With this Jacobian kept, every further evaluation in
-extended precision gains about 16 digits: three of them make 50. Where floats overflow, underflow or
-find the Jacobian singular, the same iteration runs in extended precision throughout.
+Newton's iteration runs in binary64 first, with the Jacobian as the ε-part of the residual. It gives the
+solution and the Jacobian to about 16 digits. With this Jacobian fixed, each further evaluation of the residual
+in extended precision gains about 16 digits, so three evaluations make 50. If floats overflow or underflow,
+or their Jacobian is singular, the whole iteration runs in extended precision.
 """
 
 from __future__ import annotations
@@ -49,12 +49,12 @@ def jacobian(residual: Residual, x: Vector, arithmetic: Arithmetic) -> Matrix:
 
 
 def inverse(A: Matrix) -> Matrix:
-    """A⁻¹ in the numbers of A: by cofactors up to d = 3, where that is faster, else by Gauss-Jordan elimination.
+    """The inverse A⁻¹ in the numbers of A: by cofactors for d = 3, which is faster, else by Gauss-Jordan elimination.
 
     Raises
     ------
     ZeroDivisionError
-        Where A is singular.
+        If A is singular.
     """
     n = len(A)
     if n == 3:
@@ -99,7 +99,7 @@ def newton(
 ) -> Root | Failure:
     """The root that Newton's iteration finds from x, or a Failure.
 
-    It ends with a correction below tolerance · scale. Steps are shortened only to stay in the domain.
+    The iteration ends at a correction of at most tolerance · scale. A correction that leaves the domain is halved.
     """
     best, goal, n, damping = math.inf, tolerance * scale, 0, 1.0
     try:
@@ -132,11 +132,11 @@ def newton(
 
 
 def refine(residual: Residual, root: Root, scale: Number, ctx: Any, digits: int) -> Root | Failure:
-    """Refine a root to 10^−digits of the scale, by the chord iteration with its inverse Jacobian.
+    """Refine a root to 10^−digits of the scale, by the chord iteration with the root's inverse Jacobian.
 
-    Corrections c_1, c_2, … shrink by a constant factor, so c_n²/c_{n−1} estimates the next one: the iteration ends
-    where that is below the goal. Corrections are made in floats; where these could underflow, for many digits or
-    states of extreme size, the residual is first scaled to the size of 1.
+    Corrections c_1, c_2, … shrink by a constant factor, so c_n²/c_{n−1} estimates the next one; the iteration ends when
+    this estimate is below the goal. Corrections are computed in floats. If these could underflow, with many digits or
+    states of extreme size, the residual is first scaled to size 1.
     """
     x, inverted = [ctx.mpf(v) for v in root.x], root.inverse
     size = float(scale)

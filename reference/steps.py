@@ -22,7 +22,7 @@ from sepv.problem import GivenProblem
 # Guard digits: three for the conversion and the sums, the rest for the condition of the equation.
 GUARD = 15
 MOST_DIGITS = 2000
-# Numbers of quadrature nodes for stages with H not polynomial, tried until two of them agree.
+# Numbers of quadrature nodes for methods with stages if H is not a polynomial, tried until two results agree.
 _NODES = (FEWEST_NODES, 36, 54, 81, 122, 183, 275)
 
 
@@ -33,10 +33,10 @@ class ReferenceStep(NamedTuple):
     ----------
     y1 : d numbers of mpmath
     condition : (d, d) floats
-        |∂y1/∂residual| entrywise, by which residuals become errors of y1: |(I − ∂R/∂y1)⁻¹| for one-step
-        equations, summed over the stages for methods with stages, the identity for explicit ones.
+        The entries |∂y1/∂residual|, the factors from residuals to errors of y1: |(I − ∂R/∂y1)⁻¹| for a method without
+        stages, a sum over the stages for a method with stages, the identity for an explicit method.
     x : numbers of mpmath
-        The unknowns of the equation: y1 itself, the stages' increments, or nothing.
+        The unknowns of the equation: y1 itself, the stages' increments, or none for an explicit method.
     equation : Equation
     """
 
@@ -76,10 +76,10 @@ def require_digits(digits: int) -> None:
 def step_condition(
     scheme: str | Equation, data: Any, y: Sequence[float], h: float, dW: Sequence[float], contraction: float
 ) -> list[list[float]]:
-    """|(I − ∂R/∂y1)⁻¹| at the step's solution, the factor from residuals to errors of y1.
+    """The matrix |(I − ∂R/∂y1)⁻¹| at a step's solution, by which residuals r of y1 = y0 + R become errors of y1.
 
-    For a problem made of functions there is no such solution. Its steps are drawn where R is a contraction with factor
-    κ = `contraction` in the largest component, so no error of y1 is larger than Σ_i r_i/(1 − κ).
+    A problem made of Python functions has no reference solution. Its steps are drawn so that R is a contraction with
+    factor κ = `contraction` in the maximum norm, so no error of y1 is larger than Σ_i r_i/(1 − κ).
     """
     if isinstance(data, GivenProblem):
         return [[1 / (1 - contraction)] * len(y)] * len(y)
@@ -87,7 +87,7 @@ def step_condition(
     problem = binary64_problem(data)
     scale = max(map(abs, y), default=0.0)
     if equation.residual is not None and not equation.nodes and scale and all(map(isfinite, (*y, h, *dW))):
-        # The inverse matrix is that of the root in binary64, also where the root needs more digits.
+        # The inverse matrix is taken from the root in binary64, even if the root itself needs more digits.
         root = _guess(equation, data, y, h, dW, scale, None)
         y0, step = problem.state(y), make_step(problem, h, dW)
         if isinstance(root, Root) and problem.inside(equation.result(problem, y0, step, root.x)):
@@ -106,8 +106,8 @@ def reference_step(
 ) -> ReferenceStep:
     """Solve one step from y to `digits` digits of the largest component.
 
-    If the equation has several solutions, it is the one that Newton's method finds from y, or from `start`; where
-    Newton's method finds none, the one reached by following the solutions from y in small steps.
+    If the equation has several solutions, the result is the one that Newton's method finds from y, or from `start`. If
+    Newton's method finds none, it is the one that is reached by following the solution from y as the step grows from 0.
 
     Parameters
     ----------
@@ -121,9 +121,9 @@ def reference_step(
     Raises
     ------
     UsageError
-        For an unknown scheme or problem, digits out of range.
+        If the scheme or problem is unknown, digits is out of range, or y, h, dW are not finite or have a wrong length.
     StepFailure
-        Where no solution was found; the message has the smallest residual.
+        If no solution was found; the message has the smallest residual.
     """
     if digits != 50:
         require_digits(digits)
@@ -157,7 +157,7 @@ def reference_step(
     if isinstance(root, Root) and not exact.inside(equation.result(exact, y0, step, root.x)):
         root = Failure(0.0, root.iterations, "only a solution outside the domain was found")
     if isinstance(root, Failure):
-        # Newton's iteration from y failed or left the domain: the branch of solutions from y may still reach the step.
+        # Newton's iteration from y failed or left the domain. The branch of solutions from y may still have a solution.
         branch = None if start else _branch(equation, data, y, h, dW)
         if branch is not None and branch.whole:
             return reference_step(equation, data, y, h, dW, digits, branch.x)
@@ -195,7 +195,7 @@ def _bound(equation: Equation, problem: ExactProblem, y0: Vector, step: Step) ->
 
 
 def _start(equation: Equation, problem: ExactProblem, y0: Vector, step: Step) -> Vector:
-    """The first guess for Newton's method: K = 0, or the y1 of the explicit midpoint rule if it is near y0."""
+    """The first guess for Newton's method: K = 0 for stages; else the explicit midpoint rule if near y0, else y0."""
     if equation.of_increments:
         return [0 * v for v in y0] * equation.blocks
     half = [a + step.delta * b / 2 for a, b in zip(y0, problem.field(y0), strict=True)]
@@ -253,7 +253,7 @@ def _with_nodes(equation: Equation, nodes: int) -> Equation:
 def _enough_nodes(
     equation: Equation, exact: ExactProblem, y0: Vector, step: Step, scale: Any, digits: int, root: Root
 ) -> tuple[Equation, Root | Failure]:
-    """The equation with enough nodes that two quadratures have the same root."""
+    """Add quadrature nodes until two rules give the same root; return the equation with the last rule, and its root."""
     goal = scale * exact.ctx.mpf(10) ** (-digits - 3)
     for nodes in _NODES[1:]:
         finer = _with_nodes(equation, nodes)

@@ -19,7 +19,7 @@ def flow_series(
 ) -> list[list[Any]]:
     """Coefficients c_0, …, c_order with φ_θ(y) = Σ c_k θ^k + O(θ^{order+1}); each c_k a list of d numbers.
 
-    By y′ = B(y)∇H(y), the coefficients up to k of the right side give coefficient k + 1 of y.
+    Because y′ = B(y)∇H(y), coefficient k of the right side, divided by k + 1, is coefficient k + 1 of y.
     """
     ctx, d = context(digits), system.dimension
     slopes = gradient(system.hamiltonian)

@@ -23,7 +23,7 @@ FOLDER = Path(__file__).parent / "vectors"
 FORMAT = "sepv-vectors-1"
 FLOW = "exact-flow"
 DIGITS = 50
-# Flags of cases that a solver may refuse; a wrong answer is an error there too.
+# A solver may refuse a case that has one of these flags, but it may not return a wrong result for it.
 HARD = frozenset({"large-step", "near-fold", "subnormal", "huge", "overflow"})
 
 _KEYS = {"id", "hash", "problem", "y", "y1", "y1_hex", "condition", "rounding", "flags", "proof", "note"}
@@ -37,10 +37,10 @@ class ReferenceVector:
     Attributes
     ----------
     y, h, dW : binary64
-        The step; for the exact flow h holds θ, and dW is empty.
+        The step. For the exact flow h holds the time θ, and dW is empty.
     y1 : d strings of 50 significant digits
     y1_hex : d binary64 numbers
-        The same, rounded to nearest.
+        The result y1, rounded to nearest.
     condition : float
         ‖∂y1/∂residual‖_∞.
     rounding : d floats

@@ -1,4 +1,4 @@
-"""The record of a hard case, and its helpers."""
+"""The record of a hard case (a family of steps that are hard to solve), and helpers that draw its random steps."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import numpy as np
 
 from sepv.problem import Array, Description, Problem
 
-# The statuses of a step without a solution, by their names in `sepv.solve.Status`. Which one it is depends on where the
-# iteration gives up.
+# The statuses of a step without a solution, by their names in `sepv.solve.Status`. The status depends on how Newton's
+# iteration ends.
 REFUSALS = ("NO_CONVERGENCE", "LEFT_DOMAIN", "OVERFLOW", "SINGULAR")
 
 
@@ -36,15 +36,15 @@ class HardCase:
     expected : str
         The behaviour of a right solver, and why.
     data : PolynomialSystem or NamedProblem
-        The problem as data: it travels, and its H is evaluated in extended precision.
+        The problem as data, which can be sent to other processes; its H is evaluated in extended precision.
     sample : (rng, lanes) -> Sample
         Random steps of the family.
     refusals : tuple of str
         The statuses other than CONVERGED that a step of the family may end in.
     laws : tuple of str
-        The laws that hold for every step of the family, whatever solves it.
+        The laws that hold for every step of the family, with whatever solver.
     structure : callable, optional
-        A structure matrix put in place of that of `data`, unchecked: for B that is not quite skew.
+        A structure matrix that replaces the one of `data` without a check, for a B that is not quite skew.
     skewness : float
         The size of the symmetric part of `structure`, which moves H by |Δ| skewness |∇H|².
     """

@@ -1,6 +1,6 @@
 """Hard states: separatrices, extreme inertia, large angles, chaos, collisions, steep walls.
 
-The last ones are Lotka-Volterra (§4.4) next to the axes, and steps for which no solution exists.
+The last two cases are the Lotka-Volterra system (§4.4) next to the axes, and with steps that may have no solution.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ CASES = (
         box(2, 1e-3, 0.3), laws=("energy", "symmetry", "reference"),
     ),
     HardCase(
-        # The fast pair turns up to five times a step.
+        # The fast pair of components makes up to five turns in one step.
         "mixed-scales",
         "energies from 1e-8 to 1e8 in one H: the slow pair is below the rounding of the fast one",
         "solved, each component to its own scale",
@@ -47,7 +47,7 @@ CASES = (
         laws=("energy", "midpoint"),
     ),
     HardCase(
-        # Half of the states overflow H but not ∇H, half both.
+        # Half of the states overflow H but not ∇H, the other half overflow both.
         "overflowing-energy", "|y| from 1e52 to 1e70 with H of degree 6: H, then ∇H, is beyond 1e308",
         "refused: overflow, or no convergence at |Δ| 1e208 times the contraction radius",
         PolynomialSystem(2, polynomial(2, {(6, 0): 0.25, (0, 6): 0.25, (2, 0): 0.5}), canonical(2)),
