@@ -1,7 +1,7 @@
 """Fault detection: schemes broken on purpose (saboteurs), with one fault each, and the laws that find each fault.
 
-`sepv teeth` runs the suite on them, so that they are installed with it. Read `saboteurs` first (the broken schemes, by
-family), then `detection`. Right schemes that look unusual are in `benchmarks.right_schemes`, which is not
+The saboteurs are installed with sepv, because `sepv teeth` runs the suite on them. Read `saboteurs` first (the broken
+schemes, by family), then `detection`. Right schemes that look unusual are in `benchmarks.right_schemes`, which is not
 installed.
 """
 

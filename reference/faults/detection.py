@@ -1,7 +1,7 @@
-"""Fault detection: saboteurs × laws over several seeds, with the number of examples to the first failure.
+"""Fault detection: run laws on saboteurs (schemes broken on purpose), and count the examples to the first failure.
 
-A law that the saboteur claims kills it with a seed by the verdict `violated`; a fault of the interface is also killed
-by `error`, which no reader takes for a pass.
+A law kills a saboteur with a seed if the saboteur claims the law and the verdict is `violated`. A fault of the
+interface is also killed by the verdict `error`, which no reader takes for a pass.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from sepv.workers import ended_at_once
 from .saboteurs import SABOTEURS, Saboteur
 
 SEEDS = tuple(range(10))
-# Seconds for one law, which takes one to ten. A slower saboteur is an error of its own.
+# The time limit of one law in seconds; a law takes one to ten. A slower saboteur ends in an error.
 TIMEOUT = 120.0
-# No time to shrink: after its first failure a search measures nothing, so `Finding.checks` is the number of examples up
-# to and including that failure.
+# No checks for simplifying a counterexample. So `Finding.checks` is the number of examples up to and including the
+# first failure.
 _NO_SHRINKING = 0
 
 
@@ -49,9 +49,9 @@ class Detection:
 
     @property
     def kills(self) -> bool:
-        """True if the law finds the fault: it is claimed, and violated.
+        """True if the law finds the fault: the saboteur claims the law, and the verdict is `violated`.
 
-        A fault of the family "interface" is also found by an error.
+        A fault of the family "interface" is also found by the verdict `error`.
         """
         return self.claimed and (
             self.verdict is Verdict.VIOLATED or (self.family == "interface" and self.verdict is Verdict.ERROR)
@@ -75,11 +75,11 @@ def run(
     first: bool = False,
     workers: int = 2,
 ) -> list[Detection]:
-    """Run saboteurs against laws, each saboteur and seed in a worker process; a UsageError for an unknown name.
+    """Run laws on saboteurs, each saboteur and seed in a worker process. Raises UsageError for an unknown name.
 
-    `progress` is called in this process after each saboteur and seed. The default effort is that of `sepv verify`
-    without the corpus of witnesses: many are the saboteurs' own, and would not test the search. Nothing is shrunk.
-    With `first` a saboteur is done at the first law that kills, expected ones first: the matrix has holes.
+    `progress` is called in this process after each saboteur and seed. The default effort is that of `sepv verify`, but
+    without the stored counterexamples, many of which come from saboteurs and would not test the search. If `first` is
+    true, a saboteur is done at the first law that finds its fault, with the expected laws first.
     """
     chosen = [find(name) for name in (SABOTEURS if names is None else names)]
     law_names = [law.name for law in load_laws(laws)]
@@ -87,7 +87,7 @@ def run(
     how = (law_names, budget.examples, budget.paths, first, budget.corpus)
     jobs = [(s.name, seed, *how) for seed in seeds for s in chosen]
     detections: list[Detection] = []
-    # spawn: a saboteur may leave anything in this process's memory.
+    # Workers are spawned, because a saboteur may leave anything in the memory of its process.
     context = multiprocessing.get_context("spawn")
     with ended_at_once(ProcessPoolExecutor(max_workers=workers, mp_context=context)) as pool:
         futures = [pool.submit(detect, *job) for job in jobs]
@@ -130,7 +130,7 @@ def find(name: str) -> Saboteur:
 
 
 def survivors(detections: Sequence[Detection]) -> dict[str, list[int]]:
-    """Saboteur -> the seeds with which no claimed law found its fault. Saboteurs found with every seed are left out."""
+    """Map each saboteur to the seeds with which no claimed law found its fault; leave out those without such a seed."""
     killed = {(b.saboteur, b.seed) for b in detections if b.kills}
     by_saboteur: dict[str, list[int]] = {}
     for name, seed in sorted({(b.saboteur, b.seed) for b in detections} - killed):
@@ -139,7 +139,7 @@ def survivors(detections: Sequence[Detection]) -> dict[str, list[int]]:
 
 
 def found_by_one_law(detections: Sequence[Detection]) -> dict[str, list[str]]:
-    """Law -> the saboteurs whose faults no other law found with any seed: they would be missed without it."""
+    """Map each law to the saboteurs whose faults no other law found with any seed."""
     kills = dict.fromkeys((b.saboteur, b.law) for b in detections if b.kills)
     laws = Counter(name for name, _ in kills)
     by_law: dict[str, list[str]] = {}
@@ -156,7 +156,7 @@ def missed(detections: Sequence[Detection]) -> list[tuple[str, str]]:
 
 
 def examples_to_kill(detections: Sequence[Detection]) -> dict[tuple[str, int], int]:
-    """(saboteur, seed) -> the fewest examples in which a law found the fault. Survivors are left out."""
+    """Map (saboteur, seed) to the fewest examples in which a law found the fault; leave out faults not found."""
     fewest: dict[tuple[str, int], int] = {}
     for b in detections:
         if b.kills:
@@ -176,7 +176,7 @@ def show(detections: Sequence[Detection], out: Console) -> None:
     out.print(Text("·: holds, ?: inconclusive, e: error, n/a: not applicable; *: unclaimed"))
     if not wide:
         out.print(Text(", ".join(f"{abbreviation(law)} {law}" for law in laws)))
-    # `first` leaves holes: some saboteur was not run against some law with some seed.
+    # If `first` was true, some saboteur was not run against some law with some seed.
     runs = {(b.saboteur, b.seed) for b in detections}
     if len({(b.saboteur, b.seed, b.law) for b in detections}) == len(runs) * len(laws):
         for law, names in found_by_one_law(detections).items():
@@ -188,7 +188,7 @@ def show(detections: Sequence[Detection], out: Console) -> None:
 
 
 def matrix(detections: Sequence[Detection]) -> Table:
-    """A table of saboteurs and laws, with the number of seeds that killed."""
+    """A table of saboteurs and laws, and for each saboteur the number of seeds with which a law found its fault."""
     laws = list(dict.fromkeys(b.law for b in detections))
     heads = columns(["saboteur"], [*map(abbreviation, laws), "killed"])
     rows = _rows(detections)
@@ -207,7 +207,7 @@ def listing(detections: Sequence[Detection]) -> Table:
 
 
 def _rows(detections: Sequence[Detection]) -> Iterator[tuple[str, Text, dict[str, Text]]]:
-    """Rows of a saboteur, the number of its kills, and the cell of each law that it was run against."""
+    """For each saboteur its name, the number of seeds that killed it, and the cell of each law that was run on it."""
     alive, by_law = survivors(detections), dict[str, dict[str, list[Detection]]]()
     for b in detections:
         by_law.setdefault(b.saboteur, {}).setdefault(b.law, []).append(b)
@@ -238,7 +238,7 @@ def summary(detections: Sequence[Detection]) -> Text:
 
 
 def abbreviation(law: str) -> str:
-    """The initials of a name of several words, else the letters that no other law begins with, three at least."""
+    """Abbreviate a law's name by its initials, or for one word by the first letters, at least 3, that are unique."""
     words = law.split("-")
     if len(words) > 1:
         return "".join(w[0] for w in words)
@@ -247,7 +247,7 @@ def abbreviation(law: str) -> str:
     return next(law[:n] for n in lengths if n == len(law) or sum(o.startswith(law[:n]) for o in alone) < 2)
 
 
-# Signs and styles by precedence: the first that occurred is shown.
+# Signs and styles of verdicts by precedence; a cell shows the first of these verdicts that occurred.
 _SIGNS = {
     Verdict.ERROR: ("e", "magenta"), Verdict.INCONCLUSIVE: ("?", "yellow"), Verdict.NOT_APPLICABLE: ("n/a", "dim")
 }  # fmt: skip

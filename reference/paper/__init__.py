@@ -1,7 +1,7 @@
 """The paper measured again: the figures of §4, its remarks and errata, with a verdict on every statement.
 
-`sepv reproduce` runs it, so that it is installed. Read `record` first (panels and statements), then `suite`, which
-runs them; each other file is a figure or a part of the theory.
+The package is installed, because `sepv reproduce` runs it. Read `record` first (panels and statements), then `suite`,
+which computes all panels. Each other file is a figure or a part of the theory.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ def errors(scheme: str, problem: str) -> list[float]:
 def jobs(_size: Size) -> list[Job]:
     """The jobs: one for each pair of a scheme and a problem.
 
-    They do not depend on the size: nothing is random, and no part is left out for a quick look.
+    The jobs do not depend on the size of the reproduction: nothing is random, and a quick reproduction omits none.
     """
     return [
         Job(("theory", "deterministic", s, p), errors, {"scheme": s, "problem": p}, 0.5)
@@ -47,7 +47,7 @@ def jobs(_size: Size) -> list[Job]:
 
 
 def panels(results: Results) -> list[Panel]:
-    """Errors against h, and the slope of (2.1) between the finest two steps; coarser ones show that it has settled."""
+    """The panel of errors against h, with the slope of (2.1) between the finest two steps beside the coarser slopes."""
     h, measured, slopes, statements = T / np.array(STEPS), [], {}, []
     for s, p in ((s, p) for s in SHOWN for p in SYSTEMS):
         errors = np.array(results["theory", "deterministic", s, p])

@@ -1,9 +1,9 @@
 """Sentences of the paper that do not hold as printed, as data: the passage, what holds instead, and evidence.
 
 An entry quotes its sentence together with its neighbours, since a sentence may be completed by the next one. Formulas
-stand between backticks and omissions are marked by "…"; the rest is the paper's text, word by word
-(``python -m benchmarks.errata --check TEXT`` compares). The verdict comes from the evidence alone: an entry that
-its evidence does not refute is no erratum, and is not shown as one.
+are between backticks and omissions are marked by "…"; the rest is the paper's text, word by word
+(``python -m benchmarks.errata --check TEXT`` compares). The verdict comes from the evidence alone: if the evidence
+of an entry does not refute the sentence, the entry is not shown as an erratum.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ class Evidence(NamedTuple):
 class Erratum:
     """A sentence of the paper and the computation that decides on it.
 
-    place : where it stands
+    place : the place of the sentence in the paper
     quote : the sentence with its neighbours
-    printed : the part that is decided on
-    criterion : when that part holds
+    printed : the part of the sentence that the evidence decides on
+    criterion : the condition under which the printed part holds
     hypotheses : why the evidence satisfies what the passage assumes
-    right : what holds instead, and what becomes of the conclusion
-    evidence : computes the verdict
-    command : prints it again
+    right : what holds instead, and what becomes of the paper's conclusion
+    evidence : the function that computes the verdict
+    command : the command that prints the verdict again
     """
 
     place: str
@@ -82,7 +82,7 @@ def errata() -> list[tuple[Erratum, str]]:
 
 
 def moment_gap(A: float) -> float:
-    """E[ξ² − ζ²] = 2 ∫_A^∞ (x² − A²) φ(x) dx = 2[(1 − A²) Q(A) + A φ(A)] for ζ = clip(ξ, ±A)."""
+    """The variance lost by ζ = clip(ξ, ±A): E[ξ² − ζ²] = 2 ∫_A^∞ (x² − A²) φ(x) dx = 2[(1 − A²) Q(A) + A φ(A)]."""
     phi = math.exp(-A * A / 2) / math.sqrt(2 * math.pi)
     Q = 0.5 * math.erfc(A / math.sqrt(2))
     return 2 * ((1 - A * A) * Q + A * phi)
@@ -99,7 +99,7 @@ def _moments() -> Evidence:
 
 
 def _product() -> Evidence:
-    """B times a row does not conform; with the column D(·) + e it is the midpoint rule."""
+    """Evidence that the printed product of B and a row is undefined, and that the column D(·) + e is meant."""
     B = np.array([[0.0, -1.0], [1.0, 0.0]])
     D, e, y0, y1 = np.diag([1.0, 2.0]), np.array([0.5, -0.25]), np.array([1.0, 0.5]), np.array([0.75, 1.0])
     row = 0.5 * (y0 + y1)[None] @ D + e[None]
@@ -132,7 +132,7 @@ def _ball() -> Evidence:
 
 
 def _level() -> Evidence:
-    """States with y1 → ∞ on the energy level of y0: y2 + ln y2 = s has the solution W(e^s), y3 stays."""
+    """Evidence by states with y1 → ∞ on the energy level of y0: y3 is fixed, and y2 + ln y2 = s gives y2 = W(e^s)."""
     from scipy.special import lambertw
 
     system = problems.lotka_volterra()
@@ -143,18 +143,18 @@ def _level() -> Evidence:
         s = H0 - (2 * y1 + 2 * start[2] - 2 * math.log(start[2]))
         states.append(np.array([y1, float(lambertw(math.exp(s)).real), start[2]]))
     fields = [float(np.linalg.norm(system.structure(y) @ system.gradient(y))) for y in states]
-    # H is a sum of terms of which 2 y1 is the largest: a rounding of each, and one of W.
+    # The bound allows a rounding of each term of H, of which 2 y1 is the largest, and one of W.
     same = all(abs(system.hamiltonian(y) - H0) <= 16 * EPS * (1 + 2 * y[0]) for y in states)
     shown = (
         f"y = ({y[0]:g}, {y[1]:.2g}, {y[2]:g}): |f| = {f:.3g}" for y, f in zip(states, fields, strict=True)
     )
-    # f1 = −y1 (1 + y2/2) where y3 = ½: beyond every bound.
+    # For y3 = ½ the component f1 = −y1 (1 + y2/2) exceeds every bound.
     growing = all(f >= y[0] for y, f in zip(states, fields, strict=True))
     return Evidence(not same, same and growing, f"with H(y) = H(y0) = {H0:.6g}, " + "; ".join(shown))
 
 
 def _comparison() -> Evidence:
-    """H = ½p² + ¼q⁴, B = J⁻¹, c = 1: levels of H are bounded and convex, and ∇H is not bounded on ℝ²."""
+    """Evidence by H = ½p² + ¼q⁴, B = J⁻¹, c = 1, whose levels are bounded and convex while ∇H is unbounded on ℝ²."""
     system = Problem(
         dimension=2, structure=structure, hamiltonian=lambda y: 0.5 * y[0] ** 2 + 0.25 * y[1] ** 4, noise=(1.0,),
         initial=(0.5, 1.0), degree=4,

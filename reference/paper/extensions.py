@@ -1,4 +1,4 @@
-"""§1 and §5: what the paper leaves open, computed: non-commuting noises with areas, and the weak order."""
+"""§1 and §5: questions that the paper leaves open: Lévy areas for noises that do not commute, stages, weak order."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .several_with_areas import step_with_areas
 TOPS, T, STEPS, FINE, SAMPLES = "noncommuting-tops", 0.5, (4, 8, 16, 32, 64), 4096, 400
 STAGES, STAGED, STAGED_SAMPLES = (1, 2, 3), (2, 4, 8, 16), 48
 WEAK = ("energy-preserving", "midpoint", "modified-weak-2")
-# A scheme and increments of a few points, with the weak order that both have together.
+# Pairs of a scheme and increments of two or three points, with the weak order of the pair.
 POINTS = (
     ("energy-preserving", "two-point", 1.0),
     ("modified-weak-2", "two-point", 1.0),
@@ -30,7 +30,7 @@ POINTS = (
 
 
 def areas(fine: Array, steps: int) -> Array:
-    """A_ij = ½∫(W_i dW_j − W_j dW_i) over each of `steps` steps (N, m, m, M), of the polygon of fine increments."""
+    """Lévy areas ½∫(W_i dW_j − W_j dW_i) over each of `steps` steps, (N, m, m, M), for the polygon of `fine`."""
     parts = fine.reshape(steps, -1, *fine.shape[1:])
     before = np.cumsum(parts, axis=1) - parts
     product = np.einsum("nkim,nkjm->nijm", before, parts)
@@ -38,7 +38,7 @@ def areas(fine: Array, steps: int) -> Array:
 
 
 def errors(samples: int, seed: int) -> dict[str, list[float]]:
-    """rms errors at T without and with areas, against Heun's method on the fine grid; and the energy defect."""
+    """Rms errors at T without and with Lévy areas, against Heun's method on the fine grid, and energy defects."""
     problem = problems.by_name(TOPS)
     start = np.array(problem.initial)
     fine = wiener.increments(seed, T=T, steps=FINE, noises=problem.noises, paths=range(samples))
@@ -58,7 +58,7 @@ def errors(samples: int, seed: int) -> dict[str, list[float]]:
 
 
 def staged(stages: int, samples: int, seed: int) -> list[float]:
-    """rms errors at T with s stages where all flows commute, against the closed form."""
+    """Rms errors at T of the method with s stages on a problem whose flows commute, against the closed form."""
     problem = problems.commuting_rotations()
     start = np.array(problem.initial)
     fine = wiener.increments(seed, T=T, steps=STAGED[-1], noises=problem.noises, paths=range(samples))
@@ -73,7 +73,7 @@ def staged(stages: int, samples: int, seed: int) -> list[float]:
 
 
 def weak(scheme: str, increments: str | None = None) -> dict[str, list[float]]:
-    """Largest errors of E g after one step over polynomials g and states of the pendulum, by quadrature."""
+    """For each h the largest error of E g after a step of the pendulum over polynomials g and states, by quadrature."""
     method = weakly(schemes.by_name(scheme), increments)
     local = local_errors(method, problems.by_name("pendulum"), Run())
     return {"h": local.h.tolist(), "weak": local.weak.tolist()}

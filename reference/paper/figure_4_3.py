@@ -66,7 +66,7 @@ def panels(results: Results) -> list[Panel]:
 
 
 def _casimir_formula() -> Statement:
-    """§4.2 gives the Casimir twice, with different factors: both are Casimirs."""
+    """The statement that both functions that §4.2 gives as the Casimir, which differ by a factor, are Casimirs."""
     problem = problems.by_name(PROBLEM)
     y0 = np.array(problem.initial)
     # Each component is a difference of two equal products.

@@ -25,7 +25,7 @@ ORDER = order.Setting(
         "splitting, which the paper does not show, is added",
     ),
 )  # fmt: skip
-# The interval of the energy plot, and the reference that the text names.
+# Errors on the interval of the energy plot, against the kind of reference that §4.4 names.
 FINE = order.Setting(
     "4.6", PROBLEM, T=5.0, steps=(1280, 2560, 5120, 10240, 20480), samples=128, schemes=("midpoint", "milstein"),
     source="Figure 4.6, right, on the interval of its left plot", place="§4.4",
@@ -56,13 +56,13 @@ def panels(results: Results) -> list[Panel]:
 
 
 def _domain(run: runs.Run) -> Statement:
-    """Splitting serves for y > 0, and for the Casimir, which is not quadratic."""
+    """The statement that splitting stays in y > 0 and keeps the Casimir, which is not quadratic."""
     system = problems.by_name(PROBLEM)
     assert system.nambu is not None
     smallest = float(np.min(run.y))
     with np.errstate(invalid="ignore"):
         casimir = system.nambu.casimir(run.y)
-        # An ulp of each y_i moves C by |∂C/∂ln y_i| eps; a step multiplies each component a few times.
+        # A relative error eps of y_i moves C by |∂C/∂ln y_i| eps; a step multiplies each component a few times.
         size = float(np.max(np.sum(np.abs(system.nambu.gradient(run.y) * run.y), axis=0)))
     moved, limit = float(np.max(np.abs(casimir - casimir[0]))), runs.rounding_bound(run.steps) * size
     return Statement(

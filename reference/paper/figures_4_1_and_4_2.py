@@ -21,7 +21,7 @@ PROBLEM = "harmonic-oscillator"
 STEPS, H = 100_000, 1e-2
 EXPLICIT = ("euler-maruyama", "milstein", "euler-heun")
 SHOWN = ("euler-maruyama", "energy-preserving", "milstein", "euler-heun")
-# Explicit steps cost the same for one sample and for 64: growth is then measured, not seen once.
+# Explicit steps cost the same for one sample and for 64, so that the growth of H is measured over samples.
 RUNS = runs.LongRuns("4.1", PROBLEM, H, STEPS, SHOWN, {"energy-preserving": 1}, others=64)
 _SAME = "§4.1 and §3.3", "the Hamiltonian is quadratic"
 ORDER = order.Setting(
@@ -30,13 +30,13 @@ ORDER = order.Setting(
     chosen=("step sizes 2^-4 to 2^-7", "the exact solution instead of Milstein's scheme with h = 2^-14"),
     same=(("energy-preserving", "midpoint", *_SAME), ("energy-preserving", "discrete-gradient", *_SAME)),
 )  # fmt: skip
-# The reference that the text names, on fewer samples.
+# Errors against the kind of reference that §4.1 names, on fewer samples.
 FINE = order.Setting(
     "4.2", PROBLEM, T=5.0, steps=(5120, 10240, 20480, 40960, 81920), samples=128,
     schemes=("milstein", "energy-preserving"), source="Figure 4.2, the paper's own kind of reference", place="§4.1",
 )  # fmt: skip
 RADIUS = float(np.hypot(0.1, 0.2))
-# Four radii of the energy circle: the others grow by a thousand in the same time.
+# The window has four radii of the energy circle, while solutions of other schemes grow by a thousand.
 WINDOW = 0.9
 
 
@@ -53,7 +53,7 @@ def long_time(results: Results) -> list[Panel]:
 
 
 def convergence(results: Results) -> list[Panel]:
-    """The panels of Figure 4.2: strong errors of the oscillator, and the same against a fine path."""
+    """The panels of Figure 4.2: strong errors of the oscillator, and strong errors against a fine-step reference."""
     return [order.panel(ORDER, results), order.fine_panel(FINE, results)]
 
 
@@ -138,7 +138,7 @@ def _position(by_scheme: dict[str, runs.Run], parameters: dict[str, Any]) -> Pan
 
 
 def _cayley() -> Statement:
-    """The explicit formula of §4.1 against a step of the scheme."""
+    """Compare the explicit formula of §4.1 with a step of the energy-preserving scheme."""
     problem = problems.by_name(PROBLEM)
     dW = bounded.truncate(wiener.increments(1, T=H, steps=1, noises=1, paths=256)[0], H)
     start = p, x = np.repeat(np.array(problem.initial)[:, None], 256, axis=1)
@@ -155,9 +155,9 @@ def _cayley() -> Statement:
 
 
 def growth_per_step(name: str, h: float) -> tuple[float, float]:
-    """Mean and variance of ln(H_n+1/H_n), by the energy of one step from any state (the problem is linear).
+    """Mean and variance of ln(H_n+1/H_n), which do not depend on the state y_n, because the problem is linear.
 
-    With S = ΔŴ the quotient is (1 − h/2)² + (h + S)² for Euler-Maruyama, (1 − S²/2)² + (h + S)² for Milstein and
+    With S = ΔŴ, H_n+1/H_n is (1 − h/2)² + (h + S)² for Euler-Maruyama, (1 − S²/2)² + (h + S)² for Milstein and
     (1 − (hS + S²)/2)² + (h + S)² for Euler-Heun.
     """
     nodes, weights = np.polynomial.hermite_e.hermegauss(80)
@@ -187,7 +187,7 @@ def _not_suited(by_scheme: dict[str, runs.Run]) -> Statement:
     return Statement(
         "Euler-Maruyama's, Euler-Heun's and Milstein's methods are not appropriate for simulations of the stochastic "
         "oscillator over long time intervals", "§4.1",
-        # Over a shorter run than the paper's, small growth says nothing.
+        # In a run shorter than the paper's, small growth does not refute the statement.
         judge.decide(all(left), not any(left) and by_scheme["milstein"].steps >= STEPS),
         "; ".join(f"{name}: H/H_0 from {r.min():.2g} to {r.max():.2g}" for name, r in ratios.items()),
         "the energy of the sample leaves the factor 2 around its start",

@@ -19,7 +19,7 @@ STEPS, H = 32_000, 2.0**-6
 LOSE = ("euler-maruyama", "euler-heun", "milstein")
 KEEP = ("discrete-gradient", "energy-preserving")
 SHOWN = (*LOSE, "midpoint", *KEEP)
-# Samples beside the one that is shown cost an explicit scheme nothing, and the midpoint rule little.
+# Samples beside the one that is drawn cost explicit schemes nothing, and the midpoint rule little.
 SAMPLES = {"energy-preserving": 1, "discrete-gradient": 1, "midpoint": 32}
 RUNS = runs.LongRuns("4.4", PROBLEM, H, STEPS, SHOWN, SAMPLES, others=64)
 NOT_SAID = "(ours) not said in §4.3"
@@ -37,18 +37,18 @@ FINE = order.Setting(
 # The mean energy of the midpoint scheme, with the larger steps that show its drift within T = 512.
 MEAN_H, MEAN_STEPS, MEAN_PATHS = (2.0**-3, 2.0**-4), 4096, 4000
 
-# A few turns of the pendulum that turns over, and the other's swing still visible.
+# The window holds a few turns of a pendulum that turns over, and the bounded swing remains visible.
 WINDOW = 15.0
 
 _PARAMETERS = {"p0": 0.2, "q0": 1.0, "c": [1.0, 0.5], "h": H}
 
 
 def jobs(size: Size) -> list[Job]:
-    """Six long runs, the mean energy of one, the errors of six schemes, and those of a reference with a fine step."""
-    # A power of two of steps: the times are halves of each other.
+    """The jobs: six long runs, mean energies of the midpoint scheme, errors at T, errors of fine-step references."""
+    # The number of steps is a power of two, so that the times are halves of each other.
     T = max(MEAN_H) * 2 ** (size.steps(MEAN_STEPS).bit_length() - 1)
     given = {"T": T, "paths": size.samples(MEAN_PATHS), **size.given}
-    # A batch of thousands costs six times one path.
+    # A batch of thousands of paths costs six times as much as one path.
     cost = T * runs.COST["midpoint"] * 6
     means = [Job(("4.4", "mean", str(h)), mean_energy, {"h": h, **given}, cost / h) for h in MEAN_H]
     return [*order.jobs(ORDER, size), *order.fine_jobs(FINE, size), *RUNS.jobs(size), *means]
@@ -112,9 +112,9 @@ def _zoom(by_scheme: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel:
 
 
 def _walk(run: runs.Run) -> Statement:
-    """The midpoint scheme's energy error walks or is bounded: its rms over samples against time decides.
+    """The statement that the midpoint scheme's energy error walks like √t, decided by its rms over samples.
 
-    Only times after the first period count: a bounded error also grows until then, from 0 to its bound.
+    Only times after the first period count, because a bounded error also grows in that time, from 0 to its bound.
     """
     from scipy.special import ellipk
 
@@ -144,7 +144,7 @@ def mean_energy(h: float, T: float, paths: int, seed: int, engine: str) -> Growt
 
 
 def _mean(growth_by_step: dict[float, Growth]) -> Panel:
-    """The panel with E[H] of the midpoint scheme: the drift that symplecticity leaves beside the walk of H."""
+    """The panel of E[H] along the midpoint scheme, whose small drift is compared with theory for a symplectic map."""
     curves, rates, agree, ends = [], [], [], []
     for h, row in growth_by_step.items():
         name, theory = f"h = 2^{np.log2(h):.0f}", row.derived

@@ -1,6 +1,6 @@
 """Criteria that decide a statement, and the slopes that most of them use.
 
-Each criterion has two bounds, one for "holds" and one for "fails"; between them a statement stays open.
+Each criterion has two bounds, one for "holds" and one for "fails". Between the two bounds the verdict is "open".
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def slope(x: ArrayLike, y: ArrayLike) -> float:
 
 
 def finest_slope(h: Sequence[float], errors: Sequence[float]) -> float:
-    """The slope between the two finest steps at which the error is 10⁴ roundings of y, |y| ≈ 1, or more."""
+    """The slope between the two finest steps at which the error exceeds 10⁴ roundings of a state with |y| ≈ 1."""
     first, last = [n for n, e in enumerate(errors) if e > 1e4 * EPS][-2:]
     return float(np.log(errors[first] / errors[last]) / np.log(h[first] / h[last]))
 

@@ -1,4 +1,4 @@
-"""Lemma 3.2, (3.5) to (3.7): the coefficients of Δ³ of (2.1) and the midpoint scheme, and moments of what is left.
+"""Lemma 3.2, (3.5) to (3.7): the coefficients of Δ³ of (2.1) and the midpoint scheme, and moments of the remainder.
 
 The proof ends with "an explicit expression of c(y_n)", which is not printed. With f = B∇H, g = ∇H, y1 = y + δ,
 δ = Δf + ½Δ²f′f + O(Δ³), B(y + δ/2) = B + ½B′δ + ⅛B″(δ, δ) + … and ∫g(y + τδ)dτ = g + ½g′δ + ⅙g″(δ, δ) + …, the terms of
@@ -30,9 +30,9 @@ from .record import Job, Panel, Results, Size, Statement, points
 SCHEMES = ("energy-preserving", "midpoint")
 NAMES = ("rigid-body", "pendulum", "lotka-volterra")
 H_STEPS = tuple(2.0**-n for n in range(4, 12))
-# Δ of the differences in extended precision: what they leave is O(Δ²), 1e-12.
+# The step Δ of differences in extended precision, whose error is O(Δ²), about 1e-12.
 SHORT = 2.0**-20
-# Relative difference of both values of c(y): differences of B and H″ in binary64 know it to about 1e-12.
+# The relative difference that is allowed for two values of c(y): differences in binary64 give it to about 1e-12.
 AGREES = 1e-10
 
 
@@ -50,7 +50,7 @@ def coefficients(problem: Problem, y: Array) -> tuple[Array, Array]:
 
 
 def _slope(problem: Problem, y: Array, w: Array) -> Array:
-    """The directional derivative g′(y)w of a function g at states y, (d, M)."""
+    """The derivative g′(y)w = H″(y)w of the gradient g = ∇H at states y, (d, M)."""
     assert problem.hessian is not None
     return matvec(problem.hessian(y), w)
 
@@ -73,7 +73,7 @@ def expanded(scheme: str, data: NamedProblem, y: Array) -> Array:
 
 
 def measured(problem: str) -> dict[str, dict[str, Any]]:
-    """The coefficients of Δ³ at a state, by formula and by expansion, and the moments of the rest by quadrature."""
+    """The coefficients of Δ³ at a state, by formula and by expansion, and moments of the remainder by quadrature."""
     system = problems.by_name(problem)
     assert isinstance(system.data, NamedProblem)
     y = (1.1 * np.array(system.initial) + 0.05)[:, None]
@@ -107,7 +107,7 @@ def jobs(_size: Size) -> list[Job]:
 
 
 def panels(results: Results) -> list[Panel]:
-    """Moments of R_n and R̃_n against h."""
+    """The panel of moments of the remainders R_n and R̃_n against h."""
     moments = {name: results["theory", "lemma", name] for name in NAMES}
     return [Panel(
         key="theory-lemma-3.2", title="What the expansions (3.1) and (3.5) leave", source="Lemma 3.2, (3.2), (3.5)",
@@ -123,7 +123,7 @@ def panels(results: Results) -> list[Panel]:
 
 
 def _statements(name: str, moments: dict[str, dict[str, Any]]) -> Iterator[Statement]:
-    """The coefficients by formula and by expansion, their difference, and the orders of the rest."""
+    """Statements on the coefficients of Δ³ by formula and by expansion, and on the orders of the remainders."""
     values = {kind: [np.array(moments[n][kind]) for n in SCHEMES] for kind in ("formula", "expansion")}
     size = max(np.max(np.abs(one)) for one in values["expansion"])
     ours, theirs = (a - b for a, b in zip(*values.values(), strict=True))
@@ -146,7 +146,7 @@ def _statements(name: str, moments: dict[str, dict[str, Any]]) -> Iterator[State
             f"a difference of at most {AGREES:g} of c: differences of B and H″ in binary64",
         )  # fmt: skip
     for scheme, letter, source in zip(SCHEMES, ("R_n", "R̃_n"), ("(3.2)", "after (3.5)"), strict=True):
-        # The finest pair of steps: the next term of the rest is a factor √h of the first.
+        # The finest pair of steps is taken, because the next term of the remainder is only smaller by √h.
         mean, rms = (
             float(np.log2(moments[scheme][kind][-2] / moments[scheme][kind][-1])) for kind in ("mean", "rms")
         )

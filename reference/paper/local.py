@@ -1,7 +1,7 @@
 """(3.8) and (3.9): the mean and the mean-square difference of one step, by quadrature over the increments.
 
-The paper compares (2.1) with the midpoint scheme; Milstein's Lemma 2.1 of [16] asks the same of a scheme and the exact
-solution. Both are integrals over ΔŴ given y_n, and no sampling is needed.
+The paper compares (2.1) with the midpoint scheme. Milstein's Lemma 2.1 of [16] has the same conditions for a scheme and
+the exact solution. Given y_n, both differences are integrals over ΔŴ, and no sampling is needed.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from .record import SENTENCE, STATED, Job, Panel, Results, Size, Statement, poin
 
 PROBLEM = "pendulum"
 H_STEPS = tuple(2.0**-n for n in range(5, 16))
-# Exponents that the lemma asks for mean-square order p: p1 = p + 1/2 at least and p2 = p + 1/2. The schemes here have
-# the p1 = 2 of (3.8); 1/4 is half-way to the next lower half-integer.
+# For mean-square order p the lemma demands the exponents p1 ≥ p + 1 of the mean and p2 = p + 1/2 of the mean square.
+# The schemes here have p1 = 2, as in (3.8). MARGIN = 1/4 is half-way to the next lower half-integer.
 MARGIN = 0.25
 
 
@@ -53,7 +53,7 @@ def jobs(_size: Size) -> list[Job]:
 
 
 def _of_the_paper(pair: dict[str, list[float]]) -> tuple[Statement, ...]:
-    """(3.8) and (3.9) of (2.1) beside the midpoint scheme, and the moment that the proof of Theorem 3.3 needs."""
+    """Statements (3.8), (3.9) on (2.1) and the midpoint scheme, and the moment that the proof of Theorem 3.3 needs."""
     mean, rms = (judge.finest_slope(pair["h"], pair[kind]) for kind in ("mean", "rms"))
     # (E[(h + cΔŴ)¹²])^¼ with c = 1, which the proof takes out of (3.6) by Cauchy and Schwarz.
     moments = []
@@ -76,7 +76,7 @@ def _of_the_paper(pair: dict[str, list[float]]) -> tuple[Statement, ...]:
 
 
 def _of_a_scheme(name: str, mean: float, rms: float) -> Statement:
-    """Lemma 2.1 of [16]: p2 = p + ½ and p1 ≥ p2 + ½."""
+    """The statement that a scheme of order p meets Lemma 2.1 of [16]: exponents p2 = p + ½ and p1 ≥ p2 + ½."""
     p = STATED[name]
     p1, p2 = p + 1 - MARGIN, p + 0.5 - MARGIN
     return Statement(

@@ -29,7 +29,7 @@ def show(reproduction: Reproduction, out: Console) -> None:
 
 
 class Row(NamedTuple):
-    """A paragraph with a verdict beside it, or with none."""
+    """A paragraph of the report with its verdict, which is empty if the paragraph has none."""
 
     verdict: str
     text: str
@@ -74,7 +74,7 @@ def summary(reproduction: Reproduction) -> Text:
 
 @contextmanager
 def watching(quiet: bool = False) -> Iterator[ShareProgress]:
-    """ShareProgress on stderr: of estimated seconds, those that are done."""
+    """Show progress on stderr: how many of the estimated seconds of work are done."""
     with showing(quiet) as shown:
         yield lambda done, total: shown.update(
             f"{done:.0f} of {total:.0f} s of work", done / total if total else 1.0

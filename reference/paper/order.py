@@ -1,4 +1,4 @@
-"""Convergence plots: rms errors at the end against the step size, and whether each slope is the stated order."""
+"""Convergence plots: rms errors at the end time against the step size, and verdicts on the stated orders."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from sepv.record import EPS
 from . import judge, record, runs
 from .record import Job, Panel, Results, Size, Statement, points
 
-# Two-sided, for each slope: the chance that an interval misses the slope that it estimates.
+# The probability that the two-sided confidence interval of a slope does not contain the slope.
 ALPHA = 0.01
-# Microseconds a sample and step in batches, for the time left.
+# Microseconds for each sample and step in a batch, from which the time left is estimated.
 COST = {"energy-preserving": 3.0, "midpoint": 2.5, "discrete-gradient": 5.0}
 
 
@@ -25,9 +25,9 @@ COST = {"energy-preserving": 3.0, "midpoint": 2.5, "discrete-gradient": 5.0}
 class Setting:
     """A convergence experiment with step sizes h = T/steps over `samples` paths, and the texts of its panel.
 
-    source : which plot of the paper it is
+    source : the plot of the paper that the experiment repeats
     place : where the paper states the order of (2.1), or names a reference with a fine step
-    same : pairs of schemes that are one integrator here, each with the place that says so and the reason
+    same : pairs of schemes that are one integrator on this problem, each with the place that says so and the reason
     """
 
     figure: str
@@ -79,10 +79,10 @@ def order_statement(name: str, errors: StrongErrors, source: str) -> Statement:
 def same_statement(
     one: str, other: str, errors: dict[str, StrongErrors], source: str, reason: str
 ) -> Statement:
-    """The statement that two schemes are one integrator on this problem: their ends differ by rounding only."""
+    """The statement that two schemes are one integrator on this problem: their states at T differ by rounding only."""
     a, b = errors[one], errors[other]
     difference = float(np.max(np.abs(a.errors - b.errors)))
-    # Rounding enters at every step and is carried to the end by the flow's Lipschitz constant, e^2 or less here.
+    # Each step adds a rounding error, which the flow multiplies by its Lipschitz constant, e^2 or less here.
     bound = 64 * EPS * a.scale * max(a.steps)
     first, second = (record.SENTENCE[name] for name in (one, other))
     return Statement(
@@ -124,7 +124,7 @@ def panel(setting: Setting, results: Results, extra: Sequence[Statement] = ()) -
 def fine_jobs(setting: Setting, size: Size) -> list[Job]:
     """The jobs that show the bias of a reference with a fine step, for two schemes on the same paths.
 
-    The first scheme makes the reference with the last of `steps`, and is measured down to that step.
+    The first scheme with the last of `steps` is the reference; errors are measured down to this number of steps.
     """
     samples = size.samples(setting.samples)
     counting = {**setting.given, "samples": samples, "seed": size.seed}
@@ -135,10 +135,10 @@ def fine_jobs(setting: Setting, size: Size) -> list[Job]:
 
 
 def fine_panel(setting: Setting, results: Results) -> Panel:
-    """True errors, and errors as the paper's own kind of reference sees them.
+    """The panel of true errors beside errors against a fine-step reference, which is the paper's kind of reference.
 
-    Errors against a scheme with a fine step are differences of two errors. Where the scheme under test is that scheme,
-    or h comes near its step, they are too small and the slope is too steep; at its own step it has no error at all.
+    Errors against a scheme with a fine step are differences of two errors. If the tested scheme is the reference's own,
+    or h comes near the reference's step, the difference is too small and the slope too steep; at that step it is zero.
     """
     errors: dict[str, StrongErrors] = {n: results[setting.figure, "fine", n] for n in setting.schemes}
     reference = setting.schemes[0]
@@ -155,7 +155,7 @@ def fine_panel(setting: Setting, results: Results) -> Panel:
         curves.append(points(f"{name}, exact reference", h, e.rms(), name))
         curves.append(points(f"{name}, fine-step reference", h[nonzero], against[nonzero]))
     true, own_end = map(np.array, numbers[reference].values())
-    # One truncated increment is an error of that sample that no step size explains.
+    # A truncated increment causes an error of its sample that the order of the scheme does not explain.
     counts = zip(results[setting.figure, "fine", "truncated"], at, strict=True)
     truncated = ", ".join(f"{n} {where}" for n, where in counts if n)
     bumps = f"increments that Remark 2.1 truncates, each a bump in the curves: {truncated}"

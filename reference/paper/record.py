@@ -42,7 +42,7 @@ SENTENCE = {name: words for name, (words, _) in _PAPER.items()} | {"splitting": 
 H_AXIS, TIME = Axis("step size h", log=True), Axis("time t")
 ERROR_AXIS = Axis("mean-square error at the end", log=True)
 
-# Schemes for which the extra fast has compiled code: it takes a few per cent of NumPy's time, and its own loading.
+# Schemes with compiled code in the extra `fast`, which takes a few per cent of NumPy's time, and time to load.
 COMPILED = frozenset(("energy-preserving", "midpoint", "euler-heun", "milstein"))
 
 
@@ -56,14 +56,14 @@ class Job:
     seconds: float
 
     def expected(self) -> float:
-        """The expected seconds of the job with the chosen engine: they order the queue and give the time left."""
+        """The expected seconds of the job with the chosen engine, which order the queue and give the time left."""
         compiled = self.arguments.get("engine") == "auto" and self.arguments.get("scheme") in COMPILED
         return 0.1 + 0.02 * self.seconds if compiled and find_spec("numba") else self.seconds
 
 
 @dataclass(frozen=True)
 class Size:
-    """The size of a reproduction: the share of the paper's work that is done, 1 for all, the seed and the engine."""
+    """The size of a reproduction: the fraction of the paper's work that is done, the seed and the engine."""
 
     seed: int = 0
     share: float = 1.0
@@ -90,10 +90,10 @@ Results = dict[tuple[str, ...], Any]
 class Statement:
     """A statement of the paper about a computed quantity, and the result of the computation.
 
-    text, source : the statement, in the paper's words or close to them, and where it stands
-    measured : what was measured and what it came to
-    criterion : when the statement counts as true; derived, or apologised for
-    correction : what should stand there, where it does not hold as printed
+    text, source : the statement, in the paper's words or close to them, and its place in the paper
+    measured : what was measured, and the result
+    criterion : when the statement counts as true, by a derived bound or by a choice that is stated as ours
+    correction : the right statement, if the paper's does not hold as printed
     """
 
     text: str
@@ -109,12 +109,12 @@ class Panel:
     """One panel of one figure.
 
     key : names the panel and its files, such as "4.1-phase-space": the figure, or "theory", and what is shown
-    parameters : what the paper gives and what was used
-    chosen : what the paper leaves open, and what was taken
+    parameters : the parameters of the paper, and those of the computation
+    chosen : the choices made where the paper gives none
     slopes : the reference slopes to draw
-    description : what there is to see, for whoever does not see it
-    equal : whether both axes have one scale
-    window : only |y| up to this is drawn, and |x| too where both axes have one scale; the series go on beyond
+    description : the picture in words, for readers who cannot see it
+    equal : True if both axes have one scale
+    window : only points with |y| up to this are drawn, and |x| too if `equal`; the series may have larger values
     """
 
     key: str
@@ -181,13 +181,13 @@ def stated_in(name: str, place: str) -> str:
 
 
 def sentence(name: str) -> str:
-    """The start of a sentence about a scheme; it says so if the scheme is not one of the paper's."""
+    """The start of a sentence about a scheme, marked by "(ours)" if the paper's figures do not show the scheme."""
     return f"{'(ours) ' if name in OURS else ''}{SENTENCE[name]}"
 
 
-# 86 mm, a column; type of 8 points, none below 6.5.
+# In inches: the width is a journal's column of 86 mm. Type has 8 points, and none is below 6.5.
 WIDTH, HEIGHT = 3.39, 2.9
-# Letters are drawn: a journal's page shows them as they are here.
+# Letters are drawn as paths, so that a journal's page shows them as they are here.
 _STYLE = {
     "svg.fonttype": "path", "font.size": 8, "xtick.labelsize": 7, "ytick.labelsize": 7, "legend.fontsize": 6.5,
     "lines.linewidth": 1.0, "grid.linewidth": 0.4,
@@ -196,7 +196,7 @@ _STYLE = {
 
 def draw(panel: Panel, folder: Path) -> tuple[Path, Path]:
     """Write folder/KEY.svg and folder/KEY.png (300 dpi), one column of a journal wide, and return both paths."""
-    # Two columns of longer labels are wider than the figure; a legend of many rows makes it higher, not its axes lower.
+    # Two columns of longer labels are wider than the figure. A legend of many rows makes the figure higher.
     columns = 2 if max(len(s.name) for s in panel.series) <= 22 else 1
     more = max(0, math.ceil(len(panel.series) / columns) - 3)
     with figure(WIDTH, HEIGHT + 0.14 * more, _STYLE, layout="constrained") as drawn:

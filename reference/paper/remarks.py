@@ -26,10 +26,10 @@ from .order import ALPHA
 from .record import Job, Panel, Results, Size, Statement, points
 from .runs import coarsened, errors
 
-# k of Remark 2.1 with which no sample of the order panel has a clipped increment: one that has is an error of its own.
+# With this k of Remark 2.1 no increment of the order panel is clipped; a clipped one would add an error of its own.
 UNCLIPPED = 4
 STEPS, SAMPLES = (32, 64, 128, 256), 1000
-# Lotka-Volterra over the time in which every path comes to a step that is refused.
+# The end time, the number of paths and the step sizes for Lotka-Volterra: by this time every path has a refused step.
 LOST, LOST_PATHS, LOST_H = 512.0, 48, (2.0**-7, 2.0**-8, 2.0**-9)
 TIMES = tuple(2.0**k for k in range(10))
 SETS = {
@@ -41,13 +41,13 @@ CLIP, CLIP_T, CLIP_STEPS = ("harmonic-oscillator", "pendulum", "lotka-volterra")
 
 
 def sublinear() -> Problem:
-    """H = (1 + p²)^¾ + (1 + q²)^¾: H and f, which grows as |y|^½, are not bounded; all derivatives of f are."""
+    """A problem with H = (1 + p²)^¾ + (1 + q²)^¾: H and f ~ |y|^½ are unbounded, all derivatives of f are bounded."""
 
     def root(x: Array) -> Array:
         return np.sqrt(np.sqrt(1 + x * x))
 
     def mean(y0: Array, y1: Array) -> Array:
-        # (b³ − a³)/(y1 − y0) for b⁴ − a⁴ = y1² − y0², without cancellation; by rule a root of a square has no mean.
+        # (b³ − a³)/(y1 − y0) with b⁴ − a⁴ = y1² − y0², without cancellation. No quadrature rule is exact for this mean.
         a, b = root(y0), root(y1)
         return (y0 + y1) * (a * a + a * b + b * b) / ((a + b) * (a * a + b * b))
 
@@ -58,7 +58,7 @@ def sublinear() -> Problem:
 
 
 def sublinear_errors(samples: int, seed: int) -> StrongErrors:
-    """The errors at T = 1 on the sublinear problem; all step sizes see the same paths."""
+    """The errors at T = 1 on the sublinear problem; all step sizes have the same Wiener paths."""
     scheme = replace(SCHEME, truncation=UNCLIPPED)
     return errors(scheme, sublinear(), T=1.0, steps=STEPS, samples=samples, seed=seed)
 
@@ -66,16 +66,16 @@ def sublinear_errors(samples: int, seed: int) -> StrongErrors:
 def sublinear_step() -> list[float]:
     """The slopes against h of |E[y1 − φ]| and (E|y1 − φ|²)^½ after one step, by quadrature; φ is the exact solution."""
     errors = local_errors(SCHEME, sublinear(), Run())
-    # Three steps well above rounding: the errors are 1e-6 and less there.
+    # The three smallest steps with errors well above rounding; these errors are 1e-6 and less.
     usable = [n for n, e in enumerate(errors.mean) if e > 1e4 * EPS][-3:]
     return [judge.slope(errors.h[usable], e[usable]) for e in (errors.mean, errors.rms)]
 
 
 def casimir_loss(h: float, steps: int, paths: int, seed: int, engine: str) -> dict[str, Any]:
-    """Measure the loss of the Casimir C, and the refused steps.
+    """Measure the loss of the Casimir C along paths of Lotka-Volterra, and the refused steps.
 
-    Mean of C(y) − C(y0) over the paths still alive at `TIMES`, the times at which the others had a step refused, and
-    the number of these steps with a solution that `sepv.schemes.continued` finds.
+    The result has the mean of C(y) − C(y0) at `TIMES` over the paths without a refused step so far, the times of the
+    refused steps, and the number of refused steps for which `sepv.schemes.continued` finds a solution.
     """
     problem = problems.lotka_volterra()
     assert problem.nambu is not None
@@ -97,7 +97,7 @@ def casimir_loss(h: float, steps: int, paths: int, seed: int, engine: str) -> di
 
 
 def _solvable(sample: Ensemble, problem: Problem, h: float, steps: int, seed: int) -> int:
-    """The number of steps that the solver refused and that have a solution on the curve from Δ = 0."""
+    """The number of steps that the solver refused, but that continuation from Δ = 0 solves."""
     count, follow = 0, continued(SCHEME).solve
     assert follow is not None
     for path in np.flatnonzero(sample.failed_step >= 0):
@@ -108,9 +108,9 @@ def _solvable(sample: Ensemble, problem: Problem, h: float, steps: int, seed: in
 
 
 def furthest(problem: str, seed: int, engine: str) -> dict[str, float]:
-    """The share of the way to the boundary of the set of Remark 3.5, |p|/√(p0² + 4) or √(H(y)/H(y0)), that paths go.
+    """The largest |p|/√(p0² + 4) or √(H(y)/H(y0)) along paths; it is 1 on the boundary of the set of Remark 3.5.
 
-    Along (2.1) and along exact solutions of the same paths.
+    The result has this number for paths of (2.1), and for exact solutions with the same noise.
     """
     system = problems.by_name(problem)
     start = np.array(system.initial)
@@ -130,7 +130,7 @@ def furthest(problem: str, seed: int, engine: str) -> dict[str, float]:
 
 
 def failing(problem: str, truncated: bool, samples: int, seed: int, engine: str) -> list[float]:
-    """The share of samples with a failed step up to T = 1, for each number of steps."""
+    """The fraction of samples with a failed step up to T = 1, for each number of steps."""
     system, k, shares = problems.by_name(problem), 2 if truncated else None, []
     fine = wiener.increments(seed, T=CLIP_T, steps=CLIP_STEPS[-1], noises=system.noises, paths=range(samples))
     for count, raw in coarsened(fine, CLIP_STEPS):
@@ -193,7 +193,7 @@ def _sublinear(errors: StrongErrors, local: list[float]) -> Panel:
 
 
 def _in_the_set(name: str, reached: dict[str, float]) -> Statement:
-    # H is kept up to 8 eps √N of itself, and the share is a square root of it.
+    # (2.1) keeps H up to a relative error of 8 eps √N, and `reached` has square roots of H/H(y0).
     limit = 1 + 8 * EPS * SET_STEPS**0.5
     return Statement(
         SETS[name], "Remark 3.5", judge.at_most(max(reached.values()), limit, limit + 1e-3),

@@ -1,7 +1,7 @@
 """The computations behind the panels: one long path of a scheme, its invariants, and errors against the exact flow.
 
-Each is a plain function of names and numbers, so that it runs in any process, and each runs the
-scheme's own step: nothing here knows a formula of a scheme.
+Each computation is a plain function of names and numbers, so that it can run in any process. Each calls the
+scheme's own step; no formula of a scheme is repeated.
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ from sepv.studies import Series
 from .judge import decide
 from .record import Job, Results, Size, Statement, sentence, series, stated_in
 
-# A drift this many times the rounding bound is not rounding.
+# A drift of more than this many times the rounding bound is not rounding.
 FAR = 1e3
-# The most points of the sample that is shown.
+# The largest number of points that are kept of the sample that figures show.
 POINTS = 1000
 
 
 @dataclass(frozen=True)
 class Run:
-    """Samples of one scheme over one stretch of time; the first sample is the one that is shown.
+    """Samples of one scheme on one time interval; figures show the first sample.
 
-    t, y : (K,), (d, K), the first sample, at every `stride`-th step and at the end
-    energy, casimir : (N+1,), H and the first quadratic Casimir yᵀAy along it at every step; empty where there is none
+    t, y : (K,), (d, K), the first sample, thinned to about POINTS steps and with its end
+    energy, casimir : (N+1,), H and the first quadratic Casimir yᵀAy of the first sample at every step; empty if none
     theta : (K,), the exact solution's time t + Σ c_j W_j(t) at `t`
-    checkpoints, energies : (L,), (L, M), steps (powers of two and the last) at which all samples were looked at
-    stopped : the step at which the first sample failed or left the domain, −1 where it did not
+    checkpoints, energies : (L,), (L, M), some steps (powers of two, and the last), and H of all samples at them
+    stopped : the step at which the first sample failed or left the domain, −1 if it did not
     """
 
     scheme: str
@@ -58,20 +58,20 @@ class Run:
 
     @property
     def steps(self) -> int:
-        """The number N of steps of the run, whether or not it came to its end."""
+        """The number N of steps of the run, even if the first sample stopped earlier."""
         return int(self.checkpoints[-1])
 
 
-# Seconds of an implicit step in NumPy, and of an explicit one, for the time left.
+# Seconds of one implicit step in NumPy, and of one explicit step, from which the time left is estimated.
 COST = {"energy-preserving": 500e-6, "midpoint": 600e-6, "discrete-gradient": 2000e-6}
 EXPLICIT = 110e-6
 
 
 @dataclass(frozen=True)
 class LongRuns:
-    """The long runs of a figure: its schemes on the same Wiener path.
+    """The long runs of a figure: all its schemes on the same Wiener path.
 
-    `shared` is True if a quick look takes a share of the steps.
+    If `shared` is true, a quick reproduction takes only a fraction of the steps.
 
     samples : the number of samples of single schemes; that of all other schemes is `others`
     """
@@ -103,10 +103,10 @@ class LongRuns:
 def long_run(
     scheme: str, problem: str, *, h: float, steps: int, seed: int, samples: int = 1, engine: str = "auto"
 ) -> Run:
-    """One scheme over a long time: `samples` paths from the problem's initial state in steps of h.
+    """Run one scheme over a long time: `samples` paths from the problem's initial state in steps of h.
 
-    Sample 0 sees the same Wiener path whatever the scheme. A sample that fails, or leaves the domain,
-    stays where it was and counts no further; the first one's curve ends there.
+    Sample 0 has the same Wiener path for all schemes. A sample that fails, or leaves the domain, keeps its last
+    state and is not stepped further. If this happens to sample 0, its curve ends at this step.
     """
     method, system = schemes.by_name(scheme), problems.by_name(problem)
     checkpoints = np.array([*(2**i for i in range(steps.bit_length()) if 2**i < steps), steps])
@@ -129,7 +129,7 @@ def long_run(
 def _follow(
     method: Scheme, system: Problem, h: float, raw: Array, checkpoints: np.ndarray, engine: str
 ) -> tuple[Array, Array, int]:
-    """The first sample at every step (d, N+1), all energies at the checkpoints, and the step at which it failed."""
+    """The first sample at every step (d, N+1), all energies at the checkpoints, and the first sample's failed step."""
     steps, _, samples = raw.shape
     compiled, _ = choose(engine, method, system, compensated=False)
     start = np.array(system.initial, dtype=np.float64)
@@ -147,7 +147,7 @@ def errors(
     scheme: str | Scheme, problem: str | Problem, *, T: float, steps: Sequence[int], samples: int, seed: int,
     engine: str = "auto",
 ) -> StrongErrors:  # fmt: skip
-    """The errors at T of the first `samples` paths against the exact flow; all step sizes see the same paths."""
+    """The errors at T of the first `samples` paths against the exact flow; all step sizes share the Wiener paths."""
     method = schemes.by_name(scheme) if isinstance(scheme, str) else scheme
     system = problems.by_name(problem) if isinstance(problem, str) else problem
     fine = wiener.increments(seed, T=T, steps=steps[-1], noises=system.noises, paths=range(samples))
@@ -173,7 +173,7 @@ def truncated(problem: str, *, T: float, steps: Sequence[int], samples: int, see
 def coarsened(fine: Array, steps: Sequence[int]) -> Iterator[tuple[int, Array]]:
     """Pairs of a number N of steps and its increments (N, m, M).
 
-    They are sums of the increments `fine` of the finest grid, whose number of steps is the last of `steps`.
+    The increments are sums of `fine`, those of the finest grid, whose number of steps is the last of `steps`.
     """
     return ((count, wiener.coarsen(fine, steps[-1] // count)) for count in steps)
 
@@ -181,13 +181,13 @@ def coarsened(fine: Array, steps: Sequence[int]) -> Iterator[tuple[int, Array]]:
 def rounding_bound(steps: int) -> float:
     """A bound of the relative change by rounding of an exactly preserved invariant in `steps` steps.
 
-    A step moves a quadratic invariant by at most 2 eps of itself: see `rounding_walk`, which is that of H.
+    Rounding in one step moves a quadratic invariant by at most 2 eps times its value; `rounding_walk` is the case of H.
     """
     return 8 * EPS * float(np.sqrt(steps))
 
 
 def curve(run: Run, values: Array) -> Series:
-    """The curve of an invariant along the first sample, at about 600 steps at most, with the last one."""
+    """The curve of an invariant along the first sample, thinned to about 600 steps and with the last step."""
     kept = np.unique(np.append(np.arange(0, values.size, max(1, values.size // 600)), values.size - 1))
     return series(run.scheme, kept * run.h, values[kept], scheme=run.scheme)
 
@@ -195,8 +195,8 @@ def curve(run: Run, values: Array) -> Series:
 def bound(run: Run, what: str, *, constant: bool = True) -> float:
     """A bound of the rounding of the invariant `what` along a run, relative to its value at the start.
 
-    Rounding moves y_i by eps |y_i|, hence H by Σ|∂_iH y_i| of that: at most along the path where the scheme is
-    said to keep H, at the start where it is not.
+    Rounding moves y_i by eps |y_i|, hence H by eps Σ|∂_iH y_i|. If the scheme is said to keep H, the largest sum along
+    the path is taken, else the sum at the start.
     """
     system = problems.by_name(run.problem)
     if what == "Casimir":
@@ -206,7 +206,7 @@ def bound(run: Run, what: str, *, constant: bool = True) -> float:
 
 
 def drift(values: Array) -> float:
-    """The largest distance of the values from the first one, relative to it."""
+    """The largest distance of the values from the first value, relative to the first value."""
     with np.errstate(over="ignore", invalid="ignore"):
         return float(np.nanmax(np.abs(values - values[0])) / abs(values[0]))
 

@@ -1,10 +1,10 @@
-"""Collocation with s stages on the structure of a step: higher order for several structures whose flows commute.
+"""Collocation with s stages for several structures: order s if all flows commute.
 
-With the increments of a step held fixed, dy = B∇H dt + Σ c_j G_j∇H ∘dW_j becomes y′ = P(y)∇H, P = h B + Σ c_jΔW_j G_j,
-over a unit of time, and where all fields commute its flow is the exact step. The s-stage method of Cohen and Hairer
-(2011) for it has a local error of order 2s + 1 in √h, so that the mean-square order is s. It keeps H, because P is
-skew, and quadratic Casimirs common to all structures. Where fields do not commute the order is that of
-`sepv.schemes.several_structures`.
+With the increments of a step fixed, dy = B∇H dt + Σ c_j G_j∇H ∘dW_j becomes y′ = P(y)∇H, P = h B + Σ c_jΔW_j G_j,
+over a unit of time. If all fields commute, the flow of y′ = P(y)∇H is the exact step. The s-stage method of Cohen and
+Hairer (2011) for this equation has a local error of order 2s + 1 in √h, so that the mean-square order is s. The method
+keeps H, because P is skew, and quadratic Casimirs common to all structures. If the fields do not commute, the order is
+that of `sepv.schemes.several_structures`.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from sepv.schemes import as_lanes, collocation
 
 
 def step_with_stages(problem: Problem, stages: int, y: Array, h: float, dW: Array) -> Array:
-    """y1 of one step with s = 1 … 6 stages, for y of shape (d,) or (d, M) and dW of shape (m,) or (m, M).
+    """The state y1 after one step with s = 1 … 6 stages, for y (d,) or (d, M) and dW (m,) or (m, M).
 
     Paths are solved one after the other, because each has its own structure P.
 
-    Raises StepFailure where the implicit equation was not solved.
+    Raises StepFailure if the implicit equation of a path is not solved.
     """
     state, noise = as_lanes(problem, y, h, dW)
     step = collocation(stages).step
@@ -36,7 +36,7 @@ def step_with_stages(problem: Problem, stages: int, y: Array, h: float, dW: Arra
 def problem_of_step(problem: Problem, parts: Array) -> Problem:
     """The problem y′ = P(y)∇H without noise, where P = h B + Σ c_jΔW_j G_j and `parts` are h and the c_jΔW_j.
 
-    One step of length 1 of a method on it is the method's step with noise.
+    One step of length 1 of a method on this problem is the method's step with noise.
     """
     slope: Any = partial(combined_slope, problem, parts=parts)
     given = combined_slope(problem, np.array(problem.initial)[:, None], parts[:, None]) is not None

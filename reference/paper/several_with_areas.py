@@ -1,17 +1,17 @@
-"""The scheme for several structures with Lévy areas: mean-square order 1 also where the noises do not commute.
+"""The scheme for several structures with Lévy areas: mean-square order 1 even if the noises do not commute.
 
 y1 = y0 + [h B(ȳ) + Σ_j c_j ΔW_j G_j(ȳ) + Σ_{i<j} c_i c_j A_ij K_ij(ȳ)] ∫₀¹ ∇H(y0 + τ(y1 − y0)) dτ
 
-with A_ij = ½∫(W_i dW_j − W_j dW_i) over the step. Of the Stratonovich expansion of the solution (P. Kloeden and
-E. Platen, Numerical Solution of Stochastic Differential Equations, 1992, §5.2), a scheme that sees increments only
-lacks Σ_{i<j} A_ij (f_j′f_i − f_i′f_j), f_j = c_j G_j∇H, a term of the order of h. With g = ∇H and H″
+with the Lévy areas A_ij = ½∫(W_i dW_j − W_j dW_i) over the step. A scheme that uses increments only lacks the term
+Σ_{i<j} A_ij (f_j′f_i − f_i′f_j), f_j = c_j G_j∇H, of the order of h in the Stratonovich expansion of the solution
+(P. Kloeden and E. Platen, Numerical Solution of Stochastic Differential Equations, 1992, §5.2). With g = ∇H and H″
 
     f_j′f_i − f_i′f_j = c_i c_j K_ij g,   K_ij = G_j′(G_ig) − G_i′(G_jg) + G_jH″G_i − G_iH″G_j,
 
-and K_ij is skew where H″ is symmetric, so that H is kept as in Proposition 3.1: for all B, G_j, increments and areas.
+and K_ij is skew because H″ is symmetric. So H is kept as in Proposition 3.1, for all B, G_j, increments and areas.
 
-`step_with_areas(problem, y, h, dW, areas)` takes y (d,) or (d, M), dW (m,) or (m, M) and the A_ij of the same
-increments, (m, m) or (m, m, M); drawing them jointly with ΔW is not this file's business.
+`step_with_areas(problem, y, h, dW, areas)` takes y (d,) or (d, M), dW (m,) or (m, M) and the areas A_ij of the same
+increments, (m, m) or (m, m, M). This module does not draw the areas.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from sepv.solve import Increment
 
 
 def commutator(problem: StructuresProblem, i: int, j: int, y: Array, mean: Array) -> Array:
-    """The matrix K_ij of the module's docstring, (d, d, M), at y for g = `mean`."""
+    """The skew matrix K_ij of the module's docstring, (d, d, M), at states y and with g = `mean`."""
     Gi, Gj = (problem.noise_structures[n](y) for n in (i, j))
     assert problem.noise_structure_derivatives is not None
     Di, Dj = (problem.noise_structure_derivatives[n](y) for n in (i, j))
@@ -59,7 +59,7 @@ def require_derivatives(problem: Problem) -> None:
 
 
 def increment(problem: Problem, y0: Array, y1: Array, known: Array) -> Increment:
-    """R of the step y1 = y0 + R. `known` (k, M) holds h, the c_j ΔW_j, and the c_i c_j A_ij with i < j.
+    """The increment R of the step y1 = y0 + R; `known` (k, M) holds h, all c_j ΔW_j, and all c_i c_j A_ij with i < j.
 
     B and all G_j count as one evaluation.
     """
@@ -72,5 +72,5 @@ def increment(problem: Problem, y0: Array, y1: Array, known: Array) -> Increment
     return Increment(matvec(structure, mean.value), mean.evaluations, counts, mean.reliable)
 
 
-# Newton's matrix is made from differences: K_ij′ would need third derivatives of H.
+# Newton's matrix is made from differences, because K_ij′ would need third derivatives of H.
 step_with_areas = Implicit(increment, parts=noise_and_areas, requires=require_derivatives)

@@ -38,7 +38,7 @@ THEORY = "theory"
 # Formulas and arguments of the text, which need no run.
 TEXT = "text"
 
-# (seconds of work done, seconds of work in all), both as estimated.
+# A callback with the estimated seconds of work done, and the estimated seconds of all work.
 ShareProgress = Callable[[float, float], None]
 
 
@@ -95,12 +95,12 @@ def reproduce(
     ----------
     figures : names such as "4.3", "theory" or "text"; all of them by default.
     workers : int, executor, map-like callable, Dask client or its address
-        Processes, or what `sepv.ensemble` takes. The numbers do not depend on it.
+        The number of processes, or any `workers` of `sepv.ensemble`. The results do not depend on it.
 
     Raises
     ------
     UsageError
-        For a figure that the paper does not have.
+        If the paper has no figure of this name.
     """
     wanted = tuple(dict.fromkeys(figures)) or (*FIGURES, THEORY, TEXT)
     unknown = [f for f in wanted if f not in (*FIGURES, THEORY, TEXT)]
@@ -162,7 +162,7 @@ def _run(jobs: list[Job], workers: Any, progress: ShareProgress) -> Results:
                 take(running.pop(future), future.result())
             now = time.perf_counter()
             active = [(jobs[n], now - since.setdefault(n, now)) for n in list(running.values())[:workers]]
-            # What a running job has done, as far as its estimate says, nears the end and never reaches it.
+            # The estimated progress of a running job approaches its end and never reaches it.
             parts = (job.seconds * (1 - math.exp(-elapsed / job.seconds)) for job, elapsed in active)
             progress(done + sum(parts), total)
     return results

@@ -1,7 +1,7 @@
-"""Saboteurs: (2.1) with one thing broken each, and all claims kept. They test the suite, not schemes.
+"""Saboteurs: copies of (2.1) or another scheme with one fault each and all its claims. They test the suite of laws.
 
-Each family is a module; `SABOTEURS` holds them by name. For each thing that a law is said to see, some saboteur shows
-it; `sepv.reference.faults.detection` runs them all.
+Each module is a family of saboteurs, and `SABOTEURS` holds all saboteurs by name. For each kind of fault that a law is
+said to find there is a saboteur; `sepv.reference.faults.detection` runs all of them.
 """
 
 from __future__ import annotations

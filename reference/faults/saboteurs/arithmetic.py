@@ -46,7 +46,7 @@ SABOTEURS.rows(
 @SABOTEURS.formula("∇H is formed from differences of H", ("energy", "symmetry", "reference", "reduction"))
 def differenced_gradient(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     def gradient(y: Array) -> Array:
-        # Wide enough that the noise of the differences stays below the solver's rounding.
+        # The width keeps the rounding noise of the differences below the rounding of the solver.
         d, H = fields.problem.dimension, fields.problem.hamiltonian
         width = 1e-3 * np.eye(d).reshape(d, -1, *(1,) * (y.ndim - 1))
         return np.stack([(H(y + e) - H(y - e)) / 2e-3 for e in width])
@@ -95,7 +95,7 @@ def divided_by_the_step(step: Step, problem: Problem, y: Array, h: float, dW: Ar
 
 @SABOTEURS.around("in one step of twenty a component is moved by one ulp to where H is larger", ("rounding",))
 def one_signed_nudge(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Nudge y1 in the steps that the last digits of y choose."""
+    """Move one component of y1 by an ulp in one step of twenty, chosen by the last digits of y."""
     y1 = step(problem, y, h, dW)
     slope = problem.gradient(y1)
     gain = np.abs(slope) * np.spacing(np.abs(y1))
@@ -107,7 +107,7 @@ def one_signed_nudge(step: Step, problem: Problem, y: Array, h: float, dW: Array
 
 @SABOTEURS.around("the last addition is rounded toward zero", ("rounding",))
 def toward_zero(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """y0 + Δ B∇̄H as a chopping machine adds."""
+    """Add y0 + Δ B∇̄H with rounding toward zero."""
     move = right_side(problem, y, step(problem, y, h, dW), random_step(problem, h, dW))
     total = y + move
     # Knuth's two-sum: the exact rounding error of y + move.

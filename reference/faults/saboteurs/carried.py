@@ -1,4 +1,4 @@
-"""Faults of states that a path carries: single steps are right, or nearly, and paths are not."""
+"""Faults of the state that a scheme keeps along a path: single steps are right or nearly right, but paths are wrong."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def _begun(_: Problem, y: Array) -> Any:
 
 
 def _shared(buffer: dict[Any, Array]) -> StatefulStep:
-    """Every path keeps y in one place."""
+    """A step that keeps the states y of all paths in one shared buffer."""
 
     def init(_: Problem, y: Array) -> Array:
         state = buffer.setdefault(y.shape, np.empty(y.shape))
@@ -40,7 +40,7 @@ def _overwritten(problem: Problem, state: Any, h: float, dW: Array) -> Any:
 
 
 def _stale(problem: Problem, state: Any, h: float, dW: Array) -> Any:
-    """Move by the rate of the step before; at the path's beginning there is none."""
+    """Move by the rate (y1 − y0)/Δ of the step before; the first step of a path moves by its own rate."""
     y, *before = state
     delta = problem.random_step(h, dW)
     with np.errstate(all="ignore"):

@@ -33,17 +33,17 @@ _EXPLICIT = ("energy", *_TURNED, "reduction", "rounding")
 
 
 def with_structure(structure: Part) -> Formula:
-    """Δ times a given matrix in place of B(ȳ), a function of (fields, y, z), times the averaged gradient."""
+    """Scheme (2.1) with the matrix structure(fields, y, z) in place of B(ȳ), ȳ = y + z/2."""
     return lambda fields, y, z, step: step[0] * matvec(structure(fields, y, z), fields.mean_gradient(y, z))
 
 
 def with_average(average: Part) -> Formula:
-    """Δ B(ȳ) times a given vector in place of the averaged gradient, a function of (fields, y, z)."""
+    """Scheme (2.1) with the vector average(fields, y, z) in place of the averaged gradient."""
     return lambda fields, y, z, step: step[0] * matvec(fields.structure(middle(y, z)), average(fields, y, z))
 
 
 def quadrature(nodes: Callable[[Problem], int | None], digits: int = 17) -> Formula:
-    """(2.1) with an average by nodes(problem) Gauss nodes of this many digits; the right average where that is None."""
+    """Scheme (2.1) with nodes(problem) Gauss nodes of this many digits; with the right average if that is None."""
 
     def average(fields: Fields, y: Any, z: Any) -> Any:
         count = nodes(fields.problem)
@@ -58,7 +58,7 @@ def quadrature(nodes: Callable[[Problem], int | None], digits: int = 17) -> Form
 
 
 def of_degree(nodes: Callable[[int], int]) -> Callable[[Problem], int | None]:
-    """Choose the number of nodes from the degree of a polynomial H."""
+    """Choose the number of quadrature nodes from the degree of H; None if H is not a polynomial."""
     return lambda problem: None if problem.degree is None else max(1, nodes(problem.degree))
 
 
@@ -66,7 +66,7 @@ b_at_y0 = with_structure(lambda fields, y, _z: fields.structure(y))
 
 
 def one_point_quadrature(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    """The midpoint rule, Δ f(ȳ)."""
+    """The midpoint rule, y1 − y0 = Δ f(ȳ) with ȳ = (y0 + y1)/2."""
     return step[0] * fields.field(middle(y, z))
 
 
@@ -171,7 +171,7 @@ def runge_kutta(problem: Problem, y0: Array, step: Array) -> Array:
 
 
 def _projected(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Project any step by Newton's method along ∇H to the energy at its start."""
+    """Project the result of a step along ∇H, by Newton's method, to the energy at the start of the step."""
     y1 = step(problem, y, h, dW)
     for _ in range(6):
         g, gap = problem.gradient(y1), problem.hamiltonian(y1) - problem.hamiltonian(y)

@@ -1,4 +1,4 @@
-"""Faults of schemes for several Hamiltonians: each loses one property of the scheme that it imitates, and claims it."""
+"""Faults of schemes for several Hamiltonians: each claims, but lacks, one property of the scheme that it imitates."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def second_noise_louder(problem: Problem, y: Array, h: float, dW: Array) -> Arra
     schemes.stochastic_midpoint, "y1 is multiplied by 1 + 2⁻³⁰h", ("casimir", "symmetry", "symplecticity")
 )
 def away_from_the_origin(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Make y1 a little too long."""
+    """Multiply y1 by 1 + 2⁻³⁰h."""
     return schemes.stochastic_midpoint.step(problem, y, h, dW) * (1 + PUSH * h)
 
 
@@ -52,7 +52,7 @@ def areas_of_other_sign(problem: Problem, y: Array, h: float, dW: Array, areas: 
     schemes.stochastic_splitting, "the flows are composed in turn, and not symmetrically", ("symmetry",)
 )
 def lie_and_trotter(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Compose all flows in turn, without the way back."""
+    """Compose all flows in one order (Lie and Trotter), and not symmetrically."""
     schemes.stochastic_splitting.step(problem, y, 0.0, 0 * dW)  # raises for problems that the scheme refuses
     state, noise = as_lanes(problem, y, h, dW)
     flows: tuple[Any, ...] = (*problem.flows, *problem.noise_flows)  # type: ignore[attr-defined]
@@ -68,7 +68,7 @@ def lie_and_trotter(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     ("poisson-map", "any-casimir"),
 )
 def midpoint_as_isospectral(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """The midpoint rule, y0 = x − ½f and y1 = x + ½f."""
+    """The midpoint rule, y0 = x − ½f(x) and y1 = x + ½f(x), in place of the isospectral midpoint rule."""
     algebra_of(problem, as_lanes(problem, y, h, dW)[0])
     return schemes.stochastic_midpoint.step(problem, y, h, dW)
 
@@ -90,7 +90,7 @@ def arithmetic_middle(problem: Problem, y0: Array, y1: Array, step: Array) -> In
     ("energy-drift", "casimir-drift"),
 )
 def halves_alike(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array:
-    """Use half of the increment at both ends, which makes the two halves equal."""
+    """Add half of the noise increment at both ends of the step, so that the two halves are equal."""
     return schemes.drift_preserving.step(problem, y, h, dW, 0 * first + 0.5 * dW)
 
 
@@ -100,7 +100,7 @@ def halves_alike(problem: Problem, y: Array, h: float, dW: Array, first: Array) 
     ("energy-drift", "casimir-drift", "local-weak"),
 )
 def pushed_too_far(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array:
-    """Make all noise increments too long by 2⁻²⁰."""
+    """Multiply all noise increments by 1 + 2⁻²⁰."""
     schemes.drift_preserving.step(
         problem, y, 0.0, 0 * dW, 0 * first
     )  # raises for problems that the scheme refuses
@@ -121,8 +121,8 @@ _explicit_structure = implicit(
     ("casimir-drift", "symmetry"),
 )
 def structure_before_the_step(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array:
-    """Y + hB(Y)∇̄H between the pushes."""
-    schemes.drift_preserving.step(problem, y, 0.0, 0 * dW, 0 * first)  # refuses what that refuses
+    """Take the step Y + hB(Y)∇̄H, with B at its start Y, between the two halves of the noise."""
+    schemes.drift_preserving.step(problem, y, 0.0, 0 * dW, 0 * first)  # raises if the scheme refuses the problem
     state, noise = as_lanes(problem, y, h, dW)
     before = np.reshape(first, noise.shape)
     moved = _explicit_structure(problem, pushed(problem, state, before), h, noise)

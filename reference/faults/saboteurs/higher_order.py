@@ -1,6 +1,6 @@
 """Faults of schemes beyond the paper: stages, their quadrature and truncation, more than one invariant.
 
-Each claims the claims of the scheme that it imitates.
+Each saboteur claims what the scheme that it imitates claims.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ from sepv.solve import Fields, Formula
 from .record import Family, explicit_step, imitating, middle
 
 SABOTEURS = Family("higher order")
-# Corrections fall at least fourfold inside the contraction radius; 26 of them make 16 digits.
+# Inside the contraction radius each correction is at most a quarter of the one before; 26 of them give 16 digits.
 _ITERATIONS = 100
 Tables = Callable[[int, int], tuple[Array, Array]]
 
 
 def staged(stages: int, tables: Tables) -> Step:
-    """Collocation with weights W and integrals P of `tables`, by fixed-point iteration."""
+    """A collocation step with the weights W and integrals P that `tables` gives, solved by fixed-point iteration."""
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         y0, noise = as_lanes(problem, y, h, dW)
         delta, tableau = problem.random_step(h, noise), gauss_tableau(stages)
-        # Twenty-four nodes resolve an H that is not a polynomial, at the steps of the laws.
+        # If H is not a polynomial, 24 nodes resolve it for the steps that laws take.
         nodes = 24 if problem.degree is None else exact_nodes(stages, problem.degree)
         W, P = tables(stages, nodes)
         z = np.zeros((y0.shape[0], stages, y0.shape[1]))
@@ -77,13 +77,13 @@ SABOTEURS.rows(
 )  # fmt: skip
 SABOTEURS.rows(
     ("three-stages-k-2", "increments of a scheme of order 3 are truncated with the paper's k = 2",
-     ("truncation", "local-mean-square"),  # the clip is no error of the stages
+     ("truncation", "local-mean-square"),  # clipping is no error of the stages
      lambda: replace(schemes.collocation(3), truncation=2)),
 )  # fmt: skip
 
 
 def _as_both(step: Step) -> Step:
-    """Make a step for the problems that `both-invariants` takes."""
+    """Restrict a step to the problems that `both-invariants` takes."""
 
     def restricted(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         required(problem)
@@ -105,7 +105,7 @@ SABOTEURS.rows(
     lambda R: imitating(schemes.both_invariants, _as_both(implicit(R))),
 )
 def factor_at_start(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    """Δ g(y0) (∇̄H × ∇̄C): both invariants are kept, symmetry is lost."""
+    """The right side Δ g(y0) (∇̄H × ∇̄C): it keeps both invariants, but is not symmetric."""
     return step[0] * fields.factor(y) * cross(fields.mean_gradient(y, z), fields.mean_casimir_gradient(y, z))
 
 
@@ -145,7 +145,7 @@ def structures_exchanged(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     _of_structures,
 )
 def rests_where_undefined(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    """S_j = 0 where ∇H_0 = 0, although B∇H_j is not zero: y1 = y0 solves that equation."""
+    """Set the structure S_j of a noise to 0 if ∇H_0 = 0, although B∇H_j ≠ 0, so that y1 = y0 solves the equation."""
     return matvec(np.nan_to_num(fields.combined(middle(y, z), step)), fields.mean_gradient(y, z))
 
 
@@ -177,7 +177,7 @@ SABOTEURS.rows(
     ("deterministic-order", "symmetry", "symplecticity", "long-time-energy"),
 )
 def force_of_first_kick(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """p + ½ΔF(q), q + ΔM⁻¹p, p + ½ΔF of the old q."""
+    """The leapfrog p + ½ΔF(q), q + ΔM⁻¹p, p + ½ΔF(q), whose second kick also takes the force at the old q."""
     system, (state, noise) = mechanics(problem), as_lanes(problem, y, h, dW)
     delta = problem.random_step(h, noise)
     q, p = system.split(state)
@@ -186,7 +186,7 @@ def force_of_first_kick(problem: Problem, y: Array, h: float, dW: Array) -> Arra
 
 
 def _with(increments: str | PointLaw) -> Callable[[], Scheme]:
-    """Make a scheme of weak order 2 for three-point increments take others, and keep its claim of weak order 2."""
+    """Give other increments to a scheme whose weak order is 2 with three-point increments, and keep its claims."""
     return lambda: weakly(schemes.modified_weak_two, increments)
 
 

@@ -1,7 +1,7 @@
-"""Faults that real programs had, each with the thread in which it was found.
+"""Faults that real programs had, each with the public report (thread) in which it was found.
 
-A fault is put into a method that keeps its claims; `RIGHT` has the method without it. The saboteur does the same as the
-thread describes, carried over to (1.1), where all noises drive the field f = B∇H: dy = f dt + Σ_j c_j f ∘dW_j.
+Each fault is put into a method, which keeps its claims; `RIGHT` has the method without the fault. A saboteur repeats
+the reported fault for (1.1), where all noises drive the field f = B∇H: dy = f dt + Σ_j c_j f ∘dW_j.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def _moving(move: Move) -> Any:
 
 
 def _like(scheme: Scheme, move: Move) -> Scheme:
-    """A scheme with another step and the same claims."""
+    """A copy of `scheme` with the step y1 = y + move and unchanged claims."""
     return replace(scheme, step=_moving(move), solve=None)
 
 
@@ -53,12 +53,12 @@ def _in(right: Scheme, *rows: Row) -> None:
 
 
 def _noise(problem: Problem, dW: Array) -> Array:
-    """The sum S = Σ c_jΔW_j, (M,)."""
+    """The noise S = Σ c_jΔW_j of a step, (M,)."""
     return problem.random_step(0.0, dW)
 
 
 def _by_taylor(problem: Problem, y: Array, h: float, dW: Array, *, wrong: bool = False) -> Array:
-    """Δf + ½Δ²f′f; if `wrong`, f′ is applied to y + Δf in place of f."""
+    """The move Δf + ½Δ²f′f of a Taylor method; if `wrong`, f′ is applied to y + Δf in place of f."""
     delta = problem.random_step(h, dW)
     temporary = vector_field(problem, y)
     moved = delta * temporary
@@ -70,7 +70,7 @@ def _by_taylor(problem: Problem, y: Array, h: float, dW: Array, *, wrong: bool =
 def _by_difference(
     problem: Problem, y: Array, h: float, dW: Array, *, sides: int = 2, drift: bool = False
 ) -> Array:
-    """Milstein's scheme with f′f from a difference of width √h: (h + S)f + ½S² (f(y + √h f) − …)/√h."""
+    """Milstein's move with f′f from a difference of width √h: (h + S)f + ½S² (f(y + √h f) − …)/√h, S = Σ c_jΔW_j."""
     S, f, width = _noise(problem, dW), vector_field(problem, y), math.sqrt(abs(h))
     if not width:
         return S * f + 0.5 * S**2 * derivative_along(problem, y, f)
@@ -86,13 +86,13 @@ DIFFERENCE = replace(_like(milstein, _by_difference), name="milstein by differen
 
 
 def _heun(problem: Problem, y: Array, h: float, noise: Array) -> Array:
-    """Heun's move hf + ½(f(ŷ) + f)·noise, with the noise of each component, (d, M) or (M,)."""
+    """Heun's move hf + ½(f(ŷ) + f)·noise with ŷ = y + hf + f·noise; `noise` is (M,), or (d, M) by components."""
     f = vector_field(problem, y)
     return h * f + 0.5 * (vector_field(problem, y + h * f + f * noise) + f) * noise
 
 
 def _milstein(problem: Problem, y: Array, h: float, S: Array, square: Array) -> Array:
-    """Milstein's move (h + S)f + ½ square f′f."""
+    """Milstein's move (h + S)f + ½ square f′f, with S and `square` in place of Σ c_jΔW_j and its square."""
     f = vector_field(problem, y)
     return (h + S) * f + 0.5 * square * derivative_along(problem, y, f)
 
@@ -132,7 +132,7 @@ def _standard_normals(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 
 
 def _transposed_derivative(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Use (f′)ᵀf in place of f′f: (h + S)f + ½S² (f′)ᵀf."""
+    """Milstein's move with (f′)ᵀf in place of f′f: (h + S)f + ½S² (f′)ᵀf."""
     S, f, columns = _noise(problem, dW), vector_field(problem, y), []
     for i in range(len(y)):
         e = np.zeros_like(y)

@@ -59,7 +59,7 @@ def remembers_without_y(
     return answers[key].copy()
 
 
-# Not energy: a step that repeats the last answer keeps it.
+# The law *energy* is not named, because a step that repeats the last answer keeps the energy.
 @SABOTEURS.around(
     "the last answer is given again for the same h and dW, whatever y", ("contract", "reference"), memory=dict
 )

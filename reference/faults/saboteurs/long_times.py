@@ -1,4 +1,4 @@
-"""Faults that show in the energy over many periods. Each scheme claims what the right one that it imitates claims."""
+"""Faults that show in the energy over many periods. Each saboteur claims what the scheme that it imitates claims."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SABOTEURS = Family("long times")
     ("long-time-energy", "symplecticity", "deterministic-order"),
 )
 def kick_of_another_mass(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """v + ½Δ diag(M)⁻¹F in the velocities v = M⁻¹p."""
+    """Kick the velocities v = M⁻¹p by ½Δ diag(M)⁻¹F in place of ½ΔM⁻¹F."""
     system, (state, noise) = mechanics(problem), as_lanes(problem, y, h, dW)
     delta, inverse = problem.random_step(h, noise), 1 / np.diag(system.mass)[:, None]
     q, p = system.split(state)
@@ -41,7 +41,7 @@ def kick_of_another_mass(problem: Problem, y: Array, h: float, dW: Array) -> Arr
     ("long-time-energy", "deterministic-order", "random-step"),
 )
 def drift_of_a_rounded_step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """q + Δ′M⁻¹p, where Δ′ is Δ to two digits."""
+    """Drift by q + Δ′M⁻¹p, where Δ′ is Δ rounded to two digits."""
     system, (state, noise) = mechanics(problem), as_lanes(problem, y, h, dW)
     delta = problem.random_step(h, noise)
     rounded = np.array([float(f"{step:.1e}") for step in np.atleast_1d(delta)])
@@ -57,7 +57,7 @@ def drift_of_a_rounded_step(problem: Problem, y: Array, h: float, dW: Array) -> 
     ("deterministic-order", "random-step"),
 )
 def single_precision_step_size(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """The leapfrog with h to 24 binary digits."""
+    """The leapfrog with h rounded to 24 binary digits."""
     return leapfrog.step(problem, y, float(np.float32(h)), dW)
 
 
@@ -67,7 +67,7 @@ def single_precision_step_size(problem: Problem, y: Array, h: float, dW: Array) 
     ("long-time-energy", "symplecticity", "volume", "identity"),
 )
 def a_little_friction(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """(q, 0.9999 p) after the step."""
+    """Multiply the momenta p by 0.9999 after the step."""
     system = mechanics(problem)
     q, p = system.split(leapfrog.step(problem, y, h, dW))
     return system.join(q, 0.9999 * p)
@@ -79,7 +79,7 @@ def a_little_friction(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     ("long-time-energy", "symplecticity", "symmetry", "identity"),
 )
 def stored_in_single_precision(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """The numbers of 24 bits next to the result, nearer to zero."""
+    """Round the result to 24 bits, toward zero."""
     result = blanes_moan.step(problem, y, h, dW)
     near = result.astype(np.float32)
     beyond = np.abs(near) > np.abs(result)
@@ -92,7 +92,7 @@ def stored_in_single_precision(problem: Problem, y: Array, h: float, dW: Array) 
     ("long-time-energy", "symmetry", "symplecticity"),
 )
 def three_sweeps(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """y1 ← y0 + Δ f((y0 + y1)/2), three times from y1 = y0."""
+    """Iterate y1 ← y0 + Δ f((y0 + y1)/2) three times from y1 = y0."""
     y0, noise = as_lanes(problem, y, h, dW)
     delta, y1 = problem.random_step(h, noise), y0
     for _ in range(3):

@@ -24,7 +24,7 @@ SABOTEURS = Family("noise")
 _LOCAL = ("local-mean", "local-mean-square", "local-weak")
 _STEP = ("midpoint", "reference", "reduction", "expansion")
 _LIMIT = ("local-mean-square", "mean-square-order", "right-limit")
-# Laws that see a scheme with another limit, whose mean is wrong too.
+# Laws that find a scheme with another limit whose mean is wrong too.
 _MEAN = (*_STEP, *_LIMIT, "local-mean", "local-weak", "weak-order")
 _SEVERAL = ("midpoint", "reference", "reduction", "noise-sum", "random-step", *_LIMIT)
 _SIZES = (
@@ -34,7 +34,7 @@ _SIZES = (
 
 
 def _with(delta: Callable[[Any, Any, Any], Any]) -> Callable[[], Scheme]:
-    """`make` of (2.1) with another Δ (M,), a function of c as a column (m, 1), h and the increments w (m, M)."""
+    """Scheme (2.1), as `Saboteur.make`, with Δ = delta(c, h, w), (M,), for c (m, 1), h and increments w (m, M)."""
     return implicit(formula, lambda problem, h, noise: delta(problem.c[:, None], h, noise)[None])
 
 
@@ -94,7 +94,7 @@ SABOTEURS.rows(
      ("truncation", "local-mean-square"), lambda: replace(original, truncation=1)),
 )  # fmt: skip
 SABOTEURS.rows(
-    # Not noise-sum: one noise with the same sum is too large by the same factor.
+    # *noise-sum* is not named, because one noise with the same sum is too large by the same factor.
     ("noise-too-large", "every increment is too large by a factor of 1.0001",
      ("identity", "random-step", *_STEP, *_LOCAL), lambda c, h, w: h + 1.0001 * np.sum(c * w, axis=0)),
     ("drift-too-large", "the drift is too large by a factor of 1.001", ("identity", "random-step", *_STEP, *_LOCAL),

@@ -1,4 +1,4 @@
-"""The record of a saboteur, and ways to make one from (2.1) with a single thing broken."""
+"""The record of a saboteur (a scheme broken on purpose), and functions that make saboteurs, most of them from (2.1)."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ By = Callable[[Any], Callable[[], Scheme]]
 
 @dataclass(frozen=True)
 class Saboteur:
-    """A scheme that claims all that (2.1) claims, with one thing broken."""
+    """A scheme with one fault that claims all that (2.1), or the scheme that it imitates, claims."""
 
     name: str
     family: str
     broken: str  # the fault, in one sentence
-    make: Callable[[], Scheme]  # makes a new scheme, without memory of the calls of another
+    make: Callable[[], Scheme]  # makes a new scheme, without memory of calls of an older one
     caught_by: tuple[str, ...]  # the laws that must catch it, by theory
     thread: str = ""  # the report of the fault in a real program; empty for an invented one
 
@@ -72,30 +72,30 @@ def explicit_step(update: Update) -> Step:
 
 
 def implicit(R: Formula, parts: Parts = random_step, **more: Any) -> Callable[[], Scheme]:
-    """`make` of a saboteur with another right side, or other data of a step."""
+    """Scheme (2.1), as `Saboteur.make`, with the right side R and the data of a step by `parts`."""
     return lambda: claiming(one_step.implicit(R, parts=parts, **more))
 
 
 def explicit(update: Update) -> Callable[[], Scheme]:
-    """`make` of a saboteur with another update."""
+    """Scheme (2.1), as `Saboteur.make`, with the explicit step y1 = update(problem, y0, Δ)."""
     return lambda: claiming(explicit_step(update))
 
 
 def around(change: Callable[..., Array], memory: Callable[[], Any] | None = None) -> Callable[[], Scheme]:
-    """`make` of a saboteur with change(right step, problem, y, h, dW) in the place of the right step.
+    """Scheme (2.1), as `Saboteur.make`, with the step change(step of (2.1), problem, y, h, dW).
 
-    With `memory` the first argument is its result, made anew for each scheme.
+    If `memory` is given, memory() is the first argument of `change`, made anew for each scheme.
     """
     return lambda: claiming(partial(change, *([memory()] if memory else []), original.step))
 
 
 def imitating(original: Scheme, step: Step, **changes: Any) -> Callable[[], Scheme]:
-    """`make` of a saboteur that claims the claims of another scheme."""
+    """The scheme `original`, as `Saboteur.make`, with another step and unchanged claims."""
     return lambda: replace(original, step=step, solve=None, **changes)
 
 
 def answering(change: Callable[[Array, Array], Any]) -> Callable[[], Scheme]:
-    """`make` of a saboteur whose result is change(y, y1) for the right y1."""
+    """Scheme (2.1), as `Saboteur.make`, with the result change(y, y1) in place of its result y1."""
     return around(lambda step, problem, y, h, dW: change(y, step(problem, y, h, dW)))
 
 
@@ -107,7 +107,7 @@ def unchanged(make: Callable[[], Scheme]) -> Callable[[], Scheme]:
 class Family(list[Saboteur]):
     """Saboteurs in the order of their definition, as rows or as decorated functions.
 
-    `by` turns the fault of a row, or the decorated function, into `make`; a function's name is its saboteur's.
+    `by` turns the broken part of a row, or a decorated function, into `Saboteur.make`. The function's name is kept.
     """
 
     def __init__(self, name: str) -> None:
@@ -120,7 +120,7 @@ class Family(list[Saboteur]):
             self.append(Saboteur(name, self.name, broken, by(fault), laws, *thread))
 
     def made(self, broken: str, laws: Laws, by: By) -> Callable[[Fault], Fault]:
-        """Decorate a function that `by` turns into `make`."""
+        """Decorate a function that `by` turns into `Saboteur.make`."""
 
         def added(fault: Fault) -> Fault:
             self.rows((fault.__name__.replace("_", "-"), broken, laws, fault), by=by)
@@ -129,13 +129,13 @@ class Family(list[Saboteur]):
         return added
 
     def like(self, right: Scheme, broken: str, laws: Laws) -> Callable[[Fault], Fault]:
-        """Decorate another step for a scheme, whose claims it keeps."""
+        """Decorate a function that replaces the step of the scheme `right`, whose claims are kept."""
         return self.made(broken, laws, partial(imitating, right))
 
     def formula(self, broken: str, laws: Laws, **more: Any) -> Callable[[Fault], Fault]:
-        """Decorate another right side."""
+        """Decorate a function that replaces the right side of (2.1)."""
         return self.made(broken, laws, partial(implicit, **more))
 
     def around(self, broken: str, laws: Laws, memory: Any = None) -> Callable[[Fault], Fault]:
-        """Decorate a function that wraps the right step."""
+        """Decorate a function that wraps the step of (2.1)."""
         return self.made(broken, laws, partial(around, memory=memory))

@@ -30,7 +30,7 @@ def _fixed_point(problem: Problem, y0: Array, z: Array, step: Array) -> Array:
 
 
 def _slope(problem: Problem, y0: Array, z: Array, step: Array) -> Array:
-    """∂R/∂z: analytic, else by differences."""
+    """The derivative ∂R/∂z of the right side, analytic if known, else by differences."""
     y1 = y0 + z
     known = jacobian(problem, y0, y1, step)
     if known is not None:
@@ -51,9 +51,9 @@ def _frozen_newton(problem: Problem, y0: Array, z: Array, step: Array) -> Array:
 def _iterated(
     correction: Correction, most: int, tolerance: float = 0.0, *, together: bool = False
 ) -> Callable[[], Scheme]:
-    """`make` of a saboteur that iterates z ← z + correction until it is below the tolerance, at most `most` times.
+    """A saboteur that iterates z ← z + correction, at most `most` times, until the correction is within the tolerance.
 
-    With `together`, all lanes stop with the first one.
+    If `together` is true, all paths of a batch stop with the first one.
     """
 
     def update(problem: Problem, y0: Array, step: Array) -> Array:
@@ -94,7 +94,7 @@ SABOTEURS.rows(
      lambda: replace(_iterated(_fixed_point, 60, 1e-8)(), solver_tolerance=1e-13)),
     ("newton-once", "one iteration of Newton, whatever it leaves", _SEEN, _iterated(_newton, 1)),
     ("newton-twice", "two iterations of Newton, whatever they leave", _SEEN, _iterated(_newton, 2)),
-    # Casimirs and the midpoint rule hold to rounding inside the contraction radius.
+    # Inside the contraction radius three iterations meet the laws *casimir* and *midpoint* to rounding.
     ("newton-thrice", "three iterations of Newton, whatever they leave",
      tuple(law for law in _SEEN if law not in ("casimir", "midpoint")), _iterated(_newton, 3)),
     ("newton-four-times", "four iterations of Newton: right for all but long steps", ("energy",),
@@ -115,7 +115,7 @@ SABOTEURS.rows(
     ("frozen-jacobian", "six iterations of Newton with the Jacobian of the first", _SEEN, _iterated(_frozen_newton, 6)),
     ("fixed-point-thrice", "the fixed-point iteration stops silently after three times", _SEEN,
      _iterated(_fixed_point, 3)),
-    # Not energy: long steps overflow, which is an error of that law.
+    # *energy* is not named: long steps overflow, for which this law has the verdict `error`.
     ("silent-cap", "the fixed-point iteration stops silently after 60 times, converged or not",
      ("rounding",), _iterated(_fixed_point, 60, 0.5 * EPS)),
     ("lanes-stop-together", "all states of a batch stop iterating when the first of them has converged",

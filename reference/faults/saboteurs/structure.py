@@ -1,7 +1,7 @@
 """Faults of schemes that claim to keep the Poisson structure or the domain.
 
-Each claims the claims of the scheme that it imitates: the midpoint rule, which is symplectic, and the splitting, whose
-step is a Poisson map and stays in the positive octant.
+Each saboteur claims what the scheme that it imitates claims. That scheme is the midpoint rule, which is symplectic, or
+the splitting, whose step is a Poisson map and stays in the positive octant.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ SABOTEURS.rows(
 
 
 def _split(problem: Problem, y: Array, delta: Array) -> Array:
-    """The splitting over the times Δ (M,)."""
+    """A step of the splitting with the random steps Δ (M,)."""
     # With h = 0 and one noise of size 1, the random step is the given increment.
     return splitting.step(replace(problem, noise=(1.0,), check=False), y, 0.0, delta[None])
 
@@ -52,7 +52,7 @@ def _like_splitting(update: Update) -> Callable[[], Scheme]:
     _like_splitting,
 )
 def time_of_place(problem: Problem, y: Array, step: Array) -> Array:
-    """Δ(1 + Δ⁴ y_1/64): an error beyond every claimed order, in time alone."""
+    """Take the splitting over the time Δ(1 + Δ⁴ y_1/64), whose error is beyond every claimed order."""
     delta = step[0]
     return _split(problem, y, delta * (1 + delta**4 * y[0] / 64))
 
@@ -63,7 +63,7 @@ def time_of_place(problem: Problem, y: Array, step: Array) -> Array:
     _like_splitting,
 )
 def tangent_of_first(problem: Problem, y: Array, step: Array) -> Array:
-    """An Euler step, which keeps linear functions as the exact flow does, and nothing else."""
+    """Replace the first flow by an Euler step, which keeps linear functions as that flow does, and nothing else."""
     if not problem.flows:
         return _split(problem, y, step[0])
     first, *others = problem.flows
