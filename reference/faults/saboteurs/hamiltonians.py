@@ -122,7 +122,7 @@ _explicit_structure = implicit(
 )
 def structure_before_the_step(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array:
     """Take the step Y + hB(Y)∇̄H, with B at its start Y, between the two halves of the noise."""
-    schemes.drift_preserving.step(problem, y, 0.0, 0 * dW, 0 * first)  # raises if the scheme refuses the problem
+    schemes.drift_preserving.step(problem, y, 0.0, 0 * dW, 0 * first)  # raises for a refused problem
     state, noise = as_lanes(problem, y, h, dW)
     before = np.reshape(first, noise.shape)
     moved = _explicit_structure(problem, pushed(problem, state, before), h, noise)
