@@ -1,7 +1,7 @@
-"""E[H] and E[C] under additive noise, by three schemes: ``python -m benchmarks.additive_noise``.
+"""Growth of E[H] and E[C] under additive noise, for three schemes: ``python -m benchmarks.additive_noise``.
 
-The problem is `pushed-rigid-body`. Paths are drawn in pairs with opposite noise, whose means vary less. Some ten
-seconds of one core.
+The problem is `pushed-rigid-body`. Paths are drawn in pairs with opposite noise, because the mean of a pair varies
+less. The run takes some ten seconds of one core.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from sepv.schemes._one_step import implicit
 
 PAIRS, SEED, T = 10_000, 1, 1.0
 STEPS = (2, 16)
-# With the increments over the first half of the step, which only one of them asks for.
+# The last argument has the increments over the first half of the step, which only one of the schemes uses.
 Step = Callable[[Problem, Array, float, Array, Array], Array]
 
 _implicit = implicit(lambda fields, y, z, step: step[0] * fields.field(y + z), parts=quiet.parts)
@@ -69,7 +69,7 @@ def rates(step: Step, problem: Problem, steps: int) -> tuple[Array, Array]:
 
 
 def table() -> str:
-    """The rates of each scheme at each step, with a row for the exact ones."""
+    """The table of the rates of each scheme at each step size, with a row for the exact rates."""
     problem = problems.pushed_rigid_body()
     names = [f"{of}, h = {h}" for of in ("E\\|y\\|²", "E[H]") for h in ("½", "1/16")]
     rows: list[Sequence[str]] = [

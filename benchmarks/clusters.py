@@ -1,11 +1,11 @@
-"""When one machine is not enough: memory of many paths, what Dask costs beside threads, where its scheduler breaks.
+"""Measurements for clusters: memory of many paths, the cost of Dask beside threads, and limits of Dask's scheduler.
 
     python -m benchmarks.clusters memory --paths 1e8        two functionals of 10⁸ paths, and the largest memory
     python -m benchmarks.clusters overhead --paths 1e6      Dask against threads on the pendulum, in alternation
-    python -m benchmarks.clusters scheduler --chunks 1e5    chunks that do nothing, by the same way
-    python -m benchmarks.clusters throughput                ns a path and step, bytes a path
+    python -m benchmarks.clusters scheduler --chunks 1e5    cost of chunks that do nothing, by Dask
+    python -m benchmarks.clusters throughput                ns per path and step, bytes per path
 
-`docs/clusters.md` has what they printed, and under which conditions.
+`docs/clusters.md` has the printed results and the conditions of the measurements.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ def energy(ends: Any) -> Any:
 
 
 def nothing(number: int) -> int:
-    """A chunk without work."""
+    """Do nothing, as a chunk without work."""
     return number
 
 
 def memory(paths: int, steps: int, workers: int) -> None:
-    """Moments and quantiles of two functionals; peak memory before and after, of this process."""
+    """Print moments and quantiles of two functionals, and this process's peak memory for few and for many paths."""
 
     def one(count: int) -> sepv.Ensemble:
         return sepv.ensemble(
@@ -74,7 +74,7 @@ def memory(paths: int, steps: int, workers: int) -> None:
 
 
 def overhead(paths: int, steps: int, rounds: int) -> None:
-    """Ratios of Dask (two processes of one thread) to two threads, pair by pair."""
+    """Print the time of Dask (two processes of one thread) relative to that of two threads, for pairs of runs."""
     from distributed import Client, LocalCluster
 
     def run(workers: Any) -> None:
@@ -120,7 +120,7 @@ def _timed(job: Callable[[], None], client: Any) -> tuple[float, float]:
 
 
 def scheduler(chunks: int) -> None:
-    """Measure milliseconds a chunk and memory for ten times as many chunks, with the bounded window and without it."""
+    """Print milliseconds per chunk and memory as chunks grow tenfold, with the bounded window of chunks and without."""
     from distributed import Client, LocalCluster
 
     with (
@@ -159,7 +159,7 @@ def _at_once(client: Any, count: int) -> None:
 
 
 def throughput() -> None:
-    """One core: nanoseconds a path and step for the paper's problems, bytes a path in memory and in a store."""
+    """Print nanoseconds per path and step on one core for the paper's problems, and bytes per path (memory, store)."""
     for problem in over((problems.rigid_body(), PENDULUM, problems.lotka_volterra()), lambda p: p.name):
         h, steps, paths = 2.0**-10, 1000, 16384
         sepv.ensemble(EP, problem, h=h, steps=steps, paths=1024)

@@ -1,16 +1,16 @@
-"""How often do the intervals of the statistical laws miss? ``python -m benchmarks.coverage``, 1000 batches a scheme.
+"""How often do the intervals of the statistical laws miss the true value? ``python -m benchmarks.coverage``.
 
-A batch is the first look of a law, 512 paths. What its intervals should contain is the value over all batches
-together, whose own error is √1000 times smaller. Misses are counted on both sides: `below` is an interval that lies
-wholly below the value, and can accuse; `above` one that lies above it, and can let a fault pass. Several means count as
-one miss. The last rows are verdicts: how often a law, run at that alpha on one problem, calls the scheme violated.
+A batch has 512 paths, the number that a law draws first. The true value is taken from 1000 batches of a scheme
+together, so that its error is √1000 times smaller than that of a batch. Misses are counted on both sides: `below` is an
+interval wholly below the value, which can accuse a right scheme; `above` is one wholly above it, which can let a fault
+pass. An interval of several means counts as one. The last rows are verdicts: how often a law, run with this alpha on
+one problem, calls the scheme violated. Schemes of order 2 and more are measured as in their laws, on the weighted
+samples of `sepv.properties._orders.tilting`, which have no quantile.
 
-Schemes of order 2 and more are measured as their laws measure them, on the weighted samples of
-`sepv.properties._orders.tilting`, which have no quantile.
-
-The laws use an alpha near 3e-6, where no count reaches. What is measured is how the misses compare with what they
-should be as alpha falls; the verdicts show what is left of them where it takes two intervals to accuse.
-``--deep`` counts the shares of *right-limit* alone, which may accuse by themselves, down to 1e-5, batch by batch.
+The laws use an alpha near 3e-6, at which misses are too rare to count. So the misses are compared with their nominal
+rate as alpha falls. The verdicts show how many misses remain as accusations if a law accuses by two intervals.
+``--deep`` counts only the misses of *right-limit*, of whose intervals one is enough to accuse, down to an alpha of
+1e-5.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from sepv.schemes import Scheme
 from sepv.verification import Verdict
 
 ALPHAS = (0.05, 0.01, 0.001)
-# For --deep; and so many batches are drawn at once.
+# The alphas of --deep, and the number of batches that it draws at once.
 DEEP, AT_ONCE = (1e-2, 1e-3, 1e-4, 1e-5), 40
 # Heavy tails first: explicit schemes, with and without truncation.
 SCHEMES = {
@@ -52,9 +52,9 @@ SCHEMES = {
 
 @dataclass(frozen=True)
 class Row:
-    """The coverage of one interval: the shares of batches in which it misses the value, for each level of ALPHAS.
+    """The coverage of one interval: the fractions of batches in which it misses the value, for each alpha of ALPHAS.
 
-    `below` and `above` are the shares in which the interval lies below and above the value.
+    `below` and `above` are the fractions in which the interval lies below and above the value.
     """
 
     statistic: str
@@ -63,7 +63,7 @@ class Row:
 
 
 def drawn(scheme: Scheme, problem: Problem, batches: int, seed: int) -> StrongErrors:
-    """The errors of all batches of one setting, drawn once."""
+    """The errors of all batches of one scheme on one problem, drawn once."""
     setup = next(s for s in setups_for(scheme) if s.problem == problem.name)
     parts = []
     for n in over(range(batches), lambda n: f"batch {n + 1} of {batches}"):
@@ -73,7 +73,7 @@ def drawn(scheme: Scheme, problem: Problem, batches: int, seed: int) -> StrongEr
 
 
 def _errors(scheme: Scheme, problem: Problem, setup: Setup, paths: range, seed: int) -> StrongErrors:
-    """The errors of one batch, drawn as the laws draw them."""
+    """The errors of the given paths, drawn as the laws draw them."""
     if is_tilted(scheme):
         assert scheme.mean_square_order is not None
         return tilted_errors(
@@ -157,9 +157,9 @@ def _pieces(samples: Array) -> list[Array]:
 
 
 def deep(scheme: Scheme, problem: Problem, batches: int, seed: int) -> tuple[int, ...]:
-    """In how many batches an interval of the shares of the limit, on either side, misses, for each of DEEP.
+    """Count the batches in which an interval of the shares of the limit misses on either side, for each alpha of DEEP.
 
-    The shares are linear in the samples, so that the mean over the batches is the value over all of them.
+    The shares are linear in the samples, so that their mean over the batches is the value over all batches.
     """
     setup = next(s for s in setups_for(scheme) if s.problem == problem.name)
     values, halves = [], []

@@ -1,4 +1,4 @@
-"""What does not hold as printed, as a page: ``python -m benchmarks.errata > docs/errata.md``.
+"""Make the page of sentences that do not hold as printed: ``python -m benchmarks.errata > docs/errata.md``.
 
 ``--check FILE`` compares every quotation with a plain text of the paper instead, letter by letter.
 """
@@ -13,7 +13,7 @@ from sepv.reference.paper.errata import ENTRIES, Erratum, errata
 
 from benchmarks import start
 
-# Letters that a formula, and an omission, may have between two quoted pieces.
+# The most letters that a formula, and an omission, may have between two quoted pieces.
 FORMULA, OMISSION = 250, 3000
 
 

@@ -1,13 +1,13 @@
 """Convergence without global bounds: how often paths leave a compact set, and errors of those that stay.
 
-``python -m benchmarks.exits``. D = {y : |F(y) − F(y0)| < R} for an invariant F of the exact flow. From states of D let
-a step move F by g with |E g| ≤ m and E g² ≤ v. Up to the exit the sum of all g − E g is a martingale, so that by
-Kolmogorov's inequality
+``python -m benchmarks.exits``. D = {y : |F(y) − F(y0)| < R} for an invariant F of the exact flow. Suppose that a step
+from any state of D moves F by g with |E g| ≤ m and E g² ≤ v. Up to the exit the sum of all g − E g is a martingale, so
+that by Kolmogorov's inequality, if Nm < R,
 
-    P(a path leaves D within N steps) ≤ Nv/(R − Nm)²    where Nm < R.
+    P(a path leaves D within N steps) ≤ Nv/(R − Nm)².
 
 m and v are the largest over STATES states of D, for the increments of Remark 2.1 with k = 2, by quadrature. A step that
-is not solved counts as an exit, of which the bound knows nothing.
+is not solved counts as an exit, which the bound does not cover.
 """
 
 from __future__ import annotations
@@ -54,14 +54,14 @@ class Compact(NamedTuple):
 
 
 def pendulum() -> Compact:
-    """The pendulum from the paper's y0, F = H. p moves with r."""
+    """The set D of the pendulum about the paper's y0, with F = H; its states on other levels of H differ in p."""
     problem = problems.pendulum()
     p, q = map(float, problem.initial)
     return Compact(problem, problem.hamiltonian, 0.25, lambda r: _moved(p, q, r), 8.0)
 
 
 def _moved(p: float, q: float, r: float) -> Array:
-    """The state of the pendulum near (p, q) with H larger by r. p moves, or q where p cannot give that much."""
+    """The state of the pendulum near (p, q) with H larger by r: p changes, or q too if p alone cannot give r."""
     square = p * p + 2 * r
     if square >= 0:
         return np.array([np.sqrt(square), q])
@@ -69,7 +69,7 @@ def _moved(p: float, q: float, r: float) -> Array:
 
 
 def lotka_volterra() -> Compact:
-    """Lotka-Volterra from the paper's y0 on its level of H, F = C = ln y1 + bd ln y2 − d ln y3."""
+    """The set D of Lotka-Volterra on the level of H of the paper's y0, with F = C = ln y1 + bd ln y2 − d ln y3."""
     problem = problems.lotka_volterra()
     y0, nambu = np.asarray(problem.initial, dtype=np.float64), problem.nambu
     assert nambu is not None
@@ -114,7 +114,7 @@ def bound(D: Compact, scheme: str, steps: int) -> float:
 
 
 class Measured(NamedTuple):
-    """The result of a run: how many of the paths left D, and the rms error at T of the others."""
+    """The result of a run: how many paths left the set D, how many there were, and the rms error at T of the rest."""
 
     left: int
     paths: int
@@ -128,7 +128,7 @@ class Measured(NamedTuple):
 
 
 def measured(D: Compact, scheme: str, steps: int, paths: int, seed: int = 0) -> Measured:
-    """Run paths to T. The exact path belongs to the increments that the scheme saw."""
+    """Run paths to T, and compare them with exact paths of the same truncated increments."""
     h, c, asked = TIME / steps, D.problem.c, schemes.by_name(scheme)
     raw = wiener.increments(seed, T=TIME, steps=steps, noises=c.size, paths=range(paths))
     dW = truncate(raw, h, 2)

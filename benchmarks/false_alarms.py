@@ -7,8 +7,8 @@
 A run is every law that a scheme claims, at the default budget, with a seed that was never used before. The schemes
 take turns: the built-in ones, and the correct ones that look unusual (`benchmarks.right_schemes`). A
 false alarm is a claimed law that ends in `violated`, or in `error`. A law that ends `inconclusive` accuses
-nobody, and is counted beside it. With no false alarm in n runs, the probability of one is below 1 −
-0.05^(1/n) ≈ 3/n at 95 % confidence (Clopper and Pearson 1934).
+nobody, and is counted separately. If n runs have no false alarm, the probability of one in a run is below
+1 − 0.05^(1/n) ≈ 3/n at 95 % confidence (Clopper and Pearson 1934).
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def main() -> None:
 
 
 def one(what: tuple[str, str, int]) -> dict[str, Any]:
-    """One whole run: its scheme, seed, laws measured, false alarms, open verdicts and time."""
+    """Make one whole run; return its scheme, seed, number of laws, false alarms, inconclusive verdicts and time."""
     group, name, seed = what
     start, scheme = time.process_time(), GROUPS[group][name]
     always = {law.name for law in load_laws() if law.always_claimed}
@@ -82,7 +82,7 @@ def one(what: tuple[str, str, int]) -> dict[str, Any]:
         scheme, laws=frozenset(scheme.claims) | always, effort=Effort(seed=seed, shrink_checks=50)
     )
     if report.interrupted:
-        raise KeyboardInterrupt  # part of a run is none
+        raise KeyboardInterrupt  # part of a run is not counted
 
     def lines(*verdicts: Verdict) -> list[str]:
         return [
@@ -103,7 +103,7 @@ def one(what: tuple[str, str, int]) -> dict[str, Any]:
 
 
 def show(done: list[dict[str, Any]]) -> None:
-    """Print the number of false alarms with a bound of their rate, and time and open verdicts by scheme."""
+    """Print the number of false alarms with a bound of their rate, and times and inconclusive verdicts by scheme."""
     alarms = sum(bool(run["alarms"]) for run in done)
     bound = float(beta.ppf(0.95, alarms + 1, len(done) - alarms)) if alarms < len(done) else 1.0
     seconds = sum(float(run["cpu_seconds"]) for run in done)

@@ -1,8 +1,8 @@
-"""Does the gate of `sepv bench` see what it must, and pass what it must? ``python -m benchmarks.gate``.
+"""Does the gate of `sepv bench` report planted regressions, and pass equal code? ``python -m benchmarks.gate``.
 
-Two folders stand for two checkouts of a third party's scheme. Planted in one of them: one Newton iteration more, one
-evaluation more in all, an error 5 % larger, a slowdown of 10 %. Then the same code on both sides, twenty times:
-counters, errors and paired times must all pass. Takes some ten minutes.
+Two folders stand for two checkouts of a third party's scheme. One of them has a planted regression: one Newton
+iteration more, one evaluation more in all, an error 5 % larger, or a slowdown of 10 %. Then both have the same code,
+twenty times, and counters, errors and paired times must all pass. The run takes some ten minutes.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def solve(problem, y, h, dW, plain=scheme.solve):
 scheme = replace(scheme, solve=solve)
 """,
 }
-# What must be worse, and what else may be: more work takes more time.
+# The quantity that the gate must report as worse. Others may be worse too, because more work takes more time.
 EXPECTED = {
     "one Newton iteration more": "iterations",
     "one evaluation of ∇H more in all": "gradient",

@@ -1,7 +1,8 @@
-"""Cost and defects against d, for chains of up to 10⁴ components: ``python -m benchmarks.large``.
+"""Cost and defects against the dimension d, for chains of up to 10⁴ components: ``python -m benchmarks.large``.
 
-Processor time of one step, invariants not watched; sizes take turns, medians with quartiles. The exponent is the
-slope of log time against log d, over all sizes and over the last decade. Defects are those of a whole path.
+The time is the processor time of one step without tracking of invariants, a median over runs in which the sizes take
+turns. The exponent is the slope of log time against log d, over all sizes and over the last decade of d. Defects are
+the largest of a whole path.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from sepv.simulate import wiener
 from sepv.solve import Status
 
 H, STEPS = 0.01, 20
-# Components for one element of each chain: sizes are those of d.
+# Each chain with the number of components of y for one element of the chain; SIZES are values of d.
 CHAINS: tuple[tuple[Callable[[int], LargeProblem], int], ...] = (
     (large.volterra_lattice, 1),
     (large.toda_chain, 2),
@@ -34,7 +35,7 @@ SIZES = (100, 316, 1000, 3162, 10_000)
 
 
 def seconds(step: LargeStep, problem: LargeProblem) -> float:
-    """Processor time of one step, the mean of STEPS along a path."""
+    """The processor time of one step in seconds, as a mean over STEPS steps of a path."""
     dW = bounded.truncate(wiener.increments(0, T=H * STEPS, steps=STEPS, noises=1)[:, :, 0], H)
     y = problem.initial
     begin = process_time()

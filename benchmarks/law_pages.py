@@ -1,6 +1,6 @@
-"""The made lines of the laws' pages: ``python -m benchmarks.law_pages`` writes them from the records of the laws.
+"""Write the heads of the laws' pages from the records of the laws: ``python -m benchmarks.law_pages``.
 
-The head of a page, `page_of`, comes from the record, up to the formula; the rest is written by hand.
+The head of a law's page, all that comes before the formula, is made from the record; the rest is written by hand.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from benchmarks import start
 from sepv.verification import Law, load_laws
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
-# Parts of a page that are written by hand, in their order; each begins a paragraph. The last one is there where a
-# report needs advice on how to read it.
+# Parts of a page that are written by hand, in their order; each begins a paragraph. The last part is present only if
+# the report of a violation needs an explanation.
 PARTS = ("Why", "Measured", "Bound", "Broken by", "A violation")
 OPTIONAL = PARTS[-1:]
 

@@ -1,6 +1,6 @@
 /* The limit: scheme (2.1) for the rigid body, and for Lotka-Volterra, by Newton's iteration with the closed inverse of a
    3 x 3 matrix, and nothing else: no status, no invariants, increments as they are given, a fixed number of iterations.
-   SIMD by vectors of eight doubles; two of them at a time hide the latency of the division. */
+   SIMD vectors have eight doubles; two vectors at a time hide the latency of the division. */
 
 typedef double lane __attribute__((vector_size(64), aligned(8)));
 typedef long ints __attribute__((vector_size(64), aligned(8)));
@@ -100,7 +100,7 @@ static inline __attribute__((always_inline)) void volterra(lane *y, lane d, int 
     y[0] += z0, y[1] += z1, y[2] += z2;
 }
 
-/* As `simd`, for `volterra`. */
+/* Like `simd`, with the step `volterra` in place of `step_lanes`. */
 void simd_volterra(double *y, long M, const double *dW, long N, double h, int iterations) {
     for (long k = 0; k < M; k += 16) {
         lane a[3], b[3];

@@ -1,8 +1,8 @@
-"""How close the engine is to what the machine allows: ``python -m benchmarks.limit``.
+"""How close does the compiled engine come to hand-written C? ``python -m benchmarks.limit``.
 
-The limit is a hand-written C kernel for the rigid body, compiled here when there is a compiler; everything else is
-timed in alternation with it, and shown as the median of paired ratios with its quartiles. CPU time of one thread,
-so that other programs on the machine disturb less; wall time where two threads are compared with one.
+The limit is a hand-written C kernel for the rigid body, compiled here if there is a compiler. Other runs alternate
+with the kernel, and are shown as medians of paired ratios with quartiles. Times are CPU times of one thread, so that
+other programs on the machine disturb less; two threads are compared with one by wall time.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ from sepv.simulate import Task
 from sepv.simulate._compiled.block_run import Chunk
 
 PATHS, STEPS, H, ONE = 5008, 100, 0.01, 200_000
-# h, or a quarter of the longest step that a problem states: Lotka-Volterra has steps without solution at h = 0.01.
+# Steps are H, or a quarter of a problem's longest step: Lotka-Volterra has steps without a solution at h = 0.01.
 
 EP = schemes.energy_preserving
 
 
 def compile_limit() -> Any:
-    """The C kernels, or None without a compiler."""
+    """Compile and load the C kernels; None if there is no compiler."""
     compiler = shutil.which(os.environ.get("CC", "cc"))
     if compiler is None:
         return None
@@ -122,7 +122,7 @@ def given(problem: sepv.Problem, h: float, dW: np.ndarray) -> Callable[[], Any]:
 
 
 def drawn(problem: sepv.Problem, h: float, workers: int = 1, paths: int = PATHS) -> Callable[[], Any]:
-    """`sepv.ensemble`, its increments drawn, nothing left out."""
+    """A complete run of `sepv.ensemble`, which draws the increments itself."""
     return lambda: sepv.ensemble(
         EP, problem, h=h, steps=STEPS, paths=paths, engine="compiled", workers=workers
     )
@@ -133,7 +133,7 @@ def paired(
 ) -> list[list[str]]:
     """Rows (name, ns per path-step, ratio to jobs[base]) of medians with quartiles, all jobs alternating.
 
-    A list has the base of each job.
+    If `base` is a list, it has the index of the base of each job.
     """
     bases = [base] * len(jobs) if isinstance(base, int) else base
     times = np.empty((rounds, len(jobs)))
@@ -165,7 +165,7 @@ def show(title: str, rows: list[list[str]], notes: dict[int, str] | None = None)
 
 
 def many_paths(limit: Limit | None, dW: np.ndarray, rounds: int) -> None:
-    """Print the times of P1 against the C kernels, and those of P2 and P3."""
+    """Print the times of many paths of three problems, with increments given and drawn, against the C kernels."""
     jobs: list[tuple[str, Callable[[], Any], float]] = []
     size, notes = float(PATHS * STEPS), {}
     if limit is not None:
@@ -183,8 +183,8 @@ def many_paths(limit: Limit | None, dW: np.ndarray, rounds: int) -> None:
             notes[len(jobs) - 1] = f"{job().energy_defect.max():.1e}"
     bases = [0] * len(jobs)
     if limit is not None:
-        # The last two rows are of Lotka-Volterra. Their base is its own kernel: from these increments, each path needs
-        # four iterations at most.
+        # The last two rows are of Lotka-Volterra. Their base is the C kernel of this problem with four iterations, the
+        # most that a path needs with these increments.
         bases[-2:] = [len(jobs)] * 3
         jobs.append(("C, SIMD, lotka-volterra, 4 iterations", limit.volterra(h, 4), size))
         limit.volterra(h, 4)()
@@ -207,9 +207,9 @@ def one_path(limit: Limit | None, dW: np.ndarray, rounds: int) -> None:
 
 
 def threads(limits: list[Limit], rounds: int) -> None:
-    """Two threads against one, by wall time; enough paths that what it takes to wake a second core is little.
+    """Print the wall times of two threads and of one, with so many paths that waking a second core costs little.
 
-    The C kernel beside it, twenty times over two sets of paths: two cores of a machine are seldom twice as fast as one.
+    The C kernel runs too, twenty times over two sets of paths, because two cores are seldom twice as fast as one.
     """
     problem, size = problems.rigid_body(), 40.0 * PATHS * STEPS
     jobs = [(f"{w} thread{'s' * (w > 1)}", drawn(problem, H, w, 40 * PATHS), size) for w in (2, 1)]
@@ -271,7 +271,7 @@ print(imported, seconds, int(peak.split()[1]) / 1024)
 
 
 def fresh(paths: int, folder: str) -> list[float]:
-    """Import time, time of the first ensemble, and peak memory in MB, in a process of its own."""
+    """The import time, the time of the first ensemble, and the peak memory in MB, of a new process."""
     environment = {**os.environ, "SEPV_CACHE_DIR": folder}
     out = subprocess.run(
         [sys.executable, "-c", _FRESH.format(paths=paths)],
@@ -300,7 +300,7 @@ def main() -> None:
     parser.add_argument("--skip", nargs="*", default=[], choices=["scaling", "starts", "threads", "one"])
     options = parser.parse_args()
     rng = np.random.default_rng(0)
-    # Truncated beforehand, as the scheme would have it: C takes increments as they are.
+    # The increments are truncated beforehand, as the scheme requires, because the C kernels do not truncate.
     cut = sepv.simulate.truncate
     dW = cut(np.sqrt(H) * rng.standard_normal((STEPS, 1, PATHS)), H)
     single = cut(np.sqrt(H) * rng.standard_normal((ONE, 1, 1)), H)

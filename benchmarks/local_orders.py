@@ -1,9 +1,9 @@
 """Local orders of the schemes by quadrature over ΔW, as a table: ``python -m benchmarks.local_orders``.
 
-For each scheme the slopes of (3.8), (3.9) and of the weak condition, the smallest over the problems on which the laws
-"local-mean", "local-mean-square" and "local-weak" judge it, beside what its claims ask for; and the steps it took.
-Nothing is drawn: the numbers are the same every time. ``--points`` shows weak schemes with increments of two and three
-points instead, by "local-weak" and "weak-order".
+The table has for each scheme the slopes of (3.8), (3.9) and of the weak condition, beside the slopes that its claims
+require, and the number of steps. A slope is the smallest over the problems of the laws "local-mean",
+"local-mean-square" and "local-weak". No random numbers are drawn, so that results repeat. ``--points`` shows instead
+weak schemes with increments of two and three points, by "local-weak" and "weak-order".
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def every() -> list[Scheme]:
 
 
 def shown(finding: Finding) -> str:
-    """A slope beside the least one that is allowed, as text; "rounding" where all errors are rounding."""
+    """A slope beside the least slope that is allowed, as text; "rounding" if all errors are rounding."""
     if finding.verdict is Verdict.NOT_APPLICABLE:
         return "–"
     slope = "rounding" if finding.defect is None else f"{finding.defect:.2f}"

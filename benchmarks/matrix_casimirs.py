@@ -1,7 +1,7 @@
 """Casimirs tr Pᵏ on su(3)* and su(4)*, isospectral midpoint and midpoint: ``python -m benchmarks.matrix_casimirs``.
 
-For each scheme the rms over paths of the largest change of each Casimir over [0, 1], at several h, of `su3-top` and of
-the Zeitlin truncation of Euler's equations with N = 4, with noise and without.
+The table has for each scheme the rms over paths of the largest change of each Casimir over [0, 1], at several h. The
+problems are `su3-top` and the Zeitlin truncation of Euler's equations with N = 4, with noise and without.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from sepv.problems import algebra_of
 
 SCHEMES = ("isospectral-midpoint", "stochastic-midpoint")
 STEPS = (2.0**-3, 2.0**-5, 2.0**-7)
-QUIET = 1e-9  # c_j in the place of zero, so that the problem remains one of several Hamiltonians
+QUIET = 1e-9  # the noise c_j in place of zero, so that the problem remains one of several Hamiltonians
 
 
 def powers(problem: Problem, y: np.ndarray) -> np.ndarray:
-    """Tr Pᵏ, k = 2 … n, of states (d, M): (n − 1, M)."""
+    """The Casimirs tr Pᵏ, k = 2 … n, of states y (d, M), as an array (n − 1, M)."""
     P = algebra_of(problem, y).matrix(y) / 1j
     values = np.linalg.eigvalsh(P)
     return np.array([np.sum(values**k, axis=1) for k in range(2, P.shape[1] + 1)])

@@ -1,14 +1,14 @@
-"""Mean-square and weak orders of s-stage collocation, with invariants beside them: ``python -m benchmarks.orders``.
+"""Mean-square and weak orders of s-stage collocation, with defects of invariants: ``python -m benchmarks.orders``.
 
-Against the exact flow at the random time, every step size with paths of its own, importance sampled from two stages on
-(`sepv.properties._orders.tilting`): the mean square of an error of order s is a (4s + 2)th moment, which
-plain paths do not see. Intervals are 99 %. Defects are the largest over 256 plain paths, relative to the
-invariant's size at the start, in binary64.
+Errors are against the exact flow at the random time. Each step size has other paths. With two or more stages these are
+importance sampled (`sepv.properties._orders.tilting`), because the mean square of an error of order s is a (4s + 2)th
+moment, which plain paths do not show. Intervals are 99 %. Defects are the largest over 256 plain paths, relative to
+the invariant's size at the start, in binary64.
 
-Clipped increments (Remark 2.1) are rarer than any sample sees: what they add to the mean square is added in closed
+Clipped increments (Remark 2.1) are too rare to occur in a sample. Their part of the mean square is added in closed
 form (`sepv.exact._truncation_error`), and paths of the sample that have one are left out. ``--stall`` shows the
-error of three stages with the paper's truncation k = 2 beside larger ones, and what of it is clipping.
-``--clipping`` prints that for all stages.
+error of three stages with the paper's truncation k = 2 and with larger k, and the part of clipping in it.
+``--clipping`` prints this for all numbers of stages.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from sepv.schemes._scheme import truncation_for
 from sepv.statistics import Estimate, jackknife
 
 ALPHA = 0.01
-# Means that stand less than this many standard errors out of the noise show no slope.
+# A mean error below this many standard errors is not used for a slope.
 SIGNAL = 5.0
 
 
@@ -48,12 +48,12 @@ class Run:
     steps: dict[int, tuple[int, ...]]
 
 
-# Fine enough for the asymptotics of increments of 4.4 standard deviations, coarse enough to stay above rounding.
+# Steps are fine enough for the asymptotics of increments of 4.4 standard deviations, and errors stay above rounding.
 USUAL = {1: (16, 32, 64, 128), 2: (32, 64, 128, 256), 3: (32, 64, 128), 4: (32, 64, 128)}
 RUNS = {
     "rigid body": Run("rigid-body", 1.0, USUAL),
     "pendulum": Run("pendulum", 1.0, USUAL),
-    # At longer steps some have no solution.
+    # With longer steps some steps have no solution.
     "Lotka-Volterra": Run(
         "lotka-volterra",
         0.5,
@@ -87,12 +87,12 @@ def quartic(seed: int = 3) -> Problem:
 
 
 def build(name: str) -> Problem:
-    """The problem that a run names, from its initial state."""
+    """The problem of this name, with its initial state."""
     return quartic() if name == "quartic" else problems.by_name(name)
 
 
 def measure(name: str, stages: int, paths: int, seed: int) -> StrongErrors:
-    """Errors of one problem and number of stages."""
+    """The errors of collocation with this number of stages on one problem."""
     run, scheme = RUNS[name], schemes.collocation(stages)
     problem, steps = build(run.make), run.steps[stages]
     if stages == 1:
@@ -105,7 +105,7 @@ def measure(name: str, stages: int, paths: int, seed: int) -> StrongErrors:
 
 
 def defects(name: str, stages: int) -> tuple[float, float]:
-    """Largest relative defects of H and of the quadratic Casimirs (NaN where there is none), over solved paths."""
+    """Largest relative defects of H and of the quadratic Casimirs (NaN if there is none), over solved paths."""
     run, scheme = RUNS[name], schemes.collocation(stages)
     problem = build(run.make)
     y0 = np.asarray(problem.initial)
@@ -120,10 +120,10 @@ def defects(name: str, stages: int) -> tuple[float, float]:
 
 
 def weak_slope(errors: StrongErrors, alpha: float) -> Estimate:
-    """The slope of log |E e| over the step sizes whose mean error stands out of the noise.
+    """The slope of log |E e| over the step sizes whose mean error exceeds SIGNAL standard errors.
 
-    NaN, with an infinite interval, where fewer than two do. Laws judge by `leading` and `decay` of
-    `sepv.properties._orders.means`.
+    If fewer than two step sizes do, the slope is NaN with an infinite interval. Laws judge instead by `leading` and
+    `decay` of `sepv.properties._orders.means`.
     """
     d, paths = errors.errors.shape[1:]
     size = np.linalg.norm(errors.errors.mean(axis=2), axis=1)
@@ -167,7 +167,7 @@ def table_of_orders(paths: int, seed: int, names: list[str], stages: list[int]) 
 
 
 def stall(paths: int, seed: int) -> None:
-    """Three stages on the rigid body: √(E|e|² over unclipped paths + clipping²), and clipping alone, for several k."""
+    """Print for three stages on the rigid body √(E|e|² of unclipped paths + clipping²) and clipping, for several k."""
     steps, problem = (8, 32, 128), problems.rigid_body()
     plain = tilted_errors(
         replace(schemes.collocation(3), truncation=None), problem, T=1.0, steps=steps, paths=range(paths),
@@ -188,7 +188,7 @@ def stall(paths: int, seed: int) -> None:
 
 
 def clipping(paths: int, seed: int) -> None:
-    """The rigid body, one to six stages: the error on unclipped paths beside what clipping costs with k = 2s and 4s."""
+    """Print for one to six stages on the rigid body the error of unclipped paths, and that of clipping for two k."""
     steps, problem = (2, 4, 8, 16), problems.rigid_body()
     table = Table(
         title=f"rigid body, {paths} paths: rms error without clipping / clipping with k = 2s / with the default k",

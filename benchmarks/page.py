@@ -1,8 +1,8 @@
-"""The committed page, docs/report.html, from nothing: ``python -m benchmarks.page``.
+"""Make the committed page, docs/report.html, from nothing: ``python -m benchmarks.page``.
 
-Every built-in scheme verified, prices compared, the committed counters, the paper reproduced. Other libraries' solvers
-are not on it: their verdicts are in docs/compliance.md, and one place for them cannot contradict another. What was
-measured before is kept in a folder and not measured again, so that an interrupted run goes on.
+The page has the verdicts on built-in schemes, a comparison of their costs, the committed counters, and the reproduction
+of the paper. Verdicts on other libraries' solvers are only in docs/compliance.md, so that two places cannot contradict
+each other. Earlier results are kept in a folder and not measured again, so that an interrupted run can continue.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ COMPARED = (
 
 
 def commands(quick: bool) -> dict[str, list[str]]:
-    """(file, the arguments of ``sepv`` that make it): verify, compare, reproduce."""
+    """Map each JSON file to the arguments of ``sepv`` that make it: verify, compare or reproduce."""
     less = ["--examples", "5", "--paths", "64"] if quick else []
     made = {f"{name}.json": ["verify", name, *less] for name in SCHEMES}
     made["compare.json"] = ["compare", *COMPARED, *(["--paths", "64", "--repeats", "1"] if quick else [])]

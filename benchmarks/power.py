@@ -1,10 +1,10 @@
-"""How surely is a fault of one stratum, or of a pair of strata, found by the law that states it?
+"""How surely does a law find a fault that shows in one stratum of its cases only, or in one pair of strata?
 
-``python -m benchmarks.power [--seeds N] [--start S]``. The schemes are saboteurs, broken everywhere but for the strata
-that the table names, where they are right or their error is below rounding. Each case of a design is
-measured once: a scheme broken in a pair of strata only is accused if the one that is broken everywhere is accused
-in a case that lies in both. So one measurement of each case gives the power against the faults of all pairs. Random
-examples, which come after the design, are not counted.
+``python -m benchmarks.power [--seeds N] [--start S]``. The schemes are saboteurs (broken on purpose). They are broken
+except in the strata that the table names, in which they are right or their error is below rounding. Each case of a
+law's design is measured once. A scheme broken only in a pair of strata is accused if the scheme that is broken
+everywhere is accused in a case of both strata. So one measurement of each case gives the power against the faults of
+all pairs. Random examples, which come after the design, are not counted.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ class Fault(NamedTuple):
     systems: Systems = Systems.SINGLE
 
 
-# A quadrature with too few nodes, and B at the wrong place, err by a power of the step beside the contraction radius.
+# A quadrature with too few nodes, or B at the wrong place, causes an error that is a power of step/contraction radius.
 _SHORT = "step/radius: 2⁻¹⁰"
 _QUADRATIC = ("degree of H: 1–2", _SHORT)
 _CONSTANT = ("degree of B: 0", _SHORT)
 
-# First those that show wherever the law speaks: what is asked is whether the design goes there. Then subtler ones.
+# First faults that show in all cases to which the law applies, to test which cases a design has. Then subtler faults.
 FAULTS = (
     *(
         Fault(law, "relative-error-1e-10")
@@ -116,7 +116,7 @@ _CLASS = {
 
 
 def scheme_of(fault: Fault) -> Scheme:
-    """The broken scheme, for the class of systems it is asked about."""
+    """The broken scheme of a fault, for the class of systems on which the law runs."""
     right = _CLASS[fault.systems]
     if fault.broken == "relative error of 1e-10":
         return replace(right, step=partial(_off, step=right.step), solve=None)
@@ -137,7 +137,7 @@ def _space(fault: Fault) -> Space:
 
 
 def measured(fault: Fault, seed: int) -> dict[tuple[int, ...], bool]:
-    """For each row of the law's design, whether its case accuses the scheme."""
+    """Map each row of the law's design to True if the law accuses the scheme in the case of this row."""
     check = import_module(f"sepv.properties.test_{fault.law.replace('-', '_')}").check
     found = {}
     with warnings.catch_warnings():
@@ -155,8 +155,8 @@ def measured(fault: Fault, seed: int) -> dict[tuple[int, ...], bool]:
 def power(fault: Fault, seen: dict[tuple[int, ...], bool]) -> tuple[int, int, int, int, set[str]]:
     """The power of a law against one fault.
 
-    It has the numbers of strata in which the fault is found and of all strata, the same for pairs of strata, and the
-    pairs that are missed.
+    The result has the number of strata in which the fault is found, the number of all strata, these two numbers for
+    pairs of strata, and the names of the missed pairs.
     """
     space = _space(fault)
     levels = [

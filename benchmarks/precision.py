@@ -1,11 +1,11 @@
-"""Strong error against evaluations, s = 1 … 6 and the rivals: ``python -m benchmarks.precision [--picture FILE.png]``.
+"""Strong error against evaluations, for collocation and other methods: ``python -m benchmarks.precision``.
 
-Every scheme sees the same paths; the error is against the exact flow at the random time. Evaluations are those of ∇H
-for one path over [0, T], Newton's iterations included, its Hessians not. The error is that on unclipped paths and, in
-squares, what clipped increments add by `sepv.exact._truncation_error`; the exact time change itself costs one normal
-number a path and one dense solve for all, and has no step size. Points with a step that was not solved are left out.
+All schemes have the same paths, and errors are against the exact flow at the random time. Evaluations are those of ∇H
+for one path over [0, T], with those of Newton's iterations and without Hessians. The squared error is that on unclipped
+paths plus the part of clipped increments by `sepv.exact._truncation_error`. The exact time change costs one normal
+number per path and one dense solve for all paths, and has no step size. Points with an unsolved step are left out.
 
-The picture needs matplotlib (the extra ``plots``).
+``--picture FILE.png`` draws a picture, for which matplotlib is needed (the extra ``plots``).
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from sepv.simulate import truncation as bounded
 from sepv.studies import Axis, content, figure
 from sepv.studies._picture import frame, line
 
-# (end time, numbers of steps): the coarsest first; powers of two, so that all see one Wiener path.
+# (end time, numbers of steps): the coarsest first; powers of two, so that all have the same Wiener path.
 GRIDS = {
     "rigid-body": (1.0, (2, 4, 8, 16, 32, 64, 128, 256)),
     "pendulum": (1.0, (2, 4, 8, 16, 32, 64, 128, 256)),
@@ -46,7 +46,7 @@ NAMES = [f"collocation-{s}" for s in range(1, 7)] + [
     "explicit-8",
 ]
 GOALS = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10)
-# Errors below this are rounding: finer steps of that scheme are not taken.
+# An error below this is rounding, and finer steps of the scheme are not taken.
 FLOOR = 1e-13
 
 
@@ -91,7 +91,7 @@ def measure(
 
 
 def work(scheme: Scheme, gradients: int, structures: int, steps: int) -> tuple[int, int]:
-    """The evaluations of ∇H and B in a run; explicit schemes take one of each for a stage."""
+    """The evaluations of ∇H and B in a run; an explicit scheme takes one of each per stage."""
     if scheme.solve is not None:
         return gradients, structures
     stages = len(TABLEAUX[int(scheme.name.rpartition("-")[2])].A)
@@ -110,7 +110,7 @@ def cheapest(points: list[Point], goal: float) -> tuple[str, float] | None:
 
 
 def evaluations_for(own: list[Point], goal: float) -> float | None:
-    """Evaluations of one scheme for an error, None where no two of its points enclose it."""
+    """The evaluations that one scheme needs for an error; None if no two of its points enclose the error."""
     for coarse, fine in pairwise(own):
         if fine.error <= goal <= coarse.error:
             share = np.log(coarse.error / goal) / np.log(coarse.error / fine.error)
@@ -179,7 +179,7 @@ def picture(results: dict[str, list[Point]], path: Path) -> None:
 
 
 def main() -> None:
-    """Print the tables, and draw the picture where one is asked for."""
+    """Print the tables, and draw the picture if one is asked for."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--paths", type=int, default=2000)
     parser.add_argument("--seed", type=int, default=0)

@@ -1,4 +1,4 @@
-"""What the references hold, how far float64 is from them, and what they cost: ``python -m benchmarks.references``."""
+"""Contents and costs of the references, and errors of float64 against them: ``python -m benchmarks.references``."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def family(v: ReferenceVector) -> str:
 
 
 def error(v: ReferenceVector, y1: np.ndarray) -> tuple[float, float]:
-    """(ulp of the largest component, share of the condition-scaled bound) of the worst component."""
+    """The largest error of a component of y1, in ulp of the largest component and as a fraction of its bound."""
     ctx, unit = context(60), state_ulp(np.array(v.y), np.array(v.y1_hex))
     floor = EPS * EPS * max(map(abs, (*v.y, *v.y1_hex))) + TINY
     off = [abs(float(ctx.mpf(a) - float(b))) for a, b in zip(v.y1, y1, strict=True)]
@@ -78,7 +78,7 @@ def errors() -> None:
         if refused:
             print(f"{name:18} {'refused':20} {len(refused)}: {', '.join(refused)}")
         if others:
-            # Whether they solve the equation is tested by tests/reference/test_reference.py.
+            # tests/reference/test_reference.py tests that these solutions solve the equation.
             print(f"{name:18} {'another solution':20} {len(others)}: {', '.join(others)}")
     print()
 
@@ -109,7 +109,7 @@ def proof() -> None:
 
 
 def main() -> None:
-    """Print the four parts, or three where ball arithmetic is not installed."""
+    """Print the four parts, or three if ball arithmetic is not installed."""
     for part in over((counts, errors, speed, *((proof,) if available() else ())), lambda f: f.__name__):
         part()
 

@@ -1,12 +1,11 @@
 """Brouwer's law over many steps: ``python -m benchmarks.rounding [--steps 1e8]``.
 
-(2.1) on the paper's four problems with the compiled engine: how H and the Casimirs walk, plain and with compensated
-summation, beside what `sepv.verification._tolerance.rounding_walk` predicts. Invariants are evaluated in
-extended precision. Bias is the mean over paths at the end, a step, and in standard errors; growth is the
-exponent of the root mean square over the last ten doublings, with a 99 % bootstrap interval over paths.
-
-Lotka-Volterra takes h = 2⁻²⁰. (2.1) does not keep its Casimir, which is not quadratic: over 10⁸ steps of 2⁻¹⁰ it
-wanders off so far that every path meets a step without a solution.
+(2.1) runs on the paper's four problems with the compiled engine. The table has the random walk of H and the Casimirs by
+rounding, with plain and with compensated summation, beside the prediction of
+`sepv.verification._tolerance.rounding_walk`. Invariants are evaluated in extended precision. Bias is the mean defect
+over paths at the end, per step, and in standard errors. Growth is the exponent of the root mean square over the last
+ten doublings of the time, with a 99 % bootstrap interval over paths. Lotka-Volterra has h = 2⁻²⁰, because (2.1) does
+not keep its Casimir, which is not quadratic: over 10⁸ steps of 2⁻¹⁰ every path drifts to a step without a solution.
 """
 
 from __future__ import annotations
@@ -65,7 +64,7 @@ def growth(defects: Array, n: Array, seed: int = 0) -> tuple[float, float, float
 
 
 def row(defects: Array, predicted: float, unit: float, size: float, n: Array) -> list[str]:
-    """The cells of one invariant."""
+    """The cells of the table for one invariant of one run."""
     exponent, low, high = growth(defects, n)
     rms = np.sqrt(np.mean(defects * defects, axis=1)) / np.sqrt(n)
     last = defects[-1]
@@ -83,7 +82,7 @@ def row(defects: Array, predicted: float, unit: float, size: float, n: Array) ->
 
 
 def measure(name: str, h: float, steps: int, paths: int, seed: int, table: Table) -> None:
-    """Both summations on one problem."""
+    """Run one problem with plain and with compensated summation, and add the rows to the table."""
     problem = problems.by_name(name)
     assert problem.data is not None
     exact, y0 = exact_problem(problem.data, 40), np.asarray(problem.initial, dtype=np.float64)

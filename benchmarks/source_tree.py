@@ -1,7 +1,7 @@
-"""The tree in numbers: python -m benchmarks.source_tree [FOLDER of another checkout]
+"""Numbers about the source tree: ``python -m benchmarks.source_tree [FOLDER of another checkout]``.
 
-Rooms, modules, public names, lengths, lines that stand twice, circles of imports. Names are public where no part of
-their path begins with an underscore: what a room's `__init__` names, and what the modules without underscore define.
+They are subpackages (rooms), modules, public names, lengths, repeated lines and circular imports. A name is public if
+no part of its path begins with an underscore: a name in a subpackage's `__init__`, or of a module without underscore.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from statistics import median
 
 from benchmarks import start
 
-# So many lines in a row, blank ones, comments and imports left out, count as written twice.
+# The length from which on equal runs of lines count as repeated; blank lines, comments and imports are left out.
 RUN = 6
 
 
@@ -47,12 +47,12 @@ def main() -> None:
 
 
 def is_function(node: ast.AST) -> bool:
-    """Functions and methods."""
+    """True if a node is a function or a method."""
     return isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef))
 
 
 def length(node: ast.AST) -> int:
-    """Its lines."""
+    """The number of lines of a function."""
     return int(node.end_lineno - node.lineno + 1)  # type: ignore[attr-defined]  # functions have both
 
 
@@ -62,7 +62,7 @@ def public(path: Path, root: Path, tree: ast.Module) -> set[str]:
     if any(part.startswith("_") and part != "__init__" for part in parts):
         return set()
     if parts == ("sepv", "__init__"):
-        return set()  # it gives again what rooms have
+        return set()  # it repeats the names of subpackages
     found: set[str] = set()
     for node in tree.body:
         if isinstance(node, ast.Assign) and any(ast.unparse(t) == "__all__" for t in node.targets):
@@ -83,7 +83,7 @@ def public(path: Path, root: Path, tree: ast.Module) -> set[str]:
 
 
 def repeated(files: list[Path]) -> int:
-    """How many lines belong to runs that stand in two places."""
+    """The number of lines in runs of lines that occur in two places."""
     places: dict[tuple[str, ...], list[tuple[Path, int]]] = defaultdict(list)
     for path in files:
         lines = [
@@ -99,7 +99,7 @@ def repeated(files: list[Path]) -> int:
 
 
 def circles(root: Path, trees: dict[Path, ast.Module]) -> int:
-    """How many arrows between modules must go until no imports go round, imports inside functions among them."""
+    """The number of imports to remove until no imports are circular; imports inside functions count too."""
     names = {
         ".".join(p for p in path.relative_to(root).with_suffix("").parts if p != "__init__"): tree
         for path, tree in trees.items()

@@ -1,9 +1,9 @@
-"""How much do few steps tell? ``python -m benchmarks.spared``: sampled laws on schemes that take one state at a time.
+"""How much do sampled laws find on schemes that take one state at a time? ``python -m benchmarks.spared``.
 
-Right schemes first: how many seeds of *mean-square-order*, *weak-order*, *right-limit* and *rounding* end in each
-verdict. Then Euler-Heun with a fault of a size: a noise or a drift too large by the share ε, the part ε of Itô's
-correction left out, or ε f (ΔW₁² − h) added, which makes the order ½; and (2.1) by a fixed point stopped at ε. A
-fault is named where its law says `violated`; where a law is open it is red too, but accuses nobody.
+For right schemes it counts the seeds with each verdict of *mean-square-order*, *weak-order*, *right-limit* and
+*rounding*. With ``--fault`` and ``--size ε`` the scheme is Euler-Heun with noise or drift times 1 + ε, with the part ε
+of Itô's correction left out, or with ε f (ΔW₁² − h) added, which makes the order ½; or (2.1) by a fixed-point iteration
+stopped at ε. A law finds the fault if it says `violated`; an inconclusive law fails a run too, but accuses nobody.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ def _field(problem: Problem, y: Array) -> Array:
 
 
 def _added(size: float, more: Callable[[Problem, Array, float, Array], Array]) -> Step:
-    """Euler-Heun, and so much of something else."""
+    """The step of Euler-Heun plus `size` times more(problem, y, h, dW)."""
     return lambda p, y, h, dW: schemes.euler_heun.step(p, y, h, dW) + size * more(p, y, h, dW)
 
 
 def _correction(problem: Problem, y: Array, h: float, _dW: Array) -> Array:
-    """−½h Σ c_j² f′f, by a central difference: its error only changes ε a little."""
+    """Itô's correction −½h Σ c_j² f′f by a central difference, whose error only changes ε a little."""
     ahead = 1e-5 * _field(problem, y)
     slope = (_field(problem, y + ahead) - _field(problem, y - ahead)) / 2e-5
     return -0.5 * h * float(np.sum(problem.c**2)) * slope
 
 
-# By what is wrong: the law that is to name it, and the step with a fault of size ε.
+# For each fault: the law that should find it, and the step with a fault of size ε.
 FAULTS: dict[str, tuple[str, Callable[[float], Step]]] = {
     "noise": ("right-limit", lambda e: lambda p, y, h, dW: schemes.euler_heun.step(p, y, h, (1 + e) * dW)),
     "drift": ("right-limit", lambda e: lambda p, y, h, dW: schemes.euler_heun.step(p, y, (1 + e) * h, dW)),
@@ -53,7 +53,7 @@ FAULTS: dict[str, tuple[str, Callable[[float], Step]]] = {
 
 
 def verdicts(scheme: Scheme, laws: list[str], seeds: range) -> Counter[tuple[str, str]]:
-    """How many seeds of each law end so."""
+    """Count the seeds with each verdict of each law, for a scheme without batches."""
     alone = replace(scheme, batched=False, solve=None)
     runs = (
         verify(alone, laws=laws, effort=Effort(seed=seed, shrink_checks=0))

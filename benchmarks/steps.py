@@ -1,6 +1,6 @@
 """How many steps does a default run ask of a scheme that takes one state at a time? ``python -m benchmarks.steps``.
 
-By default of the midpoint rule and of (2.1). The last column has the laws that ask most.
+The default schemes are the midpoint rule and (2.1). The last column has the laws that take most steps.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from sepv.verification import Finding, Law
 
 
 def counted(name: str) -> Counter[str]:
-    """The steps that each law of a whole run asks for."""
+    """The number of steps that each law of a whole run takes."""
     scheme, asked = schemes.by_name(name), Counter[str]()
     law = ""
 

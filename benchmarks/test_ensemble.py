@@ -16,14 +16,14 @@ GRIDS = {"rigid-body": (1.0, 32), "pendulum": (1.0, 32), "lotka-volterra": (0.25
 
 
 def engines() -> list[str]:
-    """NumPy's, and the compiled one where the extra `fast` is installed."""
+    """The engines to measure: NumPy's, and the compiled engine if the extra `fast` is installed."""
     from importlib.util import find_spec
 
     return ["numpy", "compiled"] if find_spec("numba") else ["numpy"]
 
 
 def tell(benchmark: Any, ends: Any, problem: Problem, T: float) -> None:
-    """Counters and errors beside the time."""
+    """Store counters, strong error and invariant defects in the record of a benchmark."""
     assert not ends.status.any()
     exact = sepv.exact_flow(problem, T + problem.c @ ends.W)
     benchmark.extra_info["iterations"] = ends.iterations

@@ -1,4 +1,4 @@
-"""The cost of one step of large sparse systems, with iterations and the defect of H. `benchmarks.large` has more."""
+"""The cost of one step of large sparse systems, with iterations and the defect of H; see also `benchmarks.large`."""
 
 from __future__ import annotations
 

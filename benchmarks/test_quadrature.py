@@ -1,4 +1,4 @@
-"""The cost of the averaged gradient by its three ways, with evaluations and the error against a fine rule."""
+"""The cost of the averaged gradient by closed form, Gauss rule and adaptive rule, with evaluations and errors."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from sepv.record import Polynomial, poly
 
 
 def chain(n: int) -> Problem:
-    """n coupled oscillators with quartic springs, d = 2n, y = (q₁ … q_n, p₁ … p_n)."""
+    """A chain of n oscillators coupled by quartic springs, d = 2n, y = (q₁ … q_n, p₁ … p_n)."""
     d = 2 * n
     unit = [poly.variable(d, k) for k in range(d)]
     squares = [poly.multiply(u, u) for u in unit]
@@ -38,5 +38,5 @@ def test_solve(benchmark: Any, n: int, delta: float) -> None:
     benchmark.extra_info["largest residual"] = float(solution.residual.max())
     defect = np.abs(problem.hamiltonian(solution.value) - problem.hamiltonian(y))
     benchmark.extra_info["largest energy defect"] = float(defect.max())
-    # Eight terms of H and a few rounded operations in each.
+    # The bound allows eight terms of H with a few rounded operations in each.
     assert defect.max() < 64 * np.finfo(np.float64).eps * problem.hamiltonian(np.abs(y)).max()

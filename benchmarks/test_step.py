@@ -1,4 +1,4 @@
-"""The cost of one step, for one state and for a batch, with counts and defects beside it."""
+"""The cost of one step, for one state and for a batch, with numbers of evaluations and energy defects."""
 
 from __future__ import annotations
 

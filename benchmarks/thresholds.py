@@ -1,8 +1,8 @@
-"""From what size on does each law name a wrong noise or drift? ``python -m benchmarks.thresholds``.
+"""From which size on does each law find a wrong noise or drift? ``python -m benchmarks.thresholds``.
 
-The scheme is (2.1) with the random step h(1 + d) + (1 + n) Σ c_jΔW_j: n is the error of the noise, d that of the drift.
-Neither moves an invariant. Each law is asked at the default budget, with n or d falling by tens, until it no longer
-says `violated`; printed are the smallest size that it names and what it says of the next.
+The scheme is (2.1) with the random step h(1 + d) + (1 + n) Σ c_jΔW_j, with the error n of the noise and d of the drift.
+Neither error changes an invariant. Each law runs at the default budget, with n or d falling by factors of ten, until it
+no longer says `violated`. The table has the smallest error that a law finds, and its verdict on the next smaller one.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from sepv.schemes import Scheme, implicit
 from sepv.schemes import energy_preserving_formula as formula
 from sepv.verification import LAWS, Effort, Verdict, verify
 
-# Below an ulp of Δ nothing is left of a fault.
+# The smallest power of ten: an error below an ulp of Δ has no effect.
 LEAST = -16
 
 
 def wrong(noise: float, drift: float) -> Scheme:
-    """(2.1) with a noise and a drift that are too large by these shares."""
+    """Scheme (2.1) with a noise and a drift that are too large by these relative errors."""
 
     def parts(problem: Problem, h: float, dW: Array) -> Array:
         return (h * (1 + drift) + (1 + noise) * problem.random_step(0.0, dW))[None]
@@ -37,7 +37,7 @@ def verdict(law: str, of: str, size: float) -> Verdict:
 
 
 def smallest(law: str, of: str) -> tuple[int | None, Verdict]:
-    """The smallest power of ten that a law names, None where it names none, and its verdict on the next."""
+    """The exponent of the least power of ten that a law finds, None if it finds none, and its verdict on the next."""
     named = None
     for power in range(-1, LEAST - 1, -1):
         found = verdict(law, of, 10.0**power)

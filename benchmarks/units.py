@@ -1,9 +1,9 @@
 """Do verdicts depend on units? ``python -m benchmarks.units``: right schemes, problems of every rate, noise and size.
 
-A problem dy = f(y)(dt + Σ c_j∘dW_j) becomes dy = ωλf(y/λ)(dt + Σ γc_j∘dW_j) from λy0. With γ = ω^{−½} it is the same in
-another unit of time, with λ in another unit of length, and with γ alone it has another noise. Each of ω, γ and λ takes
-values from 1e-6 to 1e6 by itself, and all together at the corners. No law may accuse a right scheme or stay open.
-The table has a row for each problem and scheme; each law that does not hold has a line, with its reason.
+A problem dy = f(y)(dt + Σ c_j∘dW_j) becomes dy = ωλf(y/λ)(dt + Σ γc_j∘dW_j) from λy0. With γ = ω^{−½} this is the
+problem in another unit of time, with λ in another unit of length, and with γ alone it has another noise. Each of ω, γ,
+λ takes values from 1e-6 to 1e6 alone, and all take extreme values together. No law may accuse a right scheme or be
+inconclusive. The table has a row for each problem and scheme; each law that does not hold has a line with its reason.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ SCALES = tuple(
         ]
     )
 )
-# What a user's problem is judged by in steps h that the suite chooses. The other laws take the steps of their cases.
+# The laws that judge a user's problem in steps h that the suite chooses. Other laws take the steps of their cases.
 LAWS = (
     "rounding", "truncation", "local-mean", "local-mean-square", "local-weak", "mean-square-order", "weak-order",
     "right-limit",
@@ -59,7 +59,7 @@ LAWS = (
 
 
 def _canonical(H: Any, initial: tuple[float, ...], c: tuple[float, ...], name: str) -> Callable[[], Problem]:
-    """A polynomial H in (q, p) with B = J⁻¹."""
+    """A function that makes the problem of a polynomial H in (q, p) with B = J⁻¹."""
 
     def make() -> Problem:
         n = len(initial) // 2

@@ -1,7 +1,7 @@
-"""How surely is a fault found that shows in one decade of h alone? ``python -m benchmarks.windows [--seeds N]``.
+"""How surely does a law find a fault in only one decade of h? ``python -m benchmarks.windows [--seeds N]``.
 
-The schemes are (2.1), wrong for 10ⁿ < h < 10ⁿ⁺¹: clipped with k = 1, in every noise or in the second one, where
-*truncation* must see it, and Euler's step where *local-mean-square* must. A cell is the share of seeds.
+The schemes are (2.1) with a fault for 10ⁿ < h < 10ⁿ⁺¹: *truncation* must find increments clipped with k = 1, of every
+noise or of the second one, and *local-mean-square* must find Euler's step. A cell is the fraction of seeds that do.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ FAULTS: dict[str, tuple[str, Step]] = {
 
 
 def broken(wrong: Step, low: float, high: float) -> Scheme:
-    """(2.1), wrong between two h."""
+    """Scheme (2.1) with the step `wrong` for low < h < high."""
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         return (wrong if low < h < high else energy_preserving.step)(problem, y, h, dW)

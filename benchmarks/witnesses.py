@@ -1,9 +1,9 @@
-"""Make the corpus of witnesses anew: ``python -m benchmarks.witnesses [--law NAME]... [-j N]``.
+"""Make the corpus of witnesses (stored counterexamples): ``python -m benchmarks.witnesses [--law NAME]... [-j N]``.
 
-Each saboteur that no witness has caught yet is shown to the searched laws that theory names for it, and each built-in
-scheme to those that it does not claim; a counterexample is simplified. Each case is then shown to all of them, law by
-law and class by class, and a few are kept: the one that catches most (ties: the quicker, then the shorter), then the
-one that catches most of the rest. A case that a right scheme fails would be a defect of the law, and ends the run.
+A law searches a counterexample for each saboteur that it must find by theory, and for each built-in scheme that does
+not claim it, unless a case found before accuses the scheme. Each simplified case is then tried on all these schemes, by
+class of systems, and a few are kept: the one that accuses most (ties: the quicker, then the shorter), then the one that
+accuses most of the rest. A case that a right scheme fails would be a defect of the law, and ends the run.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ from sepv.verification import _corpus as corpus
 from sepv.verification._cases.case import from_json, to_json
 
 FOLDER = Path(__file__).resolve().parents[1] / "reference" / "witnesses"
-# Of a law and a class of systems: what is caught by more than these is left to the search.
+# The most witnesses of a law and a class of systems; faults that they do not show are left to the search.
 MOST = 6
-# Simplifying ends after so many checks.
+# The most checks for simplifying a counterexample.
 SHRINK = 200
 
 
 def made(name: str) -> dict[str, Any]:
-    """The file of one law."""
+    """The content of the file of witnesses of one law."""
     (law,) = load_laws([name])
     found = [entry for systems in Systems for entry in _of_class(law, systems)]
     entries = []
@@ -48,7 +48,7 @@ def made(name: str) -> dict[str, Any]:
 
 
 def _of_class(law: Law, systems: Systems) -> list[dict[str, Any]]:
-    """The witnesses of one class of systems, in the order in which they are to be asked."""
+    """The witnesses of a law for one class of systems, in the order in which they are to be tried."""
     suspects = suspects_of(law, systems)
     candidates: dict[Case, str] = {}
     for name, scheme in suspects.items():
@@ -78,7 +78,7 @@ def _of_class(law: Law, systems: Systems) -> list[dict[str, Any]]:
 
 
 def _shows_alone(law: str, systems: Systems, name: str, case: Case) -> bool:
-    """True if a new process that runs nothing else finds the violation too: a scheme may remember another case."""
+    """True if a new process finds the violation in this case alone, because a scheme may remember earlier cases."""
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as fresh:
         return fresh.submit(_accused_by_name, law, systems, name, to_json(case)).result()
 
@@ -121,7 +121,7 @@ def _size(case: Case) -> int:
 
 
 def searched_laws() -> list[str]:
-    """Laws that search cases of one step."""
+    """The names of the laws that search cases of one step."""
     return [law.name for law in load_laws() if law.cases is not None]
 
 
@@ -134,7 +134,7 @@ def suspects_of(law: Law, systems: Systems) -> dict[str, Scheme]:
 
 
 def text_of(data: dict[str, Any]) -> str:
-    """A file: a head, then a witness a line."""
+    """The text of a file: a head, then one line for each witness."""
     head = json.dumps({k: v for k, v in data.items() if k != "witnesses"}, indent=1)[:-2]
     lines = ",\n".join(json.dumps(w, separators=(",", ":")) for w in data["witnesses"])
     return f'{head},\n "witnesses": [\n{lines}\n ]\n}}\n'

@@ -47,7 +47,7 @@ class ReferenceVector:
         The possible error of plain binary64 arithmetic, see `sepv.reference.rounding`.
     flags : words that classify it
     proof : str
-        The kind of proof: "krawczyk", "balls", or "two methods".
+        The kind of proof: "krawczyk" for implicit schemes, "balls" for explicit schemes and the exact flow.
     note : str
         The purpose of the case.
     """

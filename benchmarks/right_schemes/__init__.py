@@ -1,8 +1,8 @@
 """Right schemes that look unusual. No law may call one of their claims violated.
 
-Each claims what theory gives it and no more. `solved_otherwise` has (2.1) solved by other means than the core's Newton
-iteration, summed in other orders, rounded less or refused more often; `other_formulas` has schemes with laws of their
-own. tests/verification/test_right_schemes.py and `benchmarks.false_alarms` run the suite on them.
+Each scheme claims what theory proves for it and no more. `solved_otherwise` has variants of (2.1) with other solvers
+than the core's Newton iteration, other orders of summation, fewer roundings or more refusals. `other_formulas` has
+other schemes. tests/verification/test_right_schemes.py and `benchmarks.false_alarms` run the suite on all of them.
 """
 
 from __future__ import annotations

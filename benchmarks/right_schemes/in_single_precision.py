@@ -1,4 +1,4 @@
-"""Schemes whose step is made in single precision, with claims as in binary64 where it can keep them."""
+"""Schemes that compute their step in single precision, with the claims of binary64 that they can keep."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from sepv.problem import Problem
 from sepv.record import gauss_legendre
 from sepv.schemes import Scheme, energy_preserving, leapfrog, midpoint
 
-# Laws whose orders hide below the roundings, and those that (2.1) in binary64 has alone.
+# Laws whose orders are hidden by rounding, and laws that hold for (2.1) in binary64 only.
 _HIDDEN = {"local-mean", "local-mean-square", "local-weak", "reproducibility"}
 _SWEEPS, _NODES = 700, 10
 
@@ -44,7 +44,7 @@ def _step(average: bool) -> Any:
 
 
 def _kicked(problem: Problem, y: Any, h: float, dW: Any) -> Any:
-    """Kick, drift, kick for H = T(p) + V(q), y = (p, q), of a state or a batch; what it gets decides its precision."""
+    """Kick, drift, kick for H = T(p) + V(q), y = (p, q), of a state or a batch, in the precision of the arguments."""
     n, delta = problem.dimension // 2, problem.random_step(h, dW).astype(dW.dtype)
     p = y[:n] - np.float32(0.5) * delta * np.float32(problem.gradient(y)[n:])
     q = y[n:] + delta * np.float32(problem.gradient(np.concatenate([p, y[n:]]))[:n])

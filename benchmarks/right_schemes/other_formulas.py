@@ -1,4 +1,4 @@
-"""Correct schemes other than (2.1), each with laws of its own: compositions, the flow itself, other formulas."""
+"""Correct schemes other than (2.1), each with its own claims: compositions, the exact flow, other formulas."""
 
 from __future__ import annotations
 
@@ -34,19 +34,19 @@ from sepv.schemes._explicit_tableaux import TABLEAUX
 from sepv.schemes._leapfrog import KicksAndDrifts, composed
 from sepv.solve import CountedFields, Fields
 
-# Of a scheme that is not (2.1) itself but shares its structure.
+# Claims of (2.1) that a scheme of similar structure, but with another formula, does not have.
 _NOT_ITSELF = {"midpoint", "reduction", "reference", "refusal"}
 _TRIPLE = 1 / (2 - 2 ** (1 / 3))
 
 
 def _trapezoidal(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    """½h(f(y0) + f(y1)) + S f((y0 + y1)/2): exchanging y0 and y1, h and −h, S and −S gives the same equation."""
+    """The increment ½h(f(y0) + f(y1)) + S f((y0 + y1)/2): exchanging y0, y1 and the signs of h, S changes nothing."""
     drift = 0.5 * (fields.field(y) + fields.field(y + z))
     return step[0] * drift + step[1] * fields.field(y + 0.5 * z)
 
 
 def _composed(shares: Sequence[float]) -> Step:
-    """(2.1) with each share of the step in turn."""
+    """Compose steps of (2.1) with these fractions of the step."""
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         for share in shares:
@@ -56,13 +56,13 @@ def _composed(shares: Sequence[float]) -> Step:
     return step
 
 
-# What the exact flow states of itself: its errors have one sign. On the pendulum, 60 paths of 256 steps, the mean of
-# the energy's defect was −0.024 and −0.032 of the rounding of a step, in each step, 3 and 4 standard errors from zero.
+# The tolerance that the exact flow states, because its errors have one sign. On the pendulum, in 60 paths of 256 steps,
+# the mean energy defect of a step was −0.024 and −0.032 of the rounding of a step, 3 and 4 standard errors from zero.
 FLOW_TOLERANCE = EPS / 16
 
 
 def flow(problem: Problem, y0: Array, delta: Array) -> Array:
-    """φ_Δ(y0), (d, M), rounded once: order 8 with twice the substeps until two results agree, in long floats."""
+    """The flow φ_Δ(y0), (d, M): order 8 in long floats with doubled substeps until two results agree, rounded once."""
     start: Any = y0.astype(np.longdouble)
     wide: Any = delta.astype(np.longdouble)
     value, open_ = start.copy(), np.arange(y0.shape[1])
@@ -74,7 +74,7 @@ def flow(problem: Problem, y0: Array, delta: Array) -> Array:
                 y = y + end(TABLEAUX[8], CountedFields(problem, y, y), y, None, wide[None, open_] / parts)
             value[:, open_] = y
             if coarse is not None:
-                # The finer one is a good deal better than their difference: 2⁻⁸ of it.
+                # The error of the finer result is about 2⁻⁸ of the difference of the two results.
                 size = np.fmax(np.max(np.abs(start[:, open_]), axis=0), np.max(np.abs(y), axis=0))
                 agree = np.max(np.abs(y - coarse), axis=0) <= FLOW_TOLERANCE * size
                 open_, y = open_[~agree], y[:, ~agree]
@@ -87,8 +87,8 @@ def flow(problem: Problem, y0: Array, delta: Array) -> Array:
 def _weak_two(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """φ_Δ(y0) + ½f(y0)(S³ − 3c²hS), S = Σ c_jΔW_j, c² = Σ c_j².
 
-    The added term has mean zero and a root mean square of h^{3/2}: mean-square order 1. E(S³ − 3c²hS)S = 0 as well, the
-    third Hermite polynomial, so that what it does to moments is O(h³): weak order 2.
+    The added term has mean zero and a root mean square of h^{3/2}, so the mean-square order is 1. As a third Hermite
+    polynomial it also has E(S³ − 3c²hS)S = 0, so it changes moments by O(h³), and the weak order is 2.
     """
     y0, noise = as_lanes(problem, y, h, dW)
     S = problem.random_step(0.0, noise)
@@ -98,16 +98,16 @@ def _weak_two(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 
 
 def _pushed_at_once(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """All of the additive noise, then (2.1) without noise.
+    """Add all of the additive noise, then take a step of (2.1) without noise.
 
-    It keeps what the push adds to E[H] and E[C]. Lie's composition has weak order 1, and order 1 for additive noise.
+    The second part changes neither E[H] nor E[C]. Lie's composition has weak order 1, and order 1 for additive noise.
     """
     y0, noise = as_lanes(problem, y, h, dW)
     return drift_preserving.step(problem, y0, h, noise, noise).reshape(np.shape(y))
 
 
 def _damped_in_the_middle(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """(2.1) for half of the step and half of the increments, all of the damping, and (2.1) again: symmetric as well."""
+    """A symmetric composition: (2.1) for half of the step and its increments, all of the damping, and (2.1) again."""
     if not isinstance(problem, DampedProblem):
         raise Skipped("for damped systems")
     y0, noise = as_lanes(problem, y, h, dW)
@@ -117,7 +117,7 @@ def _damped_in_the_middle(problem: Problem, y: Array, h: float, dW: Array) -> Ar
 
 
 def _readme(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """The midpoint rule of the README: what it cannot solve it refuses with an ArithmeticError."""
+    """The midpoint rule of the README, which refuses a step that it cannot solve with an ArithmeticError."""
     delta = h + problem.c @ dW
     y1 = y.copy()
     for _ in range(200):
@@ -139,7 +139,7 @@ def _kept_force(problem: Problem, state: Any, h: float, dW: Array) -> Any:
 
 
 def _reversible_heun(problem: Problem, state: Any, h: float, dW: Array) -> Any:
-    """z1 = 2y − z + Δf(z), y1 = y + ½Δ(f(z) + f(z1)): at y = y1 a path's z differs from that of a new path."""
+    """Reversible Heun: z1 = 2y − z + Δf(z), y1 = y + ½Δ(f(z) + f(z1)); z depends on the earlier states of the path."""
     y, z, f = state
     delta = problem.random_step(h, dW)
     z1 = 2 * y - z + delta * f
@@ -148,7 +148,7 @@ def _reversible_heun(problem: Problem, state: Any, h: float, dW: Array) -> Any:
 
 
 def _velocity_verlet(problem: Problem, y: Array, h: float, _dW: Array) -> Array:
-    """Positions and velocities, with a step of length h: q + hv + ½h²a(q), v + ½h(a(q) + a(q1)), a = M⁻¹F."""
+    """Velocity Verlet with step h: q1 = q + hv + ½h²a(q), v1 = v + ½h(a(q) + a(q1)), a = M⁻¹F."""
     m = mechanics(problem)
     q, p = m.split(y)
     v, a = m.velocity(p), m.velocity(m.force(q))

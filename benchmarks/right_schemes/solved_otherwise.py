@@ -1,4 +1,4 @@
-"""(2.1) solved and summed by other means than the core's: each claims all that the core's (2.1) claims."""
+"""Variants of (2.1) with other solvers and summations than the core's; each claims what the core's (2.1) claims."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from sepv.schemes._energy_preserving import jacobian
 from sepv.solve import Increment
 
 CLAIMED = frozenset(energy_preserving.claims)
-# Laws about paths: not for schemes too slow for thousands of them.
+# Laws about paths, of which schemes that are too slow for thousands of paths are spared.
 _PATHS = {"rounding", "mean-square-order", "weak-order", "right-limit", "reproducibility"}
 
 # Gauss nodes for an H of no stated degree: exact to degree 40.
 _MANY = 20
 # Sweeps of a fixed-point iteration with a contraction factor of 0.95.
 _SWEEPS = 700
-# A few roundings beside |y|: below that, a correction that no longer shrinks is rounding.
+# A few roundings relative to |y|: a smaller correction that no longer shrinks is rounding.
 _NOISE = 16 * EPS
 
-# R(problem, y0, y1, Δ) of (2.1).
+# The right side R(problem, y0, y1, Δ) of (2.1).
 _Right = Callable[[Problem, Array, Array, Any], Array]
 
 
 class Refused(ArithmeticError):
-    """A step that was not solved: an exception of its own, as a third party's would be."""
+    """A step was not solved. A scheme of a third party may raise such an exception of its own."""
 
 
 def _nodes(problem: Problem) -> int:
@@ -40,7 +40,7 @@ def _nodes(problem: Problem) -> int:
 
 
 def _by_nodes(problem: Problem, y0: Array, y1: Array, nodes: int) -> Array:
-    """∫₀¹∇H dτ in the problem's closed form, else by Gauss nodes from the last to the first."""
+    """The averaged gradient ∫₀¹∇H dτ in the problem's closed form, else by Gauss nodes from the last to the first."""
     if problem.mean_gradient is not None:
         return problem.mean_gradient(y0, y1)
     total = np.zeros_like(y0)
@@ -50,12 +50,12 @@ def _by_nodes(problem: Problem, y0: Array, y1: Array, nodes: int) -> Array:
 
 
 def _right(problem: Problem, y0: Array, y1: Array, delta: Any) -> Array:
-    """Δ B((y0 + y1)/2) ∇̄H."""
+    """The right side Δ B((y0 + y1)/2) ∇̄H of (2.1), ∇̄H being the averaged gradient."""
     return delta * matvec(problem.structure((y0 + y1) / 2), _by_nodes(problem, y0, y1, _nodes(problem)))
 
 
 def _swept(problem: Problem, y0: Array, delta: Array, right: _Right = _right) -> Array:
-    """y0 + z by z ← R(y0 + z) to stagnation, lane by lane, for y0 (d, M) and Δ (M,)."""
+    """The solution y0 + z by iterating z ← R(y0 + z) to stagnation, path by path, for y0 (d, M) and Δ (M,)."""
     z, active = np.zeros_like(y0), np.arange(y0.shape[1])
     before = np.full(y0.shape[1], np.inf)
     with np.errstate(all="ignore"):
@@ -85,7 +85,7 @@ def of_lanes(update: Callable[[Problem, Array, Array], Array]) -> Step:
 
 
 def _of_one(update: Callable[[Problem, Array, float], Any]) -> Step:
-    """A step for one state, as most people write them."""
+    """A step for one state from update(problem, y0, Δ), as most people write a step."""
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         return np.asarray(update(problem, y, float(h + np.dot(problem.c, dW))), dtype=np.float64)
@@ -127,7 +127,7 @@ def _loop(problem: Problem, y: Array, delta: float) -> Array:
 
 
 def _to_an_ulp(problem: Problem, y: Array, delta: float) -> Array:
-    """(2.1) by sweeps until the correction is rounding beside the largest component, whatever the others' size."""
+    """(2.1) by sweeps until the correction is rounding of the largest component, however small the others are."""
     y1, last = y, math.inf
     for _ in range(_SWEEPS):
         y1, before, old = y + _right(problem, y, y1, delta), last, y1
@@ -145,7 +145,7 @@ def _exact_sum(values: Iterable[float]) -> float:
 
 
 def _lists(problem: Problem, y: Array, delta: float) -> list[float]:
-    """The same with lists inside, and every sum rounded once (`math.fsum`)."""
+    """(2.1) by sweeps over Python lists, with every sum rounded once (`math.fsum`)."""
     start, points = y.tolist(), list(zip(*gauss_legendre(_MANY), strict=True))
     z, last = [0.0] * len(start), math.inf
     for _ in range(_SWEEPS):
@@ -172,7 +172,7 @@ def _lists(problem: Problem, y: Array, delta: float) -> list[float]:
 
 
 def _root(problem: Problem, y: Array, delta: float) -> Array:
-    """(2.1) by Powell's hybrid method; what it leaves is held against the tolerance that the scheme states."""
+    """(2.1) by Powell's hybrid method; its residual is compared with the tolerance that the scheme states."""
     from scipy.optimize import root
 
     found = root(lambda z: z - _right(problem, y, y + z, delta), np.zeros_like(y), method="hybr", tol=1e-13)
@@ -186,7 +186,7 @@ ROOT_TOLERANCE = 1e-12
 
 
 def _line_search(problem: Problem, y: Array, delta: float) -> Array:
-    """Newton's method with a Jacobian of differences and halved steps; LinAlgError where it is singular."""
+    """(2.1) by Newton's method with a Jacobian of differences and halved steps; LinAlgError if it is singular."""
     d, z = len(y), np.zeros_like(y)
 
     def F(z: Array) -> Array:
@@ -258,7 +258,7 @@ def _twenty(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
 
 
 def _solved(R: Callable[[Problem, Array, Array, Array], Array]) -> Implicit:
-    """The core's solver and Newton's matrix for a right side of arrays, which brings its own quadrature."""
+    """A step by the core's solver and Newton matrix for a right side R that has its own quadrature."""
 
     def increment(problem: Problem, y0: Array, y1: Array, step: Array) -> Increment:
         once = np.ones(y0.shape[1], dtype=np.int64)
@@ -278,7 +278,7 @@ def _digits(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 
 
 def like_the_core(name: str, step: Step, source: str, batched: bool = True, **changes: Any) -> Scheme:
-    """(2.1) by other means: all that (2.1) claims."""
+    """A scheme with this step and all claims of (2.1), but without *reproducibility* if it takes no batches."""
     claims = CLAIMED if batched else CLAIMED - {"reproducibility"}
     changed = {"claims": claims, **changes}
     return replace(

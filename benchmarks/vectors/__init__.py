@@ -1,4 +1,4 @@
-"""What makes the reference vectors: `selection` says which cases and why, `generate` computes, proves and writes them.
+"""The program for the reference vectors: `selection` chooses the cases, `generate` computes, proves and writes them.
 
 python -m benchmarks.vectors [--check [--all]] [SCHEME …]
 """

@@ -31,9 +31,9 @@ from benchmarks.vectors.selection import SCHEMES, Candidate, candidates
 from sepv.errors import SepvError
 from sepv.files import write_atomically
 
-# Beyond the digits printed: three that a proof by balls may leave open.
+# The digits computed beyond those printed; a proof by balls may leave three of them undecided.
 _EXTRA = 10
-# A component so much smaller than the largest is computed with as many more digits; below 1e-390 of it, it is 0.
+# If a component is much smaller than the largest, _MANY digits are computed; below 1e-390 of the largest it is 0.
 _FEW, _MANY = DIGITS + _EXTRA, 460
 _ZERO = 390
 
@@ -43,12 +43,12 @@ class GenerationError(SepvError):
 
 
 def answer(candidate: Candidate, name: str) -> ReferenceVector:
-    """The vector of a candidate: computed, proved where python-flint is, rounded.
+    """Compute the reference vector of a candidate, prove it if python-flint is installed, and round it.
 
     Raises
     ------
     GenerationError
-        Naming the case.
+        If the vector cannot be computed or proved; the message names the case.
     """
     try:
         if candidate.scheme == FLOW:
@@ -76,7 +76,7 @@ def _step_answer(candidate: Candidate, name: str) -> ReferenceVector:
 
 
 def _on_the_branch(equation: Equation, candidate: Candidate) -> tuple[Vector | None, tuple[str, ...]]:
-    """Where to begin so that the solution is that of the branch from y, and the flags with what was found."""
+    """The start of Newton's iteration on the branch of solutions from y, and the flags, with "overflow" if one occurs."""
     flags = candidate.flags
     if equation.residual is None:
         return None, flags if _fits_binary64(equation, candidate) else (*flags, "overflow")
@@ -104,14 +104,14 @@ def _uneven(y1: Vector) -> bool:
 
 
 def _without_noise(y1: Vector) -> Vector:
-    """Components that are nothing but the rounding of the others become 0."""
+    """Replace components that are only rounding errors of the others by 0."""
     ctx = context(_MANY)
     scale = max(abs(v) for v in y1)
     return [ctx.zero if abs(v) < scale * ctx.mpf(10) ** -_ZERO else v for v in y1]
 
 
 def _proved(candidate: Candidate, step: ReferenceStep, y1: Vector, digits: int) -> str:
-    """Krawczyk's test, and that its balls leave no doubt about any digit that will be printed."""
+    """Prove the step by Krawczyk's test, with balls that determine each printed digit; return the kind of proof."""
     bits = max(500, int(7 * digits))
     proof = certify(candidate.problem, candidate.y, candidate.h, candidate.dW, step, bits)
     with precision(bits):
@@ -150,13 +150,13 @@ def _rounded(value: Fraction) -> float:
 
 
 def to_binary64(value: Any) -> float:
-    """An mpf to the nearest binary64 number, ties to even, subnormal numbers included."""
+    """Round an mpmath number to the nearest binary64 number, ties to even, subnormal numbers included."""
     sign, man, exp, _ = value._mpf_
     return _rounded(Fraction(-int(man) if sign else int(man)) * Fraction(2) ** int(exp))
 
 
 def _flow_answer(candidate: Candidate, name: str) -> ReferenceVector:
-    """The flow by Taylor series; proved by an enclosure, or else by a closed form that agrees to 48 digits."""
+    """Compute the vector of an exact flow by Taylor series; prove it by an enclosure if python-flint is installed."""
     arguments = (candidate.problem, candidate.y, candidate.h)
     digits = _FEW
     y1 = taylor(*arguments, digits)
@@ -219,12 +219,12 @@ def named_candidates(scheme: str) -> list[tuple[str, Candidate]]:
 
 
 def source_of(scheme: str) -> str:
-    """The description of a scheme's equation that stands at the head of its file of vectors."""
+    """The description of a scheme's equation for the head of its file of vectors."""
     return "y' = B(y) grad H(y) at time theta" if scheme == FLOW else find_equation(scheme).source
 
 
 def differences(new: ReferenceVector, old: ReferenceVector) -> list[str]:
-    """The fields in which two vectors differ; estimates may differ by the libraries' last digits."""
+    """The fields in which two vectors differ; `condition` and `rounding` may differ by 2 %."""
     found = []
     for key in ("id", "problem", "y", "h", "dW", "y1", "y1_hex", "flags", "note"):
         if getattr(new, key) != getattr(old, key):
@@ -238,7 +238,7 @@ def differences(new: ReferenceVector, old: ReferenceVector) -> list[str]:
 
 
 def check(schemes: Sequence[str], every: int, folder: Path = FOLDER) -> tuple[int, list[str]]:
-    """(how many were made again, what differs), for every so-many-th case of each file, the first among them."""
+    """Make each `every`-th case of each file again, from the first on; return their number and the differences."""
     count, wrong = 0, []
     for scheme in schemes:
         stored = {v.id: v for v in load(scheme, folder)}
@@ -257,7 +257,7 @@ FAST = 13
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """0: written, or nothing differs. 1: something differs, or a case failed."""
+    """Write or check the vectors; return 1 if something differs or a case failed, else 0."""
     parser = argparse.ArgumentParser(prog="benchmarks.vectors", description=__doc__)
     parser.add_argument(
         "schemes", nargs="*", metavar="SCHEME", help=f"one of {', '.join(SCHEMES)}; default all"

@@ -1,6 +1,6 @@
 """Random polynomial systems for the vectors, which are the same in every run and on every machine.
 
-They come from Python's Mersenne twister, of which only `random()` is used, whose stream Python promises to keep.
+Only `random()` of Python's Mersenne twister is used, because Python promises to keep its stream.
 """
 
 from __future__ import annotations
@@ -19,31 +19,31 @@ class Generator:
         self._random = Random(seed).random
 
     def below(self, n: int) -> int:
-        """0, …, n − 1."""
+        """A random integer among 0, …, n − 1."""
         return int(self._random() * n)
 
     def coefficient(self) -> float:
-        """A multiple of 1/4 between −2 and 2, not 0."""
+        """A random multiple of 1/4 between −2 and 2, not 0."""
         return (1 + self.below(8)) / 4 * (1 if self.below(2) else -1)
 
     def component(self) -> float:
-        """Any double in ±1.5."""
+        """A random double between −1.5 and 1.5."""
         return 3 * self._random() - 1.5
 
     def monomial(self, d: int, degree: int) -> Exponents:
-        """Exponents that add up to `degree`."""
+        """Random exponents of d variables that add up to `degree`."""
         exponents = [0] * d
         for _ in range(degree):
             exponents[self.below(d)] += 1
         return tuple(exponents)
 
     def polynomial(self, d: int, degree: int, terms: int) -> Polynomial:
-        """One term of full degree, the others of any degree up to it."""
+        """A random polynomial with one term of this degree and further terms of any degree up to it."""
         degrees = [degree, *(self.below(degree + 1) for _ in range(terms - 1))]
         return poly.polynomial(d, [(self.monomial(d, k), self.coefficient()) for k in degrees])
 
     def hamiltonian(self, d: int, degree: int) -> Polynomial:
-        """Some terms, with ½|y|² beside them for every second one of degree 2 or more."""
+        """A random H with 3 to 5 terms, to which ½|y|² is added with probability ½ if the degree is 2 or more."""
         found = self.polynomial(d, degree, 3 + self.below(3))
         if degree >= 2 and self.below(2):
             squares = [(tuple(2 * int(i == k) for i in range(d)), 0.5) for k in range(d)]
@@ -51,7 +51,7 @@ class Generator:
         return found
 
     def system(self, d: int, degree: int, structure_degree: int, noises: int) -> PolynomialSystem:
-        """B with up to d + 2 entries above the diagonal. For d ≥ 4 and even noises, y_d is a linear Casimir."""
+        """A system whose B has up to d + 2 entries above the diagonal; y_d is a Casimir if d ≥ 4 and noises are even."""
         moving = d - 1 if d >= 4 and noises % 2 == 0 else d
         pairs = list(combinations(range(moving), 2))
         chosen = sorted({pairs[self.below(len(pairs))] for _ in range(d + 2)}) if pairs else []
@@ -60,11 +60,11 @@ class Generator:
         return PolynomialSystem(d, self.hamiltonian(d, degree), structure, self.noise(noises), (), linear)
 
     def noise(self, m: int) -> tuple[float, ...]:
-        """c_j among 1/4, 1/2, 1, 2."""
+        """The random sizes c_j of m noises, among 1/4, 1/2, 1, 2."""
         return tuple((0.25, 0.5, 1.0, 2.0)[self.below(4)] for _ in range(m))
 
     def on_a_quadric(self, degree: int, factor_degree: int, noises: int) -> PolynomialSystem:
-        """d = 3, B = g(y) hat(Ay) with A symmetric: yᵀAy is a Casimir."""
+        """A system with d = 3 and B = g(y) hat(Ay), A symmetric, so that yᵀAy is a Casimir."""
         A = [[0.0] * 3 for _ in range(3)]
         for i in range(3):
             for j in range(i, 3):

@@ -1,4 +1,4 @@
-"""Which cases the vectors hold, and why: the paper's problems, extremes, folds, separatrices, random systems.
+"""The choice of cases for the vectors: the paper's problems, extremes, folds, separatrices, random systems.
 
 Everything here is deterministic, the random systems too.
 """
@@ -21,7 +21,7 @@ from sepv.record import poly
 
 
 class Candidate(NamedTuple):
-    """A case without its answer."""
+    """A case of a scheme for the reference vectors, without its result."""
 
     scheme: str
     family: str
@@ -59,12 +59,12 @@ PAPER: dict[str, tuple[NamedProblem, tuple[float, ...]]] = {
 
 
 def noise_of(problem: Description) -> tuple[float, ...]:
-    """The c_j."""
+    """The noise sizes c_j of a problem."""
     return problem.noise if isinstance(problem, PolynomialSystem) else dict(problem.parameters)["noise"]
 
 
 def split(problem: Description, delta: float, share: float = 0.25) -> tuple[float, tuple[float, ...]]:
-    """h = share·|Δ| and equal increments that make up the rest; without noise h = Δ."""
+    """Split Δ into h = share·|Δ| and equal noise terms c_jΔW_j for the rest; without noise h = Δ."""
     c = [v for v in noise_of(problem) if v]
     if not c:
         return delta, (0.0,) * len(noise_of(problem))
@@ -108,7 +108,7 @@ def _long() -> Iterator[_Draft]:
 
 
 def _folds(scheme: str) -> Iterator[_Draft]:
-    """Steps just short of where the branch of solutions from y0 folds back: the condition grows like 2^(k/2)."""
+    """Steps by a fraction 2^−k short of the fold of the branch of solutions from y0; conditions grow like 2^(k/2)."""
     cubic = PolynomialSystem(
         2,
         poly.polynomial(2, [((2, 0), 0.5), ((0, 3), 1.0)]),
@@ -123,7 +123,7 @@ def _folds(scheme: str) -> Iterator[_Draft]:
     ]
     for problem, y, name in states:
         for sign in (1.0, -1.0):
-            # h alone, so that Δ is exactly what the note says.
+            # Δ = h without noise increments, so that Δ is exactly as the note says.
             zero = (0.0,) * len(noise_of(problem))
             end = follow(EQUATIONS[scheme], problem, y, 4 * sign, zero)
             if end.whole:
@@ -142,7 +142,7 @@ def _cancelling() -> Iterator[_Draft]:
             dW = (-h * (1 - 2.0**-k) / c[0], *(0.0 for _ in c[1:]))
             yield _Draft(problem, y, h, dW, ("cancelling",), f"{name}: h and Σ c_jΔW_j cancel to 2^-{k} of h")
     for n in (1, 2, 4):
-        # (y1 − y2)^(2n) multiplied out: its gradient cancels where y1 is close to y2.
+        # H = (y1 − y2)^(2n) multiplied out: its gradient cancels if y1 is close to y2.
         terms = [((j, 2 * n - j), (-1.0) ** j * math.comb(2 * n, j)) for j in range(2 * n + 1)]
         system = PolynomialSystem(2, poly.polynomial(2, terms), ((0, 1, poly.constant(2, -1.0)),), (1.0,))
         for k in (4, 20, 40):
@@ -206,7 +206,7 @@ def _separatrices() -> Iterator[_Draft]:
     ):
         for delta in (0.25, -0.1):
             yield _Draft(PENDULUM, y, *split(PENDULUM, delta), flags, f"pendulum {what}")
-    # K_a = K_c: y_a²/A_a = y_c²/A_c.
+    # On the separatrix K_a = K_c, that is y_a²/A_a = y_c²/A_c.
     a, c = 1 / 0.653 - 1 / 1.0, 1 / 0.345 - 1 / 0.653
     for body, what in (
         ((0.0, 1.0, 0.0), "on the unstable axis"),
@@ -239,7 +239,7 @@ def _rest() -> Iterator[_Draft]:
 
 
 def lipschitz(problem: Description, y: tuple[float, ...]) -> float:
-    """‖f′(y)‖_∞, in floats."""
+    """The norm ‖f′(y)‖_∞ of the derivative of the field f, in floats."""
     p = binary64_problem(problem)
     state = p.state(y)
     columns = [p.field_slope(state, [float(i == k) for i in range(len(y))]) for k in range(len(y))]
@@ -250,7 +250,7 @@ _SHARES = (0.4, -0.2, 0.05, -0.4, 0.01, 0.2)
 
 
 def _random(scheme: str, every: int, phase: int) -> Iterator[_Draft]:
-    """Every so-many-th of 84 random systems; the others are not even drawn, for finding their steps takes time."""
+    """Cases of each `every`-th of 84 random systems; other systems are not drawn, because finding steps takes time."""
     for n in range(phase % every, 84, every):
         if n < 72:
             d, k = 1 + n // 6, n % 6
@@ -277,7 +277,7 @@ def _within(
     note: str,
     flags: tuple[str, ...],
 ) -> _Draft:
-    """|Δ| a share of 1/‖f′(y)‖, halved until the branch of solutions from y reaches there."""
+    """A step with |Δ| = |share|/‖f′(y)‖, halved until the branch of solutions from y covers the whole step."""
     delta = share / (lipschitz(system, y) or 1.0)
     for _ in range(40):
         h, dW = split(system, delta)
@@ -304,7 +304,7 @@ def _families(scheme: str) -> dict[str, list[_Draft]]:
 
 
 def _quadrature_settles(draft: _Draft) -> bool:
-    """Not for huge steps of the pendulum; and a bound of its error says little of a component of 1e-300."""
+    """False for huge steps of the pendulum, and for tiny components, for which error bounds of a rule say little."""
     closed = isinstance(draft.problem, PolynomialSystem) or draft.problem in (OSCILLATOR, BODY)
     return "huge" not in draft.flags and (closed or not {"subnormal", "mixed-scales"} & set(draft.flags))
 
@@ -318,12 +318,12 @@ def candidates(scheme: str) -> list[Candidate]:
     every = 1 if scheme == "energy-preserving" else 12 if stages else 3
     found = []
     for family, drafts in _families(scheme).items():
-        # Long steps have other branches for each number of stages, and over a huge step of the pendulum no
-        # quadrature settles: the paper's, the random and the small ones show methods with stages.
+        # Methods with stages get no long steps, whose branches depend on the number of stages, and no huge steps of
+        # the pendulum, over which no quadrature settles.
         usual = [draft for draft in drafts if family != "long" and _quadrature_settles(draft)]
         kept = (usual if stages else drafts)[phase % every :: every]
         if scheme == "milstein":
-            # f′f of the rigid body at 1e150 overflows where the step itself does not.
+            # The term f′f of the rigid body at 1e150 overflows, although the step itself does not.
             kept += [draft for draft in drafts if "1e+150" in draft.note and draft not in kept]
         found += [Candidate(scheme, family, *draft) for draft in kept]
     random = _random(scheme, 24 if stages else every, phase)
@@ -331,7 +331,7 @@ def candidates(scheme: str) -> list[Candidate]:
 
 
 def _flows() -> Iterator[tuple[str, _Draft]]:
-    """(family, draft) with θ in the place of h."""
+    """Pairs (family, draft) for the exact flow, with the time θ in place of h."""
     for name, (problem, y) in PAPER.items():
         for theta in (
             (8.0, -5.0, 1.0, -1.0, 0.1, 1e-8) if name != "Lotka-Volterra" else (1.0, -0.75, 0.1, 1e-8)
