@@ -3,7 +3,7 @@
 A batch has 512 paths, the number that a law draws first. The true value is taken from 1000 batches of a scheme
 together, so that its error is √1000 times smaller than that of a batch. Misses are counted on both sides: `below` is an
 interval wholly below the value, which can accuse a right scheme; `above` is one wholly above it, which can let a fault
-pass. An interval of several means counts as one. The last rows are verdicts: how often a law, run with this alpha on
+pass. Misses of several means count as one. The last rows are verdicts: how often a law, run with this alpha on
 one problem, calls the scheme violated. Schemes of order 2 and more are measured as in their laws, on the weighted
 samples of `sepv.properties._orders.tilting`, which have no quantile.
 
@@ -157,9 +157,9 @@ def _pieces(samples: Array) -> list[Array]:
 
 
 def deep(scheme: Scheme, problem: Problem, batches: int, seed: int) -> tuple[int, ...]:
-    """Count the batches in which an interval of the shares of the limit misses on either side, for each alpha of DEEP.
+    """Count the batches in which an interval of *right-limit* misses on either side, for each alpha of DEEP.
 
-    The shares are linear in the samples, so that their mean over the batches is the value over all batches.
+    Each estimate is linear in the samples, so that its mean over the batches is the value over all batches.
     """
     setup = next(s for s in setups_for(scheme) if s.problem == problem.name)
     values, halves = [], []

@@ -31,7 +31,7 @@ def head(law: Law) -> str:
     text = law.statement
     text = (
         text[0].upper() + text[1:] if re.match(r"(?!det )(a|[a-z]{2,}) ", text) else text
-    )  # y1, det Φ′ stay
+    )  # y1 and det Φ′ are kept
     return f"# {law.name}\n\n{text}.\n\n{facts}\n\n"
 
 

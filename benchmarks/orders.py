@@ -1,6 +1,6 @@
 """Mean-square and weak orders of s-stage collocation, with defects of invariants: ``python -m benchmarks.orders``.
 
-Errors are against the exact flow at the random time. Each step size has other paths. With two or more stages these are
+Errors are against the exact flow at the random time. Each step size has its own paths. With two stages or more they are
 importance sampled (`sepv.properties._orders.tilting`), because the mean square of an error of order s is a (4s + 2)th
 moment, which plain paths do not show. Intervals are 99 %. Defects are the largest over 256 plain paths, relative to
 the invariant's size at the start, in binary64.

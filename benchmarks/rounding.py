@@ -1,7 +1,7 @@
 """Brouwer's law over many steps: ``python -m benchmarks.rounding [--steps 1e8]``.
 
-(2.1) runs on the paper's four problems with the compiled engine. The table has the random walk of H and the Casimirs by
-rounding, with plain and with compensated summation, beside the prediction of
+The energy-preserving scheme (2.1) runs on the paper's four problems with the compiled engine. The table has the random
+walk of H and the Casimirs by rounding, with plain and with compensated summation, beside the prediction of
 `sepv.verification._tolerance.rounding_walk`. Invariants are evaluated in extended precision. Bias is the mean defect
 over paths at the end, per step, and in standard errors. Growth is the exponent of the root mean square over the last
 ten doublings of the time, with a 99 % bootstrap interval over paths. Lotka-Volterra has h = 2⁻²⁰, because (2.1) does

@@ -81,7 +81,7 @@ def power(x: Number, k: int) -> Number:
 
 @lru_cache(maxsize=8)
 def context(digits: int) -> Any:
-    """An mpmath context with this many decimal digits, made once for each number; the global precision stays as set."""
+    """An mpmath context with this many decimal digits, made once for each number; the global precision is unchanged."""
     ctx = mpmath.mp.clone()
     ctx.dps = digits
     return ctx
@@ -114,7 +114,7 @@ def _float_nodes(nodes: int) -> list[tuple[float, float]]:
 
 @lru_cache(maxsize=8)
 def decimal(digits: int) -> Arithmetic:
-    """The arithmetic of mpmath with this many digits; ε can be 10^−1000 i, because mpmath's exponents are unbounded."""
+    """The arithmetic of mpmath with this many digits; ε is 10^−1000 i, which mpmath's unbounded exponents allow."""
     ctx = context(digits)
     epsilon = ctx.mpf(10) ** -1000
 

@@ -92,7 +92,7 @@ def certify(
     bits: int = BITS,
     radius: float = RADIUS,
 ) -> Certificate:
-    """Prove that the reference step encloses exactly one solution.
+    """Prove that the equation of a step has exactly one solution near a reference step.
 
     Raises
     ------

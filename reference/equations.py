@@ -58,7 +58,7 @@ class Equation:
 
 
 def make_step(problem: ExactProblem, h: float, dW: tuple[float, ...]) -> Step:
-    """The step with these increments, each converted exactly from binary64."""
+    """The `Step` with the size h and the noise increments dW, each converted exactly from binary64."""
     exact = problem.number(h)
     S = total([problem.number(0.0), *(c * problem.number(w) for c, w in zip(problem.noise, dW, strict=True))])
     return Step(exact, S, exact + S, tuple(problem.number(w) for w in dW))
@@ -136,7 +136,7 @@ def _euler_maruyama(problem: ExactProblem, y0: Vector, step: Step, _: Vector) ->
 
 
 def in_blocks(x: Vector, stages: int) -> list[Vector]:
-    """Cut a vector of unknowns into one block of d for each stage."""
+    """Cut a vector of unknowns into blocks of d numbers, one block for each stage."""
     d = len(x) // stages
     return [x[i * d : (i + 1) * d] for i in range(stages)]
 

@@ -100,7 +100,7 @@ def enclosed(data: Description, y: Sequence[float], theta: float, digits: int = 
     FlowNotReached
     """
     require_digits(digits)
-    # The remainder of a step grows with the balls: by two digits a unit of θ for Lotka-Volterra, less elsewhere.
+    # The remainder of a step grows with the balls: by two digits per unit of θ for Lotka-Volterra, less for others.
     working = digits + 15 + int(4 * abs(theta))
     bits = bits or int(3.33 * working) + 200
     order = int(working * math.log(10) / 2) + 20

@@ -74,7 +74,7 @@ class ExactProblem:
         return self.turned(self.structure(y), self.gradient(y))
 
     def turned(self, B: Skew, v: Vector) -> Vector:
-        """The product B v."""
+        """The product B v of a skew matrix B, given by its entries above the diagonal, and a vector v."""
         rows: Vector = [None] * len(v)
         for i, j, entry in B:
             up, down = entry * v[j], entry * v[i]
@@ -110,7 +110,7 @@ class ExactProblem:
 
 @lru_cache(maxsize=512)
 def exact_problem(data: Description | GivenProblem, digits: int = 50) -> Any:
-    """The evaluator of a description in mpmath, made once for each precision; `ctx` is its context.
+    """The `ExactProblem` of a description in mpmath, made once for each precision; `ctx` is its mpmath context.
 
     Raises
     ------
@@ -128,12 +128,12 @@ def exact_problem(data: Description | GivenProblem, digits: int = 50) -> Any:
 
 @lru_cache(maxsize=512)
 def binary64_problem(data: Description) -> ExactProblem:
-    """The evaluator of a description in Python's floats."""
+    """The `ExactProblem` of a description in Python's floats."""
     return in_arithmetic(data, BINARY64)
 
 
 def in_arithmetic(data: Description, arithmetic: Arithmetic) -> ExactProblem:
-    """The evaluator of a description in this arithmetic."""
+    """The `ExactProblem` of a description in this arithmetic."""
     if isinstance(data, NamedProblem) and data.name not in _NAMED:
         raise UsageError(
             expected=f"a problem known to the references: polynomial data, or one of {', '.join(_NAMED)}",

@@ -56,7 +56,7 @@ def _bound(
 
     K = in_blocks([around(v, R) for v in x], equation.blocks)
     start = [acb(v) for v in y0]
-    # u′ by powers of τ. Summing over the stages first makes its higher coefficients small.
+    # The coefficients of u′ by powers of τ. Summing over the stages first makes the higher ones small.
     slopes = [
         [
             total(k[c] * row[p] for k, row in zip(K, table.coefficients, strict=True)) / (p + 1)

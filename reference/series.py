@@ -81,7 +81,7 @@ def _derivative(a: Series, k: int) -> Vector:
 
 
 def series_over(base: Arithmetic) -> Arithmetic:
-    """The arithmetic of series with coefficients in `base`; constants stay numbers."""
+    """The arithmetic of power series with coefficients in `base`; constants remain numbers of `base`."""
 
     def sine_and_cosine(x: Series) -> tuple[Series, Series]:
         """Sine s and cosine c of a series x, by k s_k = Σ i x_i c_{k−i} and k c_k = −Σ i x_i s_{k−i}."""

@@ -246,7 +246,7 @@ def _in_digits(
 
 
 def _with_nodes(equation: Equation, nodes: int) -> Equation:
-    """The equation with this number of quadrature nodes; itself if it has no quadrature."""
+    """The equation with this number of quadrature nodes, or unchanged if it has no quadrature."""
     return collocation(equation.blocks, nodes) if equation.name.startswith("collocation") else equation
 
 

@@ -1,4 +1,4 @@
-"""Variants of (2.1) with other solvers and summations than the core's; each claims what the core's (2.1) claims."""
+"""Variants of scheme (2.1) with other solvers and summations than sepv's; each claims what sepv's (2.1) claims."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from sepv.schemes._energy_preserving import jacobian
 from sepv.solve import Increment
 
 CLAIMED = frozenset(energy_preserving.claims)
-# Laws about paths, of which schemes that are too slow for thousands of paths are spared.
+# Laws about paths, which schemes that are too slow for thousands of paths do not claim.
 _PATHS = {"rounding", "mean-square-order", "weak-order", "right-limit", "reproducibility"}
 
 # Gauss nodes for an H of no stated degree: exact to degree 40.

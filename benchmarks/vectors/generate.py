@@ -76,7 +76,7 @@ def _step_answer(candidate: Candidate, name: str) -> ReferenceVector:
 
 
 def _on_the_branch(equation: Equation, candidate: Candidate) -> tuple[Vector | None, tuple[str, ...]]:
-    """The start of Newton's iteration on the branch of solutions from y, and the flags, with "overflow" if one occurs."""
+    """The start of Newton's iteration on the branch of solutions from y, and the flags, perhaps with "overflow"."""
     flags = candidate.flags
     if equation.residual is None:
         return None, flags if _fits_binary64(equation, candidate) else (*flags, "overflow")

@@ -51,7 +51,7 @@ class Generator:
         return found
 
     def system(self, d: int, degree: int, structure_degree: int, noises: int) -> PolynomialSystem:
-        """A system whose B has up to d + 2 entries above the diagonal; y_d is a Casimir if d ≥ 4 and noises are even."""
+        """A system whose B has up to d + 2 entries above the diagonal; y_d is a Casimir if d ≥ 4 and m is even."""
         moving = d - 1 if d >= 4 and noises % 2 == 0 else d
         pairs = list(combinations(range(moving), 2))
         chosen = sorted({pairs[self.below(len(pairs))] for _ in range(d + 2)}) if pairs else []

@@ -103,7 +103,7 @@ def detect(
     name: str, seed: int, laws: Sequence[str], examples: int = 100, paths: int = 4096, first: bool = False,
     corpus: bool = False,
 ) -> list[Detection]:  # fmt: skip
-    """Run one saboteur with one seed: the laws in turn on a new copy of it, in this process."""
+    """Run laws on a new copy of one saboteur, with one seed and in this process."""
     saboteur = find(name)
     scheme, run = saboteur.scheme, Run(Effort(examples, paths, seed, _NO_SHRINKING, corpus=corpus))
     if first:

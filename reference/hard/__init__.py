@@ -15,7 +15,7 @@ CATALOGUE: tuple[HardCase, ...] = (*_steps.CASES, *_mechanics.CASES, *_scales.CA
 
 
 def by_name(name: str) -> HardCase:
-    """The case of this name; hyphens and underscores are the same. Raises UsageError."""
+    """The hard case of this name, with hyphens or underscores. Raises UsageError for an unknown name."""
     for case in CATALOGUE:
         if case.name == name.replace("_", "-"):
             return case

@@ -1,4 +1,4 @@
-"""Hard structure matrices: components that do not move, low rank, zeros, nearly skew, d = 1."""
+"""Hard cases of the structure matrix B: components that do not move, low rank, zeros, nearly skew, d = 1."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Hard states: separatrices, extreme inertia, large angles, chaos, collisions, steep walls.
+"""Hard cases of the state y: separatrices, extreme inertia, large angles, chaos, collisions, steep walls.
 
 The last two cases are the Lotka-Volterra system (§4.4) next to the axes, and with steps that may have no solution.
 """

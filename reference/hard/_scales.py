@@ -1,4 +1,4 @@
-"""Hard numbers: cancelling coefficients, huge constants, mixed and extreme scales, stiffness."""
+"""Hard cases of scale: cancelling coefficients, huge constants, mixed and extreme scales, stiffness."""
 
 from __future__ import annotations
 

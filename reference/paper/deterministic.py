@@ -1,4 +1,4 @@
-"""§2: without noise (2.1) is the method of order two of Cohen and Hairer (2011)."""
+"""§2: without noise the energy-preserving scheme (2.1) is the method of order two of Cohen and Hairer (2011)."""
 
 from __future__ import annotations
 

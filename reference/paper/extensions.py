@@ -1,4 +1,4 @@
-"""§1 and §5: questions that the paper leaves open: Lévy areas for noises that do not commute, stages, weak order."""
+"""§1 and §5, questions that the paper leaves open: Lévy areas for noises that do not commute, stages, weak order."""
 
 from __future__ import annotations
 

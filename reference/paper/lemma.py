@@ -37,7 +37,7 @@ AGREES = 1e-10
 
 
 def coefficients(problem: Problem, y: Array) -> tuple[Array, Array]:
-    """c(y) and c̃(y), (d, M), by the formulas above at states (d, M)."""
+    """The coefficients c(y) and c̃(y) of Δ³, (d, M), by the formulas of the module's docstring at states y (d, M)."""
     f = vector_field(problem, y)
     g, B = problem.gradient(y), problem.structure(y)
     half = 0.5 * matvec(structure_curvature(problem, y, f), g) * 0.25

@@ -25,7 +25,7 @@ MARGIN = 0.25
 
 
 def difference() -> dict[str, list[float]]:
-    """‖E[y1 − ỹ1]‖ and (E‖y1 − ỹ1‖²)^½ of (2.1) and the midpoint scheme from the problem's initial state."""
+    """The differences ‖E[y1 − ỹ1]‖ and (E‖y1 − ỹ1‖²)^½ of (2.1) and the midpoint scheme from the initial state."""
     system = problems.by_name(PROBLEM)
     y = np.array(system.initial)
     mean, rms = [], []

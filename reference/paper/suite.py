@@ -1,4 +1,4 @@
-"""All figures: their jobs, run in processes, and the record of the results."""
+"""Compute all figures of the paper: run their jobs in processes, and collect the results in a record."""
 
 from __future__ import annotations
 
@@ -136,7 +136,7 @@ def _panels(section: Any, results: Results, wanted: tuple[str, ...]) -> list[Pan
 
 
 def _run(jobs: list[Job], workers: Any, progress: ShareProgress) -> Results:
-    """The results of all jobs by key. The longest jobs start first, so that no process waits for one in the end."""
+    """The results of all jobs by key. The longest jobs start first, so that none is waited for at the end."""
     jobs = sorted(jobs, key=lambda j: -j.seconds)
     done, total = 0.0, sum(j.seconds for j in jobs)
     results: Results = {("seconds",): {}}

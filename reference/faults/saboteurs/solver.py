@@ -1,4 +1,4 @@
-"""Faults of the solver: the equation is (2.1), but the result does not solve it to rounding and does not say so."""
+"""Faults of the solver: the equation is (2.1), but the result does not solve it to rounding, and no error says so."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ SABOTEURS.rows(
     ("reference",),
 )
 def one_evaluation_more(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Evaluate y0 + R(y0, y1) at the solved y1: its error is that of y1 times ∂R/∂y1."""
+    """Evaluate y0 + R(y0, y1) at the solved y1; the result has the error of y1 times ∂R/∂y1."""
     return y + right_side(problem, y, step(problem, y, h, dW), random_step(problem, h, dW))
 
 
