@@ -68,7 +68,7 @@ def public(path: Path, root: Path, tree: ast.Module) -> set[str]:
         if isinstance(node, ast.Assign) and any(ast.unparse(t) == "__all__" for t in node.targets):
             return set(ast.literal_eval(node.value))
         if isinstance(node, ast.ImportFrom):
-            # In an `__init__` what is imported under its own name is meant to be imported from there.
+            # In an `__init__` a name that is imported as itself (`a as a`) is public.
             found |= {a.asname for a in node.names if a.asname == a.name and a.asname}
         elif (
             isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING" and parts[-1] == "__init__"

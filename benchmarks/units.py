@@ -125,7 +125,7 @@ def scaled(problem: Problem, scale: Scale) -> Problem:
         domain=None if domain is None else lambda y: domain(y / size),
         initial=size * np.asarray(problem.initial),
         name=f"{problem.name} ({rate:g}, {noise:g}, {size:g})",
-        check=False,  # the parts agree as those of the problem do
+        check=False,  # scaled parts agree with each other as the parts of `problem` do
     )
 
 

@@ -38,7 +38,7 @@ class HardCase:
     data : PolynomialSystem or NamedProblem
         The problem as data, which can be sent to other processes; its H is evaluated in extended precision.
     sample : (rng, lanes) -> Sample
-        Random steps of the family.
+        Draws `lanes` random steps of the family.
     refusals : tuple of str
         The statuses other than CONVERGED that a step of the family may end in.
     laws : tuple of str

@@ -216,7 +216,7 @@ def statements(
 ) -> list[Statement]:
     """The statements of all runs on the invariant `what`: the schemes in `keep` keep it, and the others do not.
 
-    `place` is where the paper says so; `places` has other places for single schemes.
+    `place` is the place in the paper that says so; `places` has other places for single schemes.
     """
     return [
         statement(r, what, constant=n in keep, source=stated_in(n, places.get(n, place)))

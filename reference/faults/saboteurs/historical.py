@@ -142,7 +142,7 @@ def _transposed_derivative(problem: Problem, y: Array, h: float, dW: Array) -> A
 
 
 def _fixed_numbers(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Draw increments from a new generator with the same seed in each call, and ignore the caller's."""
+    """Draw increments from a new generator with the same seed in each call, and ignore the given increments dW."""
     numbers = np.random.default_rng(42).standard_normal((dW.shape[0], 1)) * math.sqrt(abs(h))
     return _heun(problem, y, h, _noise(problem, np.broadcast_to(numbers, dW.shape)))
 

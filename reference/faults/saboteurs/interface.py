@@ -69,7 +69,7 @@ def remembers_the_last(last: Memory, step: Step, problem: Problem, y: Array, h: 
 
 @SABOTEURS.around("the iteration starts from where the last call ended", _CONTRACT, memory=dict)
 def warm_started(last: Memory, _step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Start Newton's iteration from the last result: it converges, but not to the same bits."""
+    """Start the fixed-point iteration from the last result, so that it converges to other last bits."""
     y0, noise = as_lanes(problem, y, h, dW)
     guess = last.get("z")
     z = guess if guess is not None and guess.shape == y0.shape else np.zeros_like(y0)

@@ -107,7 +107,7 @@ def unchanged(make: Callable[[], Scheme]) -> Callable[[], Scheme]:
 class Family(list[Saboteur]):
     """Saboteurs in the order of their definition, as rows or as decorated functions.
 
-    `by` turns the broken part of a row, or a decorated function, into `Saboteur.make`. The function's name is kept.
+    `by` turns the broken part of a row, or a decorated function, into `Saboteur.make`. A function names its saboteur.
     """
 
     def __init__(self, name: str) -> None:
