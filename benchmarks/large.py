@@ -1,8 +1,8 @@
 """Cost and defects against the dimension d, for chains of up to 10⁴ components: ``python -m benchmarks.large``.
 
 The time is the processor time of one step without tracking of invariants, as a median with quartiles over runs that
-alternate between the sizes. The exponent is the slope of log time against log d, over all sizes and over the last decade of d. Defects are
-the largest of a whole path.
+alternate between the sizes. The exponent is the slope of log time against log d, over all sizes and over the last
+decade of d. Defects are the largest of a whole path.
 """
 
 from __future__ import annotations
