@@ -1,10 +1,10 @@
-"""Paths and ensembles: Wiener increments, the loop over steps, the compiled engine.
+"""Paths and ensembles of paths: Wiener increments, the loop over the time steps, and the engine of compiled code.
 
-Read `_wiener` first (increments that depend on the path and the step alone), `_truncation` (Remark 2.1),
-`_areas` (Lévy areas), `_paths` (one path), `_batch` (many in NumPy), then `_ensembles` (chunks of paths, on workers),
-`_compiled` (code made for a problem and a scheme) and `_results` (records of many paths).
-
-The engine is loaded when it is first used: laws and exact solutions need increments and batches alone.
+Read `_wiener` first: the increments depend only on the seed, the number of the path and the step. Next come
+`_truncation` (Remark 2.1 of the paper), `_areas` (Lévy areas), `_paths` (one path), `_batch` (many paths in NumPy),
+`_ensembles` (chunks of paths, run by workers), `_compiled` (code made for a problem and a scheme) and `_results`
+(records of many paths). The compiled engine is loaded at its first use, because laws and exact solutions need only
+increments and batches.
 """
 
 from __future__ import annotations

@@ -1,19 +1,20 @@
-"""Lévy areas, space-time ones too: moments given the increments of a step, and rough paths that add up over steps.
+"""Lévy areas and space-time Lévy areas: their moments given the increments of a step, and rough paths with areas.
 
-A_ij = ½∫(W_i dW_j − W_j dW_i) over the step. With the Brownian bridges b_i(t) = W_i(t) − (t/h)ΔW_i and B_i = ∫b_i dt,
+The Lévy area of a step of length h is A_ij = ½∫(W_i dW_j − W_j dW_i). With the Brownian bridges
+b_i(t) = W_i(t) − (t/h)ΔW_i and B_i = ∫b_i dt,
 
     A_ij = (ΔW_j B_i − ΔW_i B_j)/h + a_ij,    B_i ~ N(0, h³/12),    a_ij = ½∫(b_i db_j − b_j db_i),
 
-because ∫t db_j = −B_j. Given ΔW all terms have mean zero, a_ij is odd in b_i and in b_j, so that no two of the B_i and
-a_ij are correlated, and Var a_ij = h²/12: E[A_ij² | ΔW] = h²/12 + h(ΔW_i² + ΔW_j²)/12, and h²/4 in all. Third moments
-vanish but for those of three a_ij around a triangle, which are of the order of h³. The space-time areas are H_i = B_i/h
+because ∫t db_j = −B_j. Given ΔW, all terms have mean zero. No two of the B_i and a_ij are correlated, because a_ij is
+odd in b_i and in b_j. As Var a_ij = h²/12, E[A_ij² | ΔW] = h²/12 + h(ΔW_i² + ΔW_j²)/12, so that E[A_ij²] = h²/4.
+Third moments vanish except those of three a_ij around a triangle, which are O(h³). The space-time areas are H_i = B_i/h
 (J. Foster, T. Lyons and H. Oberhauser, SIAM J. Numer. Anal. 58, 2020): ∫W_i ds − ½hΔW_i = hH_i over a step.
 
-**Drawn areas.** Over fine steps δ the B_i are drawn with their law, and the a_ij as normal numbers with their variance.
-Over a step of K fine ones areas add up by Chen's relation, A = Σ_k A_k + ½ Σ_{k<l} ΔW_k ∧ ΔW_l. Only the shape of the
-law of the a_ij is approximate, and these are 1/K of the variance h²/12 of a step's own a_ij (A. Davie, in: Stochastic
-Analysis 2010, for such couplings). They and the increments are one rough path: schemes and the reference see the same
-one at all step sizes.
+**Drawn areas.** Over fine steps of length δ, the B_i are drawn from their law, and the a_ij as normal numbers of the
+right variance. Over a step of K fine steps, areas add up by Chen's relation A = Σ_k A_k + ½ Σ_{k<l} ΔW_k ∧ ΔW_l. Only
+the shape of the law of the fine a_ij is approximate, and they make up 1/K of the variance h²/12 of the step's a_ij (A.
+Davie, in: Stochastic Analysis 2010, for such couplings). Increments and areas are one rough path, the same for schemes
+and reference solutions at all step sizes.
 """
 
 from __future__ import annotations
@@ -27,16 +28,16 @@ from sepv.errors import UsageError
 from sepv.problem import Array
 from sepv.simulate import _wiener as wiener
 
-# Fine steps in each step of a scheme that asks for areas: enough that their law hardly depends on that of the a_ij.
+# Fine steps per step of a scheme that takes areas: so many that the normal law of the fine a_ij hardly matters.
 MORE = 8
 # The offset of the seeds of the areas, far from seeds given by hand.
 _SECOND = 2**40
 
 
 def points(xi: Array) -> tuple[Array, Array]:
-    """Areas over a step h = 1 given its increments xi (m, n): (k, n, Q) and weights (Q,), right up to third moments.
+    """Areas (k, P, Q) and weights (Q,) with the moments up to the third of a step h = 1 with increments xi (m, P).
 
-    The B_i and a_ij, n of them, are at ±√n e_i with equal weights: the formula of degree 3 for n uncorrelated numbers.
+    The n = m + k numbers B_i and a_ij are uncorrelated; the formula of degree 3 takes ±√n e_i with equal weights.
     """
     m = len(xi)
     pairs = list(combinations(range(m), 2))
@@ -48,13 +49,13 @@ def points(xi: Array) -> tuple[Array, Array]:
 
 
 def bridges(noises: int) -> Array:
-    """The space-time areas H_i (m, Q) at the nodes of `points`, for two noises at least."""
+    """The space-time areas H_i (m, Q) of a step h = 1 at the Q nodes of `points`, for at least two noises."""
     n = noises + noises * (noises - 1) // 2
     return np.sqrt(n / 12) * np.concatenate([np.eye(noises, n), -np.eye(noises, n)], axis=1)
 
 
 def _from_normals(dW: Array, normals: Array, pairs: list[tuple[int, int]], h: float) -> Array:
-    """A_ij (k, ...) from ΔW (m, ...) and uncorrelated numbers of variance one: m of the B_i, then one for each a_ij."""
+    """Areas A_ij (k, ...) from ΔW (m, ...) and numbers `normals` of variance one: m for the B_i, k for the a_ij."""
     m = len(dW)
     return np.stack([
         h**0.5 / 12**0.5 * (dW[j] * normals[i] - dW[i] * normals[j]) + h / 12**0.5 * normals[m + k]
@@ -64,7 +65,7 @@ def _from_normals(dW: Array, normals: Array, pairs: list[tuple[int, int]], h: fl
 
 @dataclass(frozen=True)
 class RoughPath:
-    """A rough path over N fine steps of length h: increments and space-time areas H (N, m, M), areas (N, k, M)."""
+    """M rough paths over N fine steps h: increments dW, space-time areas `bridges` (N, m, M), Lévy areas (N, k, M)."""
 
     h: float
     dW: Array
@@ -80,17 +81,17 @@ class RoughPath:
         areas = self.areas.reshape(steps, K, -1, M).sum(axis=1)
         for k, (i, j) in enumerate(combinations(range(m), 2)):
             areas[:, k] += 0.5 * np.sum(before[:, :, i] * dW[:, :, j] - before[:, :, j] * dW[:, :, i], axis=1)
-        # ∫W ds over the whole is the sum of the integrals over the parts, each started from W(kδ).
+        # ∫W ds over a coarse step is the sum of the integrals over its fine steps, each started from W(kδ).
         means = (before + 0.5 * dW + self.bridges.reshape(steps, K, m, M)).mean(axis=1)
         return RoughPath(K * self.h, dW.sum(axis=1), areas, means - 0.5 * dW.sum(axis=1))
 
     def rows(self, steps: int, asks: str) -> Array:
-        """The rows (steps, m + k, M) that a scheme gets for each of `steps` steps.
+        """The arguments (steps, m + k, M) of a scheme for `steps` steps: increments, then the areas or halves it takes.
 
         Raises
         ------
         UsageError
-            For halves of the finest steps.
+            If the scheme takes increments over half steps, and the path has no finer steps than `steps`.
         """
         coarse = self.coarse(steps)
         further = {"areas": coarse.areas, "space-time": coarse.bridges}.get(asks, coarse.dW[:, :0])
@@ -106,7 +107,7 @@ class RoughPath:
 
 
 def drawn(seed: int, *, T: float, steps: int, noises: int, paths: int | range) -> RoughPath:
-    """The rough path of `wiener.increments` with the same arguments: the same increments, and all areas beside them."""
+    """Draw rough paths: the increments of `wiener.increments` with the same arguments, and all their areas."""
     dW = wiener.increments(seed, T=T, steps=steps, noises=noises, paths=paths)
     pairs = list(combinations(range(noises), 2))
     h = T / steps

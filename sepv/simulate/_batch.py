@@ -1,4 +1,4 @@
-"""Many paths in NumPy, one step of all at a time. A failed path keeps its status and stops; the others go on."""
+"""Many paths in NumPy, advanced together step by step. A path that fails stops with its status; the others go on."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from sepv.simulate import _truncation as bounded
 from sepv.simulate._results.reductions import Summary
 from sepv.solve import Status
 
-# Paths computed together: enough to hide NumPy's cost of a call, and few enough for small arrays of increments.
+# The number of paths computed together: enough to hide the cost of NumPy's calls, with small arrays of increments.
 CHUNK = 1024
-# Axes before the paths, by name of an ensemble's arrays.
+# The arrays of an `Ensemble`, and the names of their axes without the last axis, which is the path.
 AXES: dict[str, tuple[str, ...]] = {
     "y": ("component",),
     "W": ("noise",),
@@ -39,28 +39,28 @@ class Ensemble:
     y : (d, M)
         States at T; for a failed path, the last state reached.
     W : (m, M)
-        W(T), untruncated: θ(T) = T + Σ c_j W_j(T) gives the exact solution.
+        The untruncated W(T); the random time θ(T) = T + Σ c_j W_j(T) gives the exact solution.
     status : (M,)
-        `sepv.solve.Status` of each path: 0 where every step converged.
+        `sepv.solve.Status` of each path: 0 if every step converged.
     failed_step : (M,)
-        The number of the step that failed, −1 where none did.
+        The number (from 0) of the step that failed, −1 if none did.
     energy_defect, casimir_defect : (M,)
-        Largest |H(y_n) − H(y_0)| over the path, and the same over all quadratic and linear Casimirs,
-        evaluated in binary64.
+        The largest |H(y_n) − H(y_0)| over the path, and the largest |C(y_n) − C(y_0)| of any quadratic or linear
+        Casimir C, evaluated in binary64.
     gradient_evaluations, structure_evaluations, iterations : int
         Work over all paths and steps; zero for schemes that do not report it.
     times, states : (K,), (K, d, M)
-        The states at the chosen times, of a failed path the last one reached.
+        The chosen times, and the states at these times; for a failed path, the last state reached.
     engine : "numpy" or "compiled"
     reason : why the compiled engine was not used.
     divisions : int
-        Steps and parts of steps that were divided, over all paths (`sepv.schemes.divided`).
+        The number of steps and parts of steps that were divided, over all paths (`sepv.schemes.divided`).
     continuations : int
-        Shares of steps solved on the way to failed ones (`sepv.schemes.continued`).
+        The number of fractions of steps that were solved by continuation (`sepv.schemes.continued`).
     repeated : int
-        Chunks that had to be computed again because a worker raised or died.
+        The number of chunks computed again because a worker raised or died.
     reduced : dict of `sepv.simulate._results.reductions.Summary`
-        With `reduce=`, by name; the arrays above then have no paths.
+        The summary of each functional of `reduce=`; without `store=`, the arrays above then have no paths.
     about : dict
         Problem, scheme, step size, seed, version.
     """
@@ -85,10 +85,10 @@ class Ensemble:
     about: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
     def to_xarray(self) -> Any:
-        """An `xarray.Dataset` with dimensions path, time, component and noise (extra `store`), `about` in its `attrs`.
+        """Return an `xarray.Dataset` (extra `store`) of dimensions path, time, component and noise, `about` as `attrs`.
 
-        A `store=` ensemble stays on disk, and is read where it is indexed. Raises UsageError without xarray, and for an
-        ensemble whose paths were reduced.
+        Data of an ensemble with `store=` stay on disk, and are read when they are indexed. Raise UsageError if xarray
+        is not installed, and for an ensemble that has only the summaries of its paths.
         """
         xarray = optional("xarray", "xarray, for to_xarray()", "pip install xarray")
         if self.reduced and not self.y.shape[-1]:
@@ -115,11 +115,10 @@ class Ensemble:
 def run_chunk(
     scheme: Scheme, problem: Problem, y0: Array, h: float, raw: Array, k: int | None, *, track: bool = True
 ) -> Ensemble:
-    """Run paths from y0 (d,) over Wiener increments raw (N, m, M), truncated with k or as the scheme declares.
+    """Run paths from y0 (d,) over Wiener increments raw (N, m, M), which the scheme sees by `_truncation.seen` with k.
 
-    Further rows hold the scheme's further arguments (`sepv.schemes._further_increments`).
-
-    Without `track` the invariants are not followed, and their defects are zero.
+    If the scheme takes more than increments (`sepv.schemes._further_increments`), its further arguments are in further
+    rows of `raw`. With track=False the invariants are not computed, and their defects are zero.
     """
     batch = Batch(scheme, problem, y0, raw.shape[2], track=track)
     m = problem.noises
@@ -135,7 +134,7 @@ def run_chunk(
 
 
 class Batch:
-    """Paths in NumPy, one step of all at a time; a path whose step failed stays where it was."""
+    """Paths in NumPy, advanced together; a path whose step failed keeps the state before this step."""
 
     def __init__(
         self, scheme: Scheme, problem: Problem, y0: Array, paths: int, *, track: bool = True, compensated: bool = False
@@ -158,7 +157,7 @@ class Batch:
         self.done = 0
 
     def step(self, h: float, dW: Array, known: Array | None = None) -> None:
-        """One step with the increments dW (m, M), truncated by the caller; `known` are its states (d, M), if given."""
+        """Take one step of all paths with the increments dW (m, M), truncated by the caller, to `known` (d, M) if given."""
         alive = self.alive
         self.done += 1
         if not alive.size:
@@ -178,7 +177,7 @@ class Batch:
             # Kahan's summation: the rounding of the sum is kept and added to the next increment.
             wanted = change + self.lost[:, alive]
             value = before + wanted
-            # Knuth's two-sum, because a component next to zero is smaller than its increment.
+            # Knuth's two-sum, because a component near zero may be smaller than its increment.
             taken = value - before
             self.lost[:, alive] = (before - (value - taken)) + (wanted - taken)
         self.alive = alive = alive[ok]
@@ -190,7 +189,7 @@ class Batch:
             self.worst[1, alive] = np.maximum(self.worst[1, alive], drift[1:].max(axis=0, initial=0.0))
 
     def result(self, W: Array, states: Array | None = None) -> Ensemble:
-        """The present ends of the paths, as an ensemble."""
+        """The present states of the paths as an `Ensemble`, with their W and the states kept at earlier times."""
         gradients, structures, iterations, divisions, continuations = (int(v) for v in self.work)
         ends = Ensemble(
             self.y, W, self.status, self.failed, self.worst[0], self.worst[1], gradients, structures, iterations,
@@ -200,20 +199,20 @@ class Batch:
 
 
 class Carried:
-    """The states of a batch's paths between two steps of a `StatefulStep`; for other schemes it stays empty."""
+    """The data that a `StatefulStep` carries from step to step, for each path of a batch; empty for other schemes."""
 
     def __init__(self, scheme: Scheme) -> None:
         self.batched = scheme.batched
-        self.states: Any = None  # of a scheme without batches a list, one a path
+        self.states: Any = None  # a list with one entry per path if the scheme takes no batches
 
     def of(self, lane: int) -> Any:
-        """The state of one path, as a batch of one if the scheme takes batches; None at the beginning."""
+        """The carried state of one path, as a batch of one if the scheme takes batches; None before the first step."""
         if self.states is None or not self.batched:
             return self.states and self.states[lane]
         return lanes(self.states, [lane])
 
     def keep(self, alive: np.ndarray) -> None:
-        """Keep the paths in the mask, and drop the others."""
+        """Keep the carried states of the paths marked in `alive`, and drop those of the other paths."""
         if self.states is not None and not alive.all():
             kept = np.flatnonzero(alive)
             self.states = lanes(self.states, kept) if self.batched else [self.states[k] for k in kept]
@@ -222,10 +221,10 @@ class Carried:
 def advance(
     scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, carried: Carried | None = None
 ) -> tuple[Array, np.ndarray, np.ndarray, Array | None]:
-    """One step of a batch: value, status of each lane, five counts of work, and y1 − y0 if the scheme gives it.
+    """Take a step of a batch: return y1, each path's status, five counts of work, and y1 − y0 if the scheme gives it.
 
-    The work: gradients, structures, iterations, divisions, continuations. `carried` holds the states of the paths, and
-    gets the next ones; without it paths begin here.
+    The counts are evaluations of ∇H and B, iterations, divisions and continuations. `carried` holds what a
+    `StatefulStep` carries, and is updated; without `carried`, this is the first step of the paths.
     """
     if scheme.solve is not None:
         solution = scheme.solve(problem, y, h, dW)
@@ -240,7 +239,7 @@ def advance(
 
 
 def judged(problem: Problem, y: Array, code: np.ndarray) -> np.ndarray:
-    """Update the statuses in place for states that are not finite or outside the domain."""
+    """Set in place the status of paths whose state y is not finite or outside the problem's domain."""
     code[~np.all(np.isfinite(y), axis=0) & (code == 0)] = Status.OVERFLOW
     if problem.domain is not None:
         with np.errstate(invalid="ignore"):
@@ -251,7 +250,7 @@ def judged(problem: Problem, y: Array, code: np.ndarray) -> np.ndarray:
 def batch_step(
     scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, carried: Carried
 ) -> tuple[Array, np.ndarray]:
-    """Call the scheme for a batch, or lane by lane if it takes no batches or one of the lanes fails."""
+    """Call the scheme for a batch, or path by path if it takes no batches or refuses this one."""
     code = np.zeros(y.shape[1], dtype=np.int64)
     value = np.full_like(y, np.nan)
     y, dW = (np.asarray(a, dtype=scheme.dtype) for a in (y, dW))
@@ -274,7 +273,7 @@ def batch_step(
                 code[lane] = Status.NO_CONVERGENCE
             states.append(state)
     if stateful:
-        # A failed path stops. If it has no state yet, the state of another path takes its place.
+        # A failed path takes no further step. If it carries no state yet, another path's state fills its place.
         there = next((s for s in states if s is not None), None)
         states = [there if s is None else s for s in states]
         carried.states = joined_lanes(states) if scheme.batched and there is not None else states

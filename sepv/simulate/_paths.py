@@ -1,4 +1,4 @@
-"""One path: `integrate`."""
+"""One path of a scheme: `integrate`, and the `Trajectory` that it returns."""
 
 from __future__ import annotations
 
@@ -28,9 +28,10 @@ class Trajectory:
     t : (N + 1,)
     y : (d, N + 1)
     dW : (N, m)
-        The increments that were used, with areas or halves in further columns for a scheme that asks for them.
+        The increments that the scheme was given; areas or halves, if the scheme takes them, are in further columns.
     gradient_evaluations, divisions, continuations : int
-        Evaluations of ∇H; steps that were divided, and steps followed from Δ = 0, to find a solution.
+        The numbers of evaluations of ∇H, of divided steps (`sepv.schemes.divided`), and of fractions of steps that
+        were solved by continuation (`sepv.schemes.continued`).
     """
 
     t: Array
@@ -54,7 +55,7 @@ def integrate(
     truncation: int | Literal["own"] | None = "own",
     increments: str | PointLaw | None = None,
 ) -> Trajectory:
-    """One path from y0 (default: the problem's initial state).
+    """Integrate one path from y0 (by default the problem's initial state).
 
     Parameters
     ----------
@@ -63,17 +64,17 @@ def integrate(
     problem : str or Problem
         A built-in name, ``module:attribute``, a ``.json`` file of polynomial data, or a `Problem`.
     h : float > 0
-    T, steps : one of them; T must be a multiple of h.
+    T, steps : exactly one of the two; T must be a multiple of h.
     y0 : (d,), optional
     seed : int
-        Seed of the increments: those of path 0 of `ensemble`.
+        Seed of the increments, which are those of path 0 of `ensemble` with this seed.
     dW : (N, m), optional
-        Untruncated increments to use; else those of `wiener.increments(seed, …)`, path 0.
+        Untruncated increments to use instead of drawn ones.
     truncation : int, "own" or None
-        k of Remark 2.1; by default the scheme's own. None for untruncated.
+        The k of Remark 2.1, by default the one that the scheme declares. None: the increments are not truncated.
     increments : "normal", "two-point", "three-point" or PointLaw, optional
-        By default the scheme's own. Each is taken at the rank of the increment drawn or given
-        (`sepv.simulate._truncation.seen`).
+        The law of the scheme's increments; by default the one that the scheme declares. A PointLaw's value is taken at
+        the rank of the normal increment (`sepv.simulate._truncation.seen`).
 
     Returns
     -------
@@ -85,9 +86,9 @@ def integrate(
     StepFailure
         At the first step whose implicit equation was not solved.
     SchemeFault
-        For an answer of the scheme that is no state: wrong shape or type, not finite.
+        If the scheme returns something that is no state: wrong shape or type, not finite.
     UsageError, TargetError
-        For arguments that make no path, for what is no scheme or no problem.
+        For invalid arguments; if `scheme` is no scheme or `problem` is no problem.
 
     Examples
     --------
@@ -116,7 +117,7 @@ def integrate(
 
 
 def _walk(scheme: Scheme, problem: Problem, y0: Array, h: float, dW: Array) -> Trajectory:
-    """Take the steps one after the other, from y0 (d,) over the increments dW (N, m)."""
+    """Take N steps of the scheme, one after the other, from y0 (d,) over the increments dW (N, m)."""
     count = len(dW)
     y = np.empty((problem.dimension, count + 1))
     y[:, 0] = y0

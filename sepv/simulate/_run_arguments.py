@@ -15,12 +15,12 @@ from sepv.schemes import PointLaw, Scheme, Step, ask_once, load_problem, load_sc
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 
-# The largest number of steps; beyond it N and N + 1 are one binary64 number.
+# The largest number of steps N; beyond it, N and N + 1 are the same binary64 number.
 MOST_STEPS = 2**53
 
 
 class Run(NamedTuple):
-    """Checked arguments that `integrate`, `ensemble` and `long_path` share; k is that of the truncation."""
+    """Checked arguments shared by `integrate`, `ensemble` and `long_path`; k is the truncation's k (Remark 2.1)."""
 
     scheme: Scheme
     problem: Problem
@@ -33,14 +33,14 @@ def checked(
     scheme: str | Scheme | Step, problem: str | Problem, h: float, T: float | None, steps: int | None,
     y0: ArrayLike | None, truncation: int | Literal["own"] | None, increments: str | PointLaw | None,
 ) -> Run:  # fmt: skip
-    """Check the arguments of a run of paths; errors are those of `sepv.integrate`."""
+    """Load scheme and problem and check the arguments of a run; errors are listed in `sepv.integrate`."""
     problem = load_problem(problem)
     own, k = prepared(load_scheme(scheme, problems=(problem,)), truncation, increments)
     return Run(own, problem, initial_state(problem, y0), step_count(h, T, steps), k)
 
 
 def require_drawable(run: Run, h: float, seed: int, paths: range, refine: int | None) -> None:
-    """Raise if increments for the scheme cannot be drawn, or if its answer to one step is no state."""
+    """Raise an error if increments for the scheme cannot be drawn, or if a step of the scheme returns no state."""
     if run.scheme.asks:
         raise UsageError(
             expected="a scheme that sees increments alone: nothing else is drawn for many or long paths",
@@ -57,9 +57,10 @@ def require_drawable(run: Run, h: float, seed: int, paths: range, refine: int | 
 def prepared(
     scheme: Scheme, truncation: int | Literal["own"] | None, increments: str | PointLaw | None
 ) -> tuple[Scheme, int | None]:
-    """The scheme with the chosen increments (None: its own), and k (None for increments of a few points).
+    """The scheme with the chosen law of increments (None: the law that it declares), and the truncation's k.
 
-    Raises UsageError for a truncation of bounded increments; warns where k costs the scheme its order.
+    A law of a few points is bounded: k is then None, and another truncation a UsageError. Warn if k lowers the
+    mean-square order of the scheme.
     """
     if increments is not None:
         scheme = weakly(scheme, increments)
@@ -75,8 +76,8 @@ def prepared(
     if k is not None:
         k = require_whole("truncation k", k, "the paper takes k = 2, and None is no truncation")
     order = scheme.mean_square_order
-    # Clipping as in Remark 2.1 has a mean square O(h^{k+1}) a step, and order p has room for h^{2p+1}: k ≥ 2p. k < 1
-    # is no truncation, and refused by `truncation_bound`.
+    # Clipping as in Remark 2.1 has a mean-square error O(h^{k+1}) per step. Mean-square order p allows h^{2p+1}, so
+    # k ≥ 2p is needed. `truncation_bound` refuses k < 1.
     if k is not None and order is not None and 1 <= k < 2 * order:
         warnings.warn(
             f"Truncation k = {k} costs {scheme.name} its mean-square order {order:g}: the error stalls at order "
@@ -88,7 +89,7 @@ def prepared(
 
 
 def step_count(h: float, T: float | None, steps: int | None) -> int:
-    """N with N h = T; a UsageError for h ≤ 0 or not finite, both or neither of T and steps, or a T not divided by h."""
+    """The number N of steps with N h = T; UsageError if h and one of T and `steps` do not give such a number."""
     if not is_number(h) or h <= 0:
         raise UsageError(
             expected="h, a finite step size > 0",
@@ -126,7 +127,7 @@ def step_count(h: float, T: float | None, steps: int | None) -> int:
 
 
 def initial_state(problem: Problem, y0: ArrayLike | None) -> Array:
-    """The checked initial state: y0, or the problem's."""
+    """The checked initial state: y0 if given, else the problem's initial state."""
     start = problem.initial if y0 is None else y0
     if start is None:
         raise UsageError(

@@ -1,4 +1,4 @@
-"""Bounded increments: clipped as in Remark 2.1, or drawn from a distribution on a few points."""
+"""Bounded increments: normal ones clipped as in Remark 2.1 of the paper, or those of a law on a few points."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from sepv.schemes import PointLaw, point_law
 
 
 def truncation_bound(h: float, k: int) -> float:
-    """A_h = √(2k|ln h|) of Remark 2.1, for 0 < h < 1.
+    """The bound A_h = √(2k|ln h|) on |ΔW|/√h of Remark 2.1, for 0 < h < 1.
 
     Raises
     ------
     UsageError
-        For h ≥ 1, where |ln h| no longer measures how small h is (at h = 1 it would set every increment
-        to zero): Remark 2.1 is about h < 1, and no other rule is silently put in its place.
+        For h ≥ 1, because |ln h| then no longer measures how small h is: at h = 1 it would set every increment to zero.
+        Remark 2.1 is about h < 1, and no other rule silently replaces it. Also for k < 1.
     """
     if not 0 < h < 1:
         raise UsageError(
@@ -35,16 +35,16 @@ def truncation_bound(h: float, k: int) -> float:
 
 
 def truncate(dW: ArrayLike, h: float, k: int | None = 2, unit: float = 1.0) -> Array:
-    """ΔŴ = √h clip(ΔW/√h, ±A_h) for increments over the step h; unchanged for k = None.
+    """Truncate Wiener increments over a step h: ΔŴ = √h clip(ΔW/√h, ±A_h); for k = None return them unchanged.
 
     Parameters
     ----------
     dW : array_like of any shape
         Wiener increments of variance h.
     k : int, optional
-        As in A_h; 2 in the paper. E[(ΔW − ΔŴ)²] ≤ h^(k+1)(1 + 2√(2k|ln h|)).
+        The k of A_h = √(2k|ln h|); 2 in the paper. E[(ΔW − ΔŴ)²] ≤ h^(k+1)(1 + 2√(2k|ln h|)).
     unit : float, optional
-        The unit of time in which A_h takes h, for problems whose own time is not 1.
+        A_h is computed from h/unit, for problems whose time scale is not 1.
     """
     increments = np.asarray(dW, dtype=np.float64)
     if k is None:
@@ -56,18 +56,19 @@ def truncate(dW: ArrayLike, h: float, k: int | None = 2, unit: float = 1.0) -> A
 def seen(
     dW: ArrayLike, h: float, k: int | None = 2, increments: str | PointLaw | None = None, unit: float = 1.0
 ) -> Array:
-    """The increments that a scheme gets: truncated Wiener increments, or those of a law of a few points.
+    """The increments that a scheme gets: truncated Wiener increments, or the values of a law on a few points.
 
     Parameters
     ----------
     dW : array_like of any shape
         Wiener increments of variance h.
     k : int, optional
-        As for `truncate`, for normal increments. Others are bounded.
+        As for `truncate`. Only normal increments are truncated, because the other laws are bounded.
     unit : float, optional
         As for `truncate`.
     increments : "normal", "two-point", "three-point" or PointLaw, optional
-        Each increment becomes the value of that law at its own rank (`sepv.schemes._point_distributions`), times √h.
+        The scheme's law. A PointLaw replaces each increment by √h times its quantile at the increment's rank in N(0, h)
+        (`sepv.schemes._point_distributions`).
 
     Examples
     --------
@@ -82,7 +83,7 @@ def seen(
 
 
 def points(h: float, law: PointLaw | None) -> tuple[Array, Array]:
-    """The thresholds and values of the law's increments over a step h; empty for normal increments."""
+    """Thresholds on ΔW and the values of a law's increments over a step h (see `seen`); empty for the normal law."""
     if law is None:
         return np.empty(0), np.empty(0)
     root = math.sqrt(h)

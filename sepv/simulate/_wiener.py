@@ -1,9 +1,10 @@
-"""Wiener increments: one path refined consistently over step sizes.
+"""Wiener increments of numbered paths; the same path can be drawn with finer and with coarser steps.
 
-Every path has its own random streams: path number p has the same numbers in any run and engine. A stream is numpy's
-SFC64, whose state is cheap to set: two words that `SeedSequence` makes from the seed, and one from the number of the
-path and of the stream. The first stream draws the coarse part of the path, level by level; each finer level of Lévy's
-construction has its own, read in the order of time, so that a path of any length can be drawn piece by piece.
+Every path has its own random streams, so path number p has the same increments in any run and engine. A stream is
+numpy's generator SFC64, whose state is cheap to set: two words that `SeedSequence` makes from the seed, and one word
+with the numbers of the path and the stream. The first stream draws the coarse part of the path, level by level. Each
+finer level of Lévy's construction has its own stream, read in the order of time, so that a path of any length can be
+drawn piece by piece.
 """
 
 from __future__ import annotations
@@ -18,18 +19,18 @@ from numpy.typing import ArrayLike, NDArray
 from sepv.errors import UsageError
 from sepv.problem import Array
 
-# Levels of at most this many increments share the path's first stream.
+# Levels of Lévy's construction with at most this many increments are drawn from the path's first stream.
 TOP = 64
-# Rounds of mixing. NumPy seeds SFC64 with 12 rounds; its author uses 18 for three words.
+# Rounds of mixing after a stream's state is set. NumPy uses 12 for SFC64; its author uses 18 for three words.
 MIXING = 18
-# The low six bits of a word number the streams of a path: more levels than 2**58 steps have.
+# The low six bits of a state word are the number of the stream: 64 streams, more than the levels of 2**58 steps.
 STREAMS = 64
 
 
 def increments(
     seed: int, *, T: float, steps: int, noises: int, paths: int | range = 1, refine: int | None = None
 ) -> Array:
-    """Wiener increments of `paths` paths over `steps` equal steps of [0, T].
+    """Draw Wiener increments of `paths` paths over `steps` equal steps of [0, T].
 
     Parameters
     ----------
@@ -37,13 +38,13 @@ def increments(
     paths : int or range
         The number of paths, or their numbers.
     refine : int, optional
-        The number of halvings of a coarser grid that make the grid (Lévy's construction); by default as
-        many as `steps` allows. Step counts n·2^l with the same odd n show the same paths: a coarse
-        increment is the sum of its fine ones, to rounding.
+        How often a coarser grid is halved (Lévy's construction) to give the grid of `steps` steps; by default as often
+        as `steps` allows. All step counts n·2^l with the same odd n give the same paths: up to rounding, a coarse
+        increment is the sum of its fine increments.
 
     Returns
     -------
-    (steps, m, M) array of ΔW ~ N(0, T/steps), untruncated; `truncate` is for the scheme's side.
+    (steps, m, M) array of untruncated ΔW ~ N(0, T/steps); `truncate` bounds them for a scheme.
 
     Examples
     --------
@@ -57,7 +58,7 @@ def increments(
 
 
 class Grid(NamedTuple):
-    """The grid of N = base·2^halvings steps: the path's first stream draws the first `top` halvings."""
+    """A grid of N = base·2^halvings steps; the path's first random stream draws the first `top` halvings."""
 
     base: int
     halvings: int
@@ -70,7 +71,7 @@ class Grid(NamedTuple):
 
 
 def grid(steps: int, refine: int | None = None) -> Grid:
-    """The grid of `steps` steps; a UsageError if they cannot be halved so often."""
+    """The grid of `steps` steps with `refine` halvings; UsageError if `steps` is not divisible by 2^refine."""
     halvings = (steps & -steps).bit_length() - 1
     if refine is not None:
         if not 0 <= refine <= halvings:
@@ -89,7 +90,7 @@ def grid(steps: int, refine: int | None = None) -> Grid:
 
 @lru_cache(maxsize=64)
 def spreads(T: float, grid: Grid) -> Array:
-    """Factors of the normals: √h₀ at level 0, then half the √h of the level that is halved."""
+    """Standard deviations by level: √h₀ at level 0, then ½√h with the step h of the level that is halved."""
     h = T / grid.base * 0.5 ** np.maximum(np.arange(grid.halvings + 1) - 1.0, 0.0)
     factors = 0.5 * np.sqrt(h)
     factors[0] *= 2
@@ -98,9 +99,9 @@ def spreads(T: float, grid: Grid) -> Array:
 
 @lru_cache(maxsize=64)
 def stream_words(seed: int, grid: Grid) -> NDArray[np.uint64]:
-    """Initial words of the SFC64 streams, (streams, 3): two words of the seed, and the number of the level.
+    """State words (streams, 3) of the SFC64 streams of path 0: two words from the seed, and the number of the level.
 
-    Stream 0 is the coarse part; stream i > 0 draws level top + i. Those of path p have 64 p more in their third word.
+    Stream 0 draws the coarse part of the path; stream i > 0 draws level top + i. Path p adds 64 p to the third word.
     """
     levels = np.concatenate([[0], np.arange(grid.top + 1, grid.halvings + 1)])
     words = np.random.SeedSequence(int(seed)).generate_state(2, np.uint64)
@@ -108,7 +109,7 @@ def stream_words(seed: int, grid: Grid) -> NDArray[np.uint64]:
 
 
 def stream_states(seed: int, paths: ArrayLike, grid: Grid) -> NDArray[np.uint64]:
-    """The initial states of the streams, (streams, 4, M): the words and 1, after MIXING draws."""
+    """The initial SFC64 states (streams, 4, M) of M paths: three words and the counter 1, after MIXING draws."""
     a, b, level = stream_words(seed, grid).T[..., None]
     word = level + np.asarray(paths, dtype=np.uint64)[None] * np.uint64(STREAMS)
     state = [np.full_like(word, a), np.full_like(word, b), word, np.ones_like(word)]
@@ -126,9 +127,9 @@ def stream_states(seed: int, paths: ArrayLike, grid: Grid) -> NDArray[np.uint64]
 def walk(
     seed: int, *, T: float, steps: int, noises: int, paths: int | range, refine: int | None = None, size: int
 ) -> Iterator[Array]:
-    """The increments of `increments` in the order of time, in pieces (k, m, M) of about `size` steps.
+    """Yield the Wiener increments of M paths in the order of time, in pieces (k, m, M) of about `size` steps.
 
-    A piece is never shorter than one increment of the coarse part, 2^(halvings − top) steps.
+    The arguments are those of `increments`. A piece has at least one coarse increment: 2^(halvings − top) steps.
     """
     wanted = range(paths) if isinstance(paths, int) else paths
     validate(seed, T, steps, noises, wanted)
@@ -153,13 +154,13 @@ def walk(
 
 
 def _halve(dW: Array, z: Array) -> Array:
-    """Given ΔW over h, the increment over its first half is ΔW/2 + z with z ~ N(0, h/4)."""
+    """Split increments ΔW over steps h into ΔW/2 + z and ΔW/2 − z over half steps, given z ~ N(0, h/4)."""
     left = 0.5 * dW + z
     return np.stack([left, dW - left], axis=1).reshape(2 * dW.shape[0], *dW.shape[1:])
 
 
 class _Streams:
-    """Streams of several paths, each read on from its last position."""
+    """The random streams of several paths; a draw from a stream continues at its last position."""
 
     def __init__(self, states: NDArray[np.uint64], noises: int) -> None:
         self.states, self.noises = states, noises
@@ -181,7 +182,7 @@ class _Streams:
 
 
 def coarsen(dW: Array, factor: int) -> Array:
-    """The increments over steps `factor` times as long: sums of `factor` consecutive ones along axis 0."""
+    """The increments over steps `factor` times as long: sums of `factor` consecutive increments along axis 0."""
     if dW.shape[0] % factor:
         raise UsageError(
             expected=f"a number of steps divisible by {factor}",
@@ -192,7 +193,7 @@ def coarsen(dW: Array, factor: int) -> Array:
 
 
 def validate(seed: int, T: float, steps: int, noises: int, paths: range) -> None:
-    """Raise UsageError for arguments that draw no increments."""
+    """Raise UsageError for arguments with which no increments can be drawn."""
     checks = (
         (isinstance(seed, (int, np.integer)) and seed >= 0, "seed, an integer ≥ 0", seed),
         (np.ndim(T) == 0 and np.isfinite(T) and T > 0, "T, a finite time > 0", T),

@@ -1,4 +1,4 @@
-"""Ensembles and long paths: the NumPy batch everywhere, and code compiled for a problem (extra `fast`).
+"""Ensembles and long paths, in NumPy or with code compiled for a problem and a scheme (extra `fast`).
 
-`ensemble` and `long_path` are the calls. A chunk of paths is a `task`; `collectors` run it and keep its result.
+Users call `ensemble` and `long_path`. `task` describes a chunk of paths; `collectors` run tasks and keep the results.
 """

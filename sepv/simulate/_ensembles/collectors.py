@@ -1,4 +1,4 @@
-"""Collectors of an ensemble's chunks: ends in memory, ends on disk, or summaries of them."""
+"""Collectors of an ensemble's chunks: they keep the ends of paths in memory or on disk, or only summaries of them."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from sepv.workers import Halted, halted
 PathProgress = Callable[[int, int], None] | None
 
 
-# Path-steps between two checks for Ctrl-C and for a chunk that is no longer wanted: some hundredths of a second.
+# Paths × steps between two checks for Ctrl-C and for a chunk that is no longer needed: hundredths of a second.
 PIECE = 2**21
 
 
 def chunk_of(task: Task, problem: Problem) -> Any:
-    """A chunk before its first step, in NumPy or with its compiled kernel."""
+    """Return the task's chunk of paths before its first step, for NumPy or for the compiled engine."""
     if task.compiled:
         from sepv.simulate._compiled.block_run import Chunk
 
@@ -35,7 +35,7 @@ def chunk_of(task: Task, problem: Problem) -> Any:
 
 
 def run(task: Task) -> Ensemble:
-    """Run a chunk: its ends, and its states at the stops."""
+    """Run the chunk of a task: return the ends of its paths, and their states at the task's stops."""
     problem = task.problem if isinstance(task.problem, Problem) else build(task.problem)
     chunk = chunk_of(task, problem)
     kept = np.empty((len(task.stops), problem.dimension, task.count))
@@ -52,19 +52,19 @@ def run(task: Task) -> Ensemble:
 
 
 class Total(ABC):
-    """A collector takes chunks in any order."""
+    """A collector of an ensemble's chunks, which arrive in any order."""
 
     def __init__(self, task: Task, start: Ensemble, progress: PathProgress) -> None:
         self.ensemble, self.paths = start, task.count
         self.progress = progress or (lambda _done, _all: None)
 
     def missing(self, numbers: range) -> Sequence[int]:
-        """The chunks that must be computed."""
+        """The numbers of the chunks that must be computed."""
         return numbers
 
     @abstractmethod
     def take(self, number: int, task: Task, result: Any) -> bool | None:
-        """Take a chunk; return True if no more are wanted."""
+        """Take the result of a chunk; return True if no further chunks are needed."""
 
     @abstractmethod
     def finished(self) -> tuple[Any, Ensemble]:
@@ -77,7 +77,7 @@ class Total(ABC):
 
 @dataclass(frozen=True)
 class Reducing:
-    """Computes a chunk and its summaries on the worker; with `keep` it returns the chunk too."""
+    """Compute a chunk and summaries of its functionals on the worker; without `keep`, drop the chunk's paths."""
 
     functionals: Functionals
     keep: bool
@@ -89,12 +89,12 @@ class Reducing:
 
 
 def without_paths(chunk: Ensemble) -> Ensemble:
-    """The counts of a chunk, without its paths."""
+    """The chunk's counts of work, without its paths."""
     return replace(chunk, **{key: getattr(chunk, key)[..., :0] for key in AXES})
 
 
 def _more(whole: Ensemble, chunk: Ensemble) -> Ensemble:
-    """Add the counts of a chunk."""
+    """Add a chunk's counts of work to those of the whole ensemble."""
     return replace(whole, **{key: getattr(whole, key) + getattr(chunk, key) for key in COUNTED})
 
 
@@ -118,7 +118,7 @@ class InMemory(Total):
         self.done = np.zeros(task.count, dtype=bool)
 
     def take(self, _number: int, task: Task, chunk: Any) -> None:
-        """Put the ends of a chunk into their places. A chunk that is the whole ensemble is kept as it is."""
+        """Copy the ends of a chunk into the ensemble's arrays. A chunk of all paths is kept without a copy."""
         whole, here = self.ensemble, slice(task.first, task.first + task.count)
         if task.count == self.paths:
             self.ensemble = replace(chunk, times=whole.times, reason=whole.reason, about=whole.about)
@@ -130,13 +130,13 @@ class InMemory(Total):
         self.progress(int(self.done.sum()), self.paths)
 
     def finished(self) -> tuple[np.ndarray, Ensemble]:
-        """The ends of the finished paths alone."""
+        """The numbers of the finished paths, and an ensemble of these paths alone."""
         kept: dict[str, Any] = {key: getattr(self.ensemble, key)[..., self.done] for key in AXES}
         return np.flatnonzero(self.done), replace(self.ensemble, **kept)
 
 
 class Reduced(Total):
-    """Collect summaries, merged in the order of chunks; early ones wait for their turn."""
+    """Collect summaries and merge them in the order of chunks; one that arrives early waits for the chunks before."""
 
     def __init__(
         self, task: Task, empty: Ensemble, progress: PathProgress, functionals: Functionals,
@@ -152,7 +152,7 @@ class Reduced(Total):
         return self.add(number, task.count, *result)
 
     def add(self, number: int, paths: int, counts: Ensemble, summaries: Mapping[str, Summary]) -> bool:
-        """Add the counts and summaries of chunk `number`; True once every target error is reached."""
+        """Add the counts and summaries of chunk `number`; return True once the errors `until` are reached."""
         self.early[number] = (paths, counts, summaries)
         while self.next in self.early:
             paths, counts, summaries = self.early.pop(self.next)
@@ -166,12 +166,12 @@ class Reduced(Total):
         return False
 
     def finished(self) -> tuple[range, Ensemble]:
-        """The numbers of the merged paths, the first ones, and their ensemble."""
+        """The numbers 0, 1, … of the paths merged so far, and their ensemble."""
         return range(self.done), self.ensemble
 
 
 class OnDisk(Total):
-    """Collect ends in a store on disk, and summaries of them if wanted."""
+    """Collect the ends of paths in a store on disk, and summaries of functionals if there are any."""
 
     def __init__(
         self, task: Task, empty: Ensemble, progress: PathProgress, where: Any, size: int,
@@ -192,7 +192,7 @@ class OnDisk(Total):
         self.there = np.zeros(self.store.chunks, dtype=bool)
 
     def missing(self, numbers: range) -> Sequence[int]:
-        """Chunks missing from the store, or incomplete."""
+        """The numbers of chunks that are not complete in the store; none if those there reach the errors `until`."""
         for number in numbers:
             found = self.store.load(number)
             if found is not None and self._take(number, self._chunk(found)):
@@ -200,7 +200,7 @@ class OnDisk(Total):
         return [int(n) for n in np.flatnonzero(~self.there)]
 
     def _chunk(self, found: dict[str, Any]) -> Ensemble:
-        """Convert stored arrays to an ensemble; arrays without entries are not in the store."""
+        """Convert stored arrays to an ensemble; arrays without entries are not stored and are made anew."""
         M = found["status"].size
         absent: dict[str, Any] = {
             key: np.empty((*array.shape[:-1], M))
@@ -210,7 +210,7 @@ class OnDisk(Total):
         return replace(self.empty, **absent, **found)
 
     def take(self, number: int, _task: Task, result: Any) -> bool:
-        """Store a chunk, and take its summaries if its worker made them."""
+        """Store a chunk, and merge its summaries if functionals are reduced."""
         chunk, summaries = result if self.reduced is not None else (result, None)
         self.store.save(number, chunk)
         return self._take(number, chunk, summaries)
@@ -226,7 +226,7 @@ class OnDisk(Total):
         return self.reduced.add(number, chunk.status.size, without_paths(chunk), summaries)
 
     def finished(self) -> tuple[np.ndarray, Ensemble]:
-        """The numbers of the paths in the store. The arrays have places for all paths."""
+        """The numbers of the finished paths, and the ensemble, whose arrays have places for all paths."""
         first = [int(n) * self.size for n in np.flatnonzero(self.there)]
         parts = [np.arange(p, min(p + self.size, self.paths)) for p in first]
         return np.concatenate(parts) if parts else np.empty(0, dtype=np.int64), self.result()

@@ -1,4 +1,4 @@
-"""Ensembles of paths: one call for the NumPy batch and for the compiled engine, on any workers."""
+"""Ensembles of paths: `ensemble` runs them in NumPy or in compiled code, on threads, processes or a cluster."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ from sepv.workers import check, run_all
 from sepv.workers import count as threads_of
 
 ENGINES = ("auto", "numpy", "compiled")
-# Chunks for each worker, so that a slow worker does not keep the others waiting.
+# The number of chunks for each worker: several, so that the other workers need not wait for a slow one.
 SHARES = 4
-# Path-steps of a chunk that is sent or stored: some tenths of a second, long beside a scheduler's millisecond.
+# Paths × steps of a chunk that is sent or stored: tenths of a second of work, against a scheduler's millisecond.
 PATH_STEPS = 2**24
-# The most paths in such a chunk: the engine's arrays for them take some 20 MB.
+# The most paths in a chunk that is sent or stored: the engine's arrays then take about 20 MB.
 LARGEST = 16 * CHUNK
-# The most paths of a chunk whose ends are sent as a whole: some 80 MB for each thread.
+# The most paths in a chunk that sends the end of every path to a cluster's client: about 80 MB for each thread.
 FARTHEST = 4 * LARGEST
 
 
@@ -62,70 +62,70 @@ def ensemble(
     until: Mapping[str, float] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Ensemble:
-    """Run many paths to T; memory grows with the number of paths only, and with `store` or `reduce` not at all.
+    """Run many paths to T. Memory grows only with the number of paths, and with `store` or `reduce` it does not grow.
 
-    Path number p is the same for any number of paths, for every h = T/(n·2^l) with the same odd n, for both engines,
-    and, with one engine to the bit, for any workers.
+    Path number p has the same Wiener increments for any number of paths, any workers and both engines, and is the same
+    Wiener path for every h = T/(n·2^l) with the same odd n. With one engine, workers do not change a bit of a path.
 
     Parameters
     ----------
     scheme, problem, h, T, steps, y0, truncation
         As for `sepv.integrate`.
-    paths : int, optional with dW.
+    paths : int; optional if `dW` is given.
     seed : int
         The seed of the increments.
     increments : "normal", "two-point", "three-point" or PointLaw, optional
-        By default the scheme's own. Each is taken at the rank of the increment drawn or given
-        (`sepv.simulate._truncation.seen`), so that a path number means the same stream whatever increments it
-        takes; `Ensemble.W` stays that of the stream.
+        The law of the scheme's increments; by default the one that the scheme declares. A PointLaw's value is taken at
+        the rank of the normal increment (`sepv.simulate._truncation.seen`), so that path p has the same normal
+        increments with every law. `Ensemble.W` is the sum of the normal increments.
     refine : int, optional
         See `sepv.simulate.increments`.
     dW : (N, m, M), optional
-        Untruncated increments to use instead of drawn ones.
+        Untruncated Wiener increments for N steps, m noises and M paths, instead of drawn ones.
     times : (K,), optional
-        Increasing multiples of h at which the states are kept: `Ensemble.states`. Nothing is stored without.
+        Increasing multiples of h at which the states are kept in `Ensemble.states`; by default only those at T are.
     compensated : bool
-        Kahan's summation of y + increment over the steps: the rounding of the update, the larger part of an
-        invariant's random walk, is then carried along and not lost.
+        Use Kahan's summation for y + increment. The rounding error of this sum, the larger part of the random walk of
+        an invariant, is then carried to the next step and not lost.
     engine : "auto", "numpy" or "compiled"
-        "auto" takes the compiled engine (extra `fast`) where it takes the scheme and the problem;
-        `Ensemble.engine` names the engine and `Ensemble.reason` says why it was not the compiled one.
-        Both agree to a few ulp. Where a step has no solution near y0 Newton's iteration is chaotic, and a path
-        may end with one engine and go on with the other: 6 of 3000 paths of (2.1) for Lotka-Volterra at h = 2⁻³.
+        "auto" takes the compiled engine (extra `fast`) if it can compile the scheme and the problem. `Ensemble.engine`
+        names the engine used; `Ensemble.reason` says why it was not the compiled one. The engines agree to a few ulp,
+        except if a step has no solution near its start: Newton's iteration is then chaotic, and a path may fail with
+        one engine and go on with the other, as 6 of 3000 paths of (2.1) did for Lotka-Volterra at h = 2⁻³.
     workers : int, executor, map-like callable, Dask client or its address
-        With an int that many threads (compiled engine) or processes (NumPy). An executor, a map, or a
-        `distributed.Client` sends chunks elsewhere (docs/clusters.md); what a broken worker did not finish is computed
-        by another one, or here.
+        An int is a number of threads (compiled engine) or processes (NumPy). An executor, a map-like callable or a
+        Dask client sends chunks to other processes or machines (docs/clusters.md). A chunk that a broken worker did
+        not finish is computed by another worker or in this process.
     chunk : int, optional
-        Paths that one worker computes at a time. No path depends on it; the last digits of `reduced` do.
+        The number of paths that a worker computes at a time. It changes no path, only the last digits of `reduced`.
     store : path, optional
-        A Zarr group on disk (extra `store`) for the ends, which are then zarr arrays, read where they are indexed.
-        Chunks that it holds already are not computed again; those that were torn by a crash are.
+        A Zarr group on disk (extra `store`) for the ends of the paths. The arrays of the result are then zarr arrays,
+        read from disk when they are indexed. Complete chunks found in the group are not computed again.
     reduce : dict of callables, optional
-        Functionals: each is given the `Ensemble` of a chunk and returns one number for each of its paths. Their
-        moments and quantiles are in `Ensemble.reduced`; without `store` no path is kept.
+        Functionals by name. Each takes the `Ensemble` of a chunk and returns one number for each path of the chunk.
+        `Ensemble.reduced` has the moments and quantiles of the numbers. Without `store`, no path is kept.
     until : dict of float, optional
-        Standard errors of functionals at which to stop before all paths are done: at the first chunk, in the order of
-        chunks, after which each is reached by its mean.
+        Target standard errors of the means of functionals, by name. The run stops early, after the first chunk (in the
+        order of chunks) at which all targets are reached.
     progress : callable (paths done, paths), optional
 
     Returns
     -------
     Ensemble
-        y (d, M) at T, W (m, M), the status of each path, the largest defects of H and the Casimirs, the work.
+        States y (d, M) at T, W (m, M), the status of each path, the largest defects of H and of Casimirs, the work.
 
     Raises
     ------
     SchemeFault, TargetError
-        For an answer of the scheme that is no state, for what is no scheme or no problem.
+        If the scheme returns something that is no state; if `scheme` is no scheme or `problem` is no problem.
     UsageError
-        For arguments that make no ensemble, and for engine="compiled" where there is none for the scheme or
-        the problem. A failing path raises nothing: see `Ensemble.status`.
+        For invalid arguments, and for engine="compiled" if the engine cannot compile the scheme or the problem.
+        A failing path raises nothing: see `Ensemble.status`.
     ChunkFailure
-        Where a chunk raises here as well, and where a cluster is gone; it carries the ends of all paths that are
-        finished.
+        If a chunk raises on its worker and again in this process, or if a cluster is gone. The exception carries the
+        ends of all finished paths.
     Interrupted
-        A KeyboardInterrupt (Ctrl-C) that carries them as well.
+        After Ctrl-C: a KeyboardInterrupt that carries the ends of all finished paths.
 
     Examples
     --------
@@ -183,7 +183,7 @@ def _increments(
     if dW is not None:
         raw = np.ascontiguousarray(dW, dtype=np.float64)
         paths = raw.shape[2] if raw.ndim == 3 and paths is None else paths
-        # The extrema are finite if all numbers are, and need no temporary.
+        # The extrema are finite if and only if all numbers are, and computing them needs no temporary array.
         finite = raw.size == 0 or (np.isfinite(raw.min()) and np.isfinite(raw.max()))
         if raw.shape != (steps, problem.noises, paths) or not finite:
             where = ""
@@ -217,9 +217,9 @@ def _stops(times: ArrayLike | None, h: float, steps: int) -> tuple[int, ...]:
 def choose(
     engine: str, scheme: Scheme, problem: Problem, compensated: bool, lanes: int = LANES
 ) -> tuple[bool, str]:
-    """Decide if the compiled engine runs this, with the reason if not.
+    """Return True if the compiled engine runs the scheme for the problem, else False and the reason.
 
-    Raises UsageError for an unknown engine, and if the compiled one is required and impossible.
+    Raise UsageError for an unknown engine, and for engine="compiled" if the scheme or the problem cannot be compiled.
     """
     require_one_of("engine", engine, ENGINES, "take auto")
     if engine == "numpy":
@@ -238,7 +238,7 @@ def choose(
 
 
 class _Chunks(Sequence[Task]):
-    """The tasks of an ensemble, made on demand: there may be a hundred thousand."""
+    """The tasks of an ensemble, one for each chunk; made on demand, because there may be a hundred thousand."""
 
     def __init__(self, whole: Task, size: int, numbers: Sequence[int], far: bool) -> None:
         self.whole, self.size, self.numbers, self.far = whole, size, numbers, far
@@ -261,7 +261,7 @@ class _Chunks(Sequence[Task]):
 def _chunk_size(whole: Task, workers: Any, chunk: int | None, fixed: bool) -> int:
     """The number of paths in a chunk.
 
-    Chunks on disk or reduced have the same size for any workers, so that reduced results have the same bits.
+    With `fixed` (chunks are stored or reduced) it does not depend on the workers, nor do the bits of reduced results.
     """
     if chunk is not None:
         return require_whole("chunk", chunk, "paths of one worker at a time")
@@ -274,13 +274,13 @@ def _chunk_size(whole: Task, workers: Any, chunk: int | None, fixed: bool) -> in
     size = min(max(PATH_STEPS // whole.steps // LANES * LANES, LANES), LARGEST)
     if fixed:
         return size
-    # A scheduler's work is the same for every chunk: large chunks where there are enough for all threads.
+    # A scheduler's work is the same for chunks of all sizes, so chunks are large if there are enough for all threads.
     share = whole.count // (SHARES * max(threads_of(workers), 1)) // LANES * LANES
     return max(size, min(share, PATH_STEPS // whole.steps // LANES * LANES, FARTHEST))
 
 
 def _empty(whole: Task, problem: Problem, reason: str, about: dict[str, Any]) -> Ensemble:
-    """The ensemble without paths."""
+    """An ensemble of no paths: its arrays show the shapes and dtypes of the real ones."""
     d, m, K = problem.dimension, problem.noises, len(whole.stops)
     none, integers = np.empty(0), np.empty(0, dtype=np.int64)
     return Ensemble(
@@ -294,8 +294,8 @@ def _empty(whole: Task, problem: Problem, reason: str, about: dict[str, Any]) ->
 def _about(whole: Task, problem: Problem, dW: Any) -> dict[str, Any]:
     """Describe the paths as JSON: equal descriptions mean equal paths.
 
-    Fingerprints stand for the problem and the scheme. Those of compiled ones are cached, as kernels are: these are
-    records, which do not change.
+    A fingerprint (a hash of values) stands for the problem and the scheme. If the engine compiles them, the fingerprint
+    is cached as the kernel is, because they are then immutable records.
     """
     known = (whole.scheme, problem, whole.y0.tobytes(), whole.h)
     try:
@@ -325,7 +325,7 @@ def _about(whole: Task, problem: Problem, dW: Any) -> dict[str, Any]:
 
 
 def _fingerprint(scheme: Scheme, problem: Problem, start: bytes, h: float) -> str:
-    """A fingerprint of a problem and a scheme from their values at y0 and one step: functions cannot be compared."""
+    """Hash the problem's values at y0 and one step of the scheme, because functions cannot be compared."""
     y0 = np.frombuffer(start).copy()
     with np.errstate(all="ignore"):
         values = [problem.hamiltonian(y0), problem.gradient(y0), problem.structure(y0)]

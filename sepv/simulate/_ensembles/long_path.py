@@ -1,4 +1,4 @@
-"""One long path, run in pieces of a fraction of a second: progress shows, and an interrupt keeps the steps done."""
+"""One long path, run in pieces of a fraction of a second: progress can be shown, and Ctrl-C keeps the steps done."""
 
 from __future__ import annotations
 
@@ -21,33 +21,33 @@ from sepv.simulate._ensembles.task import Task
 from sepv.simulate._run_arguments import checked, require_drawable
 from sepv.solve import Status
 
-# Seconds between two looks at the clock, and steps before the first.
+# The intended duration of a piece of the path in seconds, and the number of steps of the first piece.
 PIECE_SECONDS, FIRST_PIECE = 0.2, 4096
 
 
 @dataclass(frozen=True)
 class LongPath:
-    """A path, or the part of it that was done.
+    """The result of `long_path`: the whole path, or the steps before an interrupt or an unsolved step.
 
     Attributes
     ----------
     steps, planned : int
-        Steps done, not counting one that was not solved, and asked for.
+        The number of steps done, without one that was not solved, and the number of steps requested.
     t : float
     y : (d,), W : (m,)
-        The state and W at t.
+        The state and the Wiener process W at the time t that was reached.
     times, states : (K,), (d, K)
-        States kept by `every`.
+        The times n·h of the states that `every` keeps, and these states.
     energy_defect, casimir_defect : float
-        Largest |H(y_n) − H(y_0)| and the same over the Casimirs, over all steps done.
+        The largest |H(y_n) − H(y_0)| and the largest |C(y_n) − C(y_0)| of any Casimir C, over all steps done.
     energy_defects : (K,)
         H(y) − H(y_0) at `times`.
-    status, failed_step : the status of a step that was not solved, and the number of steps before it (−1: none).
-    iterations, gradient_evaluations : work done.
+    status, failed_step : the status of a step that was not solved, and the number of steps before it (−1: all solved).
+    iterations, gradient_evaluations : counts of the work.
     seconds : float
-        Wall time, compilation not counted.
+        Wall time without compilation.
     interrupted : bool
-    engine, reason : the engine, and why it is not the compiled one.
+    engine, reason : the engine used, and why it is not the compiled one.
     """
 
     steps: int
@@ -90,18 +90,18 @@ def long_path(
     progress: Callable[[int, int], None] | None = None,
     resume: LongPath | None = None,
 ) -> LongPath:
-    """Run path number `path` of `ensemble` to any length, in memory that does not grow with it.
+    """Run one path, number `path` of `ensemble`, over any number of steps in memory that does not grow with the steps.
 
     Parameters
     ----------
     scheme, problem, h, steps, T, seed, y0, truncation, increments, refine, engine
         As for `ensemble`.
     path : int
-        Number of the path there.
+        The number of the path in `ensemble`.
     every : int, optional
-        Keep the state after each so many steps.
+        Keep the state after every `every` steps; by default no state is kept.
     compensated : bool
-        Kahan's summation: over 10⁸ steps the rounding of the update is most of the energy's random walk.
+        Use Kahan's summation for y + increment: over 10⁸ steps its rounding is most of the energy's random walk.
     progress : callable (steps done, steps), optional
         Called a few times a second.
     resume : LongPath, optional
@@ -110,13 +110,13 @@ def long_path(
     Returns
     -------
     LongPath
-        After Ctrl-C what was done until then, with `interrupted` set; so too after a step that was not solved,
-        with its `status`.
+        After Ctrl-C: the steps done so far, with `interrupted` set. After a step that was not solved: the steps before
+        it, with its `status`.
 
     Raises
     ------
     UsageError
-        As `ensemble`.
+        For invalid arguments, as in `ensemble`.
     """
     require_flag("compensated", compensated)
     asked = checked(scheme, problem, h, T, steps, y0, truncation, increments)
@@ -183,7 +183,7 @@ def long_path(
 
 
 def _pieces(chunk: Any, count: int, every: int | None) -> Any:
-    """Advance in pieces of about PIECE_SECONDS; yield True if a state is to be kept."""
+    """Advance the chunk in pieces of about PIECE_SECONDS; after each, yield True if its state is to be kept."""
     length = FIRST_PIECE
     while chunk.done < count:
         stop = min(chunk.done + length, count)

@@ -1,4 +1,4 @@
-"""A chunk of paths as a task: a pure function of its data, which any worker on any machine can run."""
+"""A chunk of paths as a task: the data of the task determine its result, so any worker on any machine can run it."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from sepv.simulate import _wiener as wiener
 from sepv.simulate._batch import Batch, Ensemble
 from sepv.workers import Halted, halted
 
-# Steps whose increments the NumPy engine holds at once.
+# The number of steps whose increments the NumPy engine holds in memory at once.
 PIECE = 256
 
 
 @dataclass(frozen=True)
 class Task:
-    """A task: paths first … first + count − 1 over `steps` steps.
+    """The data of a chunk of paths: numbers first … first + count − 1 of an ensemble, over `steps` steps.
 
-    problem : Problem, or its data if it can be built again from them, which then travel.
-    dW : (N, m, M), given increments, untruncated, of paths `place` … `place` + count − 1; else None.
-    stops : increasing numbers of steps at which states are kept.
-    track : True if the invariants are followed in NumPy; else their defects are 0.
+    problem : Problem, or the data from which a worker can build it again.
+    dW : (N, m, M), given untruncated increments, or None; the chunk has the columns `place` … `place` + count − 1.
+    stops : increasing numbers of steps after which states are kept.
+    track : if False, the NumPy engine does not compute the invariants, and reports their defects as 0.
     """
 
     scheme: Scheme
@@ -49,14 +49,14 @@ class Task:
 
 
 def portable(problem: Problem) -> Problem | PolynomialSystem | NamedProblem:
-    """The problem's data if they define it completely, else the problem."""
+    """The problem's data if the problem can be built again from them, else the problem."""
     if problem.data is not None and np.array_equal(build(problem.data).c, problem.c):
         return problem.data
     return problem
 
 
 class NumpyChunk:
-    """A chunk in NumPy; `advance` continues it, as for the compiled one."""
+    """A chunk of paths computed in NumPy, with the methods of the compiled engine's `Chunk`."""
 
     def __init__(self, task: Task, problem: Problem) -> None:
         self.task = task
@@ -82,15 +82,15 @@ class NumpyChunk:
             self.W += raw
 
     def states(self) -> Array:
-        """The states (d, M)."""
+        """The present states (d, M)."""
         return self.batch.y.copy()
 
     def failed(self) -> bool:
-        """True if no path goes on."""
+        """True if every path of the chunk has failed."""
         return not self.batch.alive.size
 
     def result(self, kept: Array) -> Ensemble:
-        """The ends so far as an ensemble."""
+        """The present states of the paths as an `Ensemble`; `kept` are their states at the stops."""
         return self.batch.result(self.W, kept)
 
     def _walk(self, problem: Problem) -> Iterator[Array]:

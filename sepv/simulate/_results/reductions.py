@@ -1,8 +1,8 @@
-"""A functional over many paths: moments and quantiles, chunk by chunk, merged in the order of the chunks.
+"""Moments and quantiles of functionals of paths, computed for each chunk and merged in the order of the chunks.
 
-Central moments of two samples together: P. Pébay, *Formulas for robust, one-pass parallel computation of covariances
-and arbitrary-order statistical moments*, SAND2008-6212. Merging in the order of the chunks gives the same bits for any
-workers; chunks of another size round differently.
+Central moments of two samples are merged by P. Pébay, *Formulas for robust, one-pass parallel computation of
+covariances and arbitrary-order statistical moments*, SAND2008-6212. Because of the fixed order of merging, results have
+the same bits for any workers; chunks of another size round differently.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from sepv.errors import UsageError
 from sepv.simulate._results.sketch import Sketch, sketch
 
-# The fewest values for which a target standard error counts. With few values it may be small by chance.
+# A target standard error is not reached with fewer values than this: with few values, it may be small by chance.
 FEWEST = 1024
 
 Functionals = Mapping[str, Callable[[Any], Any]]
@@ -25,7 +25,7 @@ Functionals = Mapping[str, Callable[[Any], Any]]
 
 @dataclass(frozen=True)
 class Summary:
-    """Summary of many values of a functional.
+    """Moments and quantiles of the values of a functional over many paths.
 
     Attributes
     ----------
@@ -36,9 +36,9 @@ class Summary:
         Σ(x − mean)ᵏ for k = 2, 3, 4.
     minimum, maximum : float
     failed : int
-        Paths left out because a step was not solved: the rest describes the others.
+        The number of paths left out because a step was not solved; the other fields describe the remaining paths.
     not_finite : int
-        Solved paths whose value is not finite; left out as well.
+        The number of paths left out because their value is not finite, although all their steps were solved.
     """
 
     count: int = 0
@@ -76,7 +76,7 @@ class Summary:
         return self.sums[which] / self.count / math.pow(self.sums[0] / self.count, power)
 
     def quantile(self, p: float) -> float:
-        """The value of rank ⌊p(count − 1)⌋, to within 1e-3 of itself; minimum and maximum exactly."""
+        """The value of rank ⌊p(count − 1)⌋ (from 0), with a relative error of 1e-3; exact for p = 0 and p = 1."""
         if p in (0, 1) and self.count:
             return self.maximum if p else self.minimum
         return min(max(self.sketch.quantile(p), self.minimum), self.maximum)
@@ -108,7 +108,7 @@ class Summary:
 
 
 def summary(values: Any, status: Any) -> Summary:
-    """The summary of one chunk's values, (M,), of paths with these status codes, (M,)."""
+    """Summarise the values (M,) of a functional over one chunk of M paths with the status codes `status` (M,)."""
     got_through = np.asarray(status) == 0
     finite = np.isfinite(values)
     kept = np.asarray(values, dtype=np.float64)[got_through & finite]
@@ -126,9 +126,9 @@ def summary(values: Any, status: Any) -> Summary:
 
 
 def reduce_chunk(functionals: Functionals, chunk: Any) -> dict[str, Summary]:
-    """The summary of each functional over a chunk, an `Ensemble` of its paths.
+    """Summarise each functional over a chunk, which is an `Ensemble`.
 
-    A UsageError for a functional that does not give one number for each path.
+    Raise UsageError if a functional does not give one number for each path.
     """
     found = {}
     paths = chunk.status.size
@@ -145,7 +145,7 @@ def reduce_chunk(functionals: Functionals, chunk: Any) -> dict[str, Summary]:
 
 
 def validate(reduce: Any, until: Any) -> None:
-    """Raise UsageError for invalid functionals or target errors."""
+    """Raise UsageError if `reduce` is not a mapping of functionals, or `until` not one of target standard errors."""
     if not isinstance(reduce, Mapping) or not reduce or not all(callable(f) for f in reduce.values()):
         raise UsageError(
             expected="reduce: functionals by name",
@@ -164,11 +164,11 @@ def validate(reduce: Any, until: Any) -> None:
 
 
 def reached(reduced: Mapping[str, Summary], until: Mapping[str, float]) -> bool:
-    """True if every target standard error is reached.
+    """True if the mean of every functional in `until` has a standard error of at most its target.
 
-    Y. S. Chow and H. Robbins, Ann. Math. Statist. 36 (1965): with this stopping rule the usual interval keeps its
-    level as the target goes to 0. For a finite target it falls a little short; `FEWEST` prevents an early stop by
-    chance.
+    With this stopping rule the usual confidence interval keeps its level as the target goes to 0 (Y. S. Chow and H.
+    Robbins, Ann. Math. Statist. 36, 1965). For a finite target, its level is a little lower. `FEWEST` prevents an early
+    stop by chance.
     """
     return all(
         reduced[name].count >= FEWEST and reduced[name].standard_error <= target

@@ -1,8 +1,9 @@
 """Quantiles of many numbers in little memory: counts in buckets whose edges are powers of γ.
 
-The sketch of C. Masson, J. E. Rim and H. K. Lee, *DDSketch*, Proc. VLDB 12 (2019): with γ = (1 + α)/(1 − α) the
-number x > 0 falls into bucket i = ⌈ln x / ln γ⌉, and 2γ^i/(γ + 1) is within α x of every x of that bucket. Counts are
-integers, so sketches merge exactly, in any order; a t-digest depends on the order, and its error has no bound.
+The method is that of C. Masson, J. E. Rim and H. K. Lee, *DDSketch*, Proc. VLDB 12 (2019). For a relative accuracy α
+and γ = (1 + α)/(1 − α), the number x > 0 falls into bucket i = ⌈ln x / ln γ⌉, and 2γ^i/(γ + 1) is within α x of every x
+of that bucket. Counts are integers, so sketches merge exactly and in any order. A t-digest, the usual alternative,
+depends on the order, and its error has no bound.
 """
 
 from __future__ import annotations
@@ -17,21 +18,21 @@ from numpy.typing import NDArray
 from sepv.errors import UsageError
 from sepv.record import TINY
 
-# Relative error of a quantile. The counts of a normal variable then take some 100 kB, for any number of values.
+# The relative accuracy α of a quantile. The counts of values of a normal variable take about 100 kB, however many.
 ACCURACY = 1e-3
 # ln γ, and the offset that makes every index positive.
 _LOG_GAMMA = math.log1p(ACCURACY) - math.log1p(-ACCURACY)
 _OFFSET = math.ceil(-math.log(TINY) / _LOG_GAMMA) + 2
-# Numbers smaller than the smallest normal one count as 0.
+# The logarithm of the largest finite number. Numbers below TINY, the smallest normal number, count as 0.
 _LARGEST = math.log(float(np.finfo(np.float64).max))
 
 
 @dataclass(frozen=True)
 class Sketch:
-    """A sketch: counts (K,) by bucket.
+    """The counts (K,) of numbers in buckets with the keys (K,).
 
-    keys : (K,) int32, increasing: sign·(i + offset) with an offset that makes i positive, so that keys are ordered as
-        the numbers are; 0 is 0
+    keys : int32, increasing: sign·(i + offset) for bucket i, and 0 for the number 0. The offset makes every i + offset
+        positive, so that keys are ordered as the numbers are.
     """
 
     keys: NDArray[np.int32] = field(default_factory=lambda: np.empty(0, dtype=np.int32))
@@ -45,9 +46,9 @@ class Sketch:
         return Sketch(keys, counts)
 
     def quantile(self, p: float) -> float:
-        """The number of rank ⌊p(n − 1)⌋ (from 0) in order of size, to within α of itself.
+        """The number of rank ⌊p(n − 1)⌋ (from 0) of all n numbers in order of size, with relative error α.
 
-        A UsageError for p outside [0, 1], and where nothing was counted.
+        Raise UsageError for p outside [0, 1], and if the sketch has counted no numbers.
         """
         if not 0 <= p <= 1 or not self.keys.size:
             raise UsageError(

@@ -1,7 +1,8 @@
-"""Ends of paths on disk, a Zarr chunk for each chunk of paths (Zarr format 3, which xarray and others read).
+"""A store on disk of the ends of paths, with a Zarr chunk for each chunk of paths (Zarr format 3, read by xarray).
 
-The line of `work` of a chunk is written last, with a checksum of all that belongs to the chunk: it marks the chunk as
-complete. A chunk that was torn by a crash, deleted or changed does not fit its checksum, and is computed again.
+The array `work` has a row for each chunk of paths, with a checksum of the chunk's data. It is written last, and marks
+the chunk as complete. If a chunk was deleted, changed or left incomplete by a crash, its checksum does not fit, and the
+chunk is computed again.
 """
 
 from __future__ import annotations
@@ -16,21 +17,21 @@ import numpy as np
 from sepv._arguments import optional
 from sepv.errors import UsageError
 
-# The version of the format, raised where older stores can no longer be read.
+# The version of the format of a store; a higher version cannot read stores of a lower one.
 FORMAT = 1
-# The counts of a chunk, in `work` after the checksum.
+# The counts of work of a chunk, stored after the checksum in the chunk's row of `work`.
 COUNTED = ("gradient_evaluations", "structure_evaluations", "iterations", "divisions", "continuations")
 # Fill values of entries never written; no path has these values.
 _FILL = {"f": float("nan"), "i": -9}
 
 
 class ZarrStore:
-    """A store of `paths` paths in chunks of `chunk`: zarr `arrays` by name, with the paths along the last axis."""
+    """A store of `paths` paths in chunks of `chunk` paths: zarr `arrays` by name, whose last axis is the path."""
 
     def __init__(
         self, where: Any, about: Mapping[str, Any], shapes: Mapping[str, Any], paths: int, chunk: int
     ) -> None:
-        """Open a store, or create it; a UsageError without zarr, and for a place that holds something else.
+        """Open a store or create it; UsageError if zarr is not installed or `where` holds something else.
 
         where : path, or another argument of `zarr.open_group`
         about : the description of the paths as JSON; an existing store must have the same
@@ -60,7 +61,7 @@ class ZarrStore:
         )  # fmt: skip
 
     def save(self, number: int, chunk: Any) -> None:
-        """Write a chunk, an `Ensemble` of its paths: its line of `work` last."""
+        """Write chunk `number`, an `Ensemble` of its paths. Its row of `work`, which marks it complete, is last."""
         contents = {name: getattr(chunk, name) for name in self.arrays}
         for name, array in self.arrays.items():
             array[..., self._place(number)] = contents[name]
@@ -68,7 +69,7 @@ class ZarrStore:
         self.work[number] = np.array([_checksum(number, contents, counts), *counts], dtype=np.int64)
 
     def load(self, number: int) -> dict[str, Any] | None:
-        """A chunk's arrays and counts; None if it is missing or changed."""
+        """Read a chunk's arrays and counts; None if the chunk is missing, incomplete or changed."""
         try:
             line = [int(v) for v in self.work[number]]
             if line[0] < 0:
