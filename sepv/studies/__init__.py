@@ -1,9 +1,9 @@
-"""Schemes compared: cost and accuracy, slowdowns, hard cases, rounding, long times.
+"""Studies that compare schemes: accuracy against cost, slowdowns, hard cases, rounding errors, long times.
 
-Each study stands alone, has a command of its name, and is loaded on demand: `_compare` (error against cost), `_bench`
-(counts of evaluations, times of two versions in pairs), `_hard_cases`, `_ulps`, `_energy_growth`, `_solvability`.
-`_evaluation_count` counts what a scheme evaluates. Every picture goes through `_picture`. The paper's own experiments
-are in `sepv.reference.paper`.
+The studies do not depend on each other. Each has a command and is loaded on demand: `_compare` (error against cost),
+`_bench` (counts of evaluations, times of two versions in pairs), `_hard_cases`, `_ulps`, `_energy_growth`,
+`_solvability`. `_evaluation_count` counts the evaluations of a scheme, and `_picture` draws all pictures. The paper's
+own experiments are in `sepv.reference.paper`.
 """
 
 from __future__ import annotations

@@ -1,29 +1,30 @@
-"""Energy of a symplectic scheme with random steps, one degree of freedom: its walk, its drift and its offset.
+"""Theory of the energy of a symplectic scheme with random steps, one degree of freedom: random walk, drift and offset.
 
-With a step Δ such a scheme keeps a modified Hamiltonian to high order, but one for each Δ: with random steps the energy
-is not kept. For the midpoint rule, f = J⁻¹∇H, L = f·∇ and H₂ = −fᵀH″f/24,
+With a step Δ a symplectic scheme keeps a modified Hamiltonian to high order, but another one for each Δ. With random
+steps, therefore, the energy is not kept. For the midpoint rule, f = J⁻¹∇H, L = f·∇ and H₂ = −fᵀH″f/24,
 
     H(y1) − H(y0) = −Δ²(H₂(y1) − H₂(y0)) + O(Δ⁵) = Δ³G + O(Δ⁴),   G = −LH₂ = H‴(f, f, f)/24 = −∇H·(c − c̃),
 
-with the coefficients c of (3.1) and c̃ of (3.5). Let X = Σ c_jΔŴ_j, and κ = E X⁴/E X², 3c²h without truncation.
-X³ − κX is uncorrelated with X, which alone moves the phase: to leading order H + κH₂ has steps of mean zero, and the
-energy does a walk of variance 2Dt with D = (E X⁶ − (E X⁴)²/E X²)⟨G²⟩/(2h), 3c⁶h²⟨G²⟩ without truncation; ⟨·⟩ is the
-average over the orbit.
+with c(y) of (3.1) and c̃(y) of (3.5) in the paper. Let X = Σ c_jΔŴ_j be the noise in Δ, and κ = E X⁴/E X², 3|c|²h without
+truncation. X³ − κX is uncorrelated with X, and only X moves the phase. To leading order, therefore, H + κH₂ has steps
+of mean zero, and the energy does a random walk of variance 2Dt with D = (E X⁶ − (E X⁴)²/E X²)⟨G²⟩/(2h), which is
+3|c|⁶h²⟨G²⟩ without truncation. ⟨·⟩ is the average over the orbit.
 
-Here the walk is taken from the scheme's own steps, with all powers of Δ: the phase is a Markov chain, φ → φ + Δ, with
-increments u(φ, Δ) of the energy. Their sum has the variance 2Dh a step,
+This module computes D from the scheme's own steps, with all powers of Δ. The phase φ on the orbit is a Markov chain,
+φ → φ + Δ, with increments u(φ, Δ) of the energy. The variance of their sum grows by 2Dh per step,
 
     2Dh = ⟨E u²⟩ + 2 Σ_{n ≥ 1} ⟨E u_0 u_n⟩,
 
 a geometric series for each harmonic of u (M. Green 1954, R. Kubo 1957).
 
-The drift follows from symplecticity. Every step keeps the area: dI of the action I is stationary, and no mass crosses
-I = 0. The one diffusion with both properties is p_t = ∂_I(D_I ∂_I p), D_I = D/ω²; its I drifts by D_I′(I). In H, with
-dH = ω dI and the period T = 2π/ω,
+The drift follows from symplecticity. Every step keeps the area, so the measure dI of the action I is stationary, and no
+mass crosses I = 0. The only diffusion with both properties is p_t = ∂_I(D_I ∂_I p), D_I = D/ω², in which I drifts by
+D_I′(I). In terms of H, with dH = ω dI and the period T = 2π/ω,
 
-    E[H(y_n)] − H(y0) = offset + t (1/T) d(T D)/dH:
+    E[H(y_n)] − H(y0) = offset + t (1/T) d(T D)/dH.
 
-an offset O(h), κ(H₂(y0) − ⟨H₂⟩) for the midpoint rule, which is reached once the phase is forgotten, and a drift O(h²).
+The offset is O(h), κ(H₂(y0) − ⟨H₂⟩) for the midpoint rule, and is reached once the phase is forgotten. The drift is
+O(h²).
 """
 
 from __future__ import annotations
@@ -37,15 +38,15 @@ from sepv.problem import Array, Problem
 from sepv.properties import gaussian_rule_for as rule_for
 from sepv.schemes import Scheme, ask
 
-# Between neighbouring orbits, |y| by that: central differences leave its square, 1e-6 of the derivative.
+# The distance of neighbouring orbits relative to |y|. Central differences have its square, 1e-6, as relative error.
 APART = 1e-3
 
 
 @dataclass(frozen=True)
 class EnergyDiffusion:
-    """The theory of the energy's walk: E[H] − H(y0) = offset + drift t and Var H = 2 diffusion t.
+    """The energy's random walk in theory: E[H] − H(y0) = offset + drift t and Var H = 2 diffusion t.
 
-    Both hold while the walk stays near the orbit through y0, whose period is `period`.
+    Both formulas hold while the walk stays near the orbit through y0, whose period is `period`.
     """
 
     offset: float
@@ -54,19 +55,19 @@ class EnergyDiffusion:
     period: float
 
     def reaches(self, t: float) -> bool:
-        """True if the walk up to t is shorter than D/drift, over which D itself changes."""
+        """True if the rms √(2Dt) of the walk is at most D/drift, the change of the energy over which D changes."""
         return 2 * t * self.drift**2 <= self.diffusion
 
     def at(self, t: Array) -> tuple[Array, Array]:
-        """E[H] − H(y0) and the rms of H − E[H] at times t that are long enough to forget the phase on the orbit."""
+        """E[H] − H(y0) and the rms of H − E[H] at times t so long that the phase on the orbit is forgotten."""
         return self.offset + self.drift * t, np.sqrt(np.maximum(2 * self.diffusion, 0) * t)
 
 
 def energy_diffusion(scheme: Scheme, problem: Problem, h: float) -> EnergyDiffusion | None:
-    """Offset, drift and diffusion of the energy from the problem's initial state.
+    """The theory's offset, drift and diffusion of the energy, from the problem's initial state.
 
-    None where the theory does not apply: the scheme does not claim symplecticity or takes one state at a time, B is
-    not a constant (2, 2), there is no noise, or the orbit through y0 is not closed.
+    None if the theory does not apply: the scheme does not claim symplecticity or takes one state at a time, B is not a
+    constant (2, 2) matrix, there is no noise, or the orbit through y0 is not closed.
     """
     if not (
         "symplecticity" in scheme.claims and scheme.batched and problem.dimension == 2 and np.any(problem.c)
@@ -90,9 +91,9 @@ def energy_diffusion(scheme: Scheme, problem: Problem, h: float) -> EnergyDiffus
 
 
 def _walk(scheme: Scheme, problem: Problem, h: float, orbit: Orbit) -> tuple[float, float]:
-    """The diffusion D of the energy near an orbit, and the sum Σ_n E[u_n] of its increments from the first state.
+    """The energy's diffusion D near an orbit, and the sum Σ_n E[u_n] of its increments from the orbit's first state.
 
-    D is computed from the correlations of the increments u of the energy in one step.
+    D is computed from the correlations of the energy's increments u_n in step n.
     """
     nodes = rule_for(scheme, problem, h, 12)
     noise, weights = np.sqrt(h) * nodes.zeta[:, nodes.index], nodes.weights

@@ -1,17 +1,17 @@
 """Energy over long times: E[H(y_n)] − H(y0) and the rms of H(y_n) − H(y0) against t, each judged by an interval.
 
-Schemes differ in kind. (2.1) keeps H: what is left is rounding. A symplectic scheme with a fixed step has an error that
-stays bounded for very long; with random steps the energy walks, √t, and its mean drifts, more slowly than it until
-t is of the order 1/h² (`_energy_diffusion`). An explicit scheme drifts by O(h)t at once, and faster later.
+Scheme (2.1) keeps H up to rounding. A symplectic scheme with a fixed step has an error that stays bounded for very
+long. With random steps, its energy does a random walk of rms O(√t), and its mean energy drifts; the drift is smaller
+than the walk until t is of the order 1/h² (`_energy_diffusion`). An explicit scheme drifts by O(h)t, and faster later.
 
-All errors are of the same paths and times T/2^k. The growth is the exponent of the rms over the last DOUBLINGS
+All errors are of the same paths, at the times T/2^k. The growth is the exponent of the rms over the last DOUBLINGS
 doublings of t, by a jackknife over paths; the drift is the mean over paths of (H(T) − H(T/4))/(3T/4). Both have
-Student's interval of level 1 − LEVEL: a row takes one kind of growth for another, or sees a drift where there is none,
-with a probability of at most LEVEL each, as far as such means over many paths are normal.
+Student's interval of level 1 − LEVEL. The probability to take one kind of growth for another is then at most LEVEL,
+and so is that to see a drift if there is none, as far as means over many paths are normal.
 
-It is a study and no law; without noise there is the law *long-time-energy*. Schemes that keep H are held to it in
-every step by *energy* and *rounding*. No scheme states how its energy grows otherwise, and the drift of a symplectic
-one takes 10⁷ steps to see, fifty times those of all laws.
+This is a study and no law. Without noise there is the law *long-time-energy*; the laws *energy* and *rounding* check
+every step of schemes that keep H. Other schemes do not claim how their energy grows, and the drift of a symplectic
+scheme takes 10⁷ steps to see, fifty times the steps of all laws.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ from sepv.statistics import students_t
 from sepv.studies._energy_diffusion import EnergyDiffusion, energy_diffusion
 from sepv.studies._picture import Axis, Series, content, draw_curves, figure, looks
 
-# A bounded error oscillates: between two times its size may double, which is a slope of 1 over one doubling and of at
-# most 1/4 over four. Its period has to be below T/2^DOUBLINGS.
+# A bounded error oscillates. If its size doubles between two times, the slope is 1 over one doubling of t, but at most
+# 1/4 over four. The period of the oscillation has to be below T/2^DOUBLINGS.
 DOUBLINGS = 4
-# Line styles of a scheme's own curve, and of theory's.
+# Line styles of the curve that a scheme gave, and of the curve of the theory.
 STYLES: tuple[Literal["points", "line"], ...] = ("points", "line")
 
 
@@ -47,10 +47,10 @@ class Growth:
     """The energy's error of one scheme over long times.
 
     times, mean, error, rms : (L,), E[H(y_n)] − H(y0) with its standard error, and the rms of H(y_n) − H(y0)
-    exponent, drift : value and half the interval; the drift is per unit of time
-    rounding : the rms at T that rounding alone may leave
-    failed : paths with a step that failed or left the domain; they count no further, and nothing is judged
-    derived : offset, drift and diffusion by theory, where it speaks and reaches T
+    exponent, drift : each a value and half the width of its interval; the drift is per unit of time
+    rounding : the largest rms at T that rounding alone may cause
+    failed : the number of paths with a failed step or an infinite energy; if it is not 0, nothing is judged
+    derived : offset, drift and diffusion of the theory, or None if it does not apply to the scheme and up to T
     """
 
     scheme: str
@@ -67,9 +67,9 @@ class Growth:
 
     @property
     def kind(self) -> str:
-        """The kind of growth of the rms: "rounding", one of the kinds of the law *rounding*, or "open".
+        """The kind of growth of the rms: "rounding", one of the kinds of the law *rounding*, or "open" (undecided).
 
-        It is open if the interval of the exponent does not decide, or paths failed.
+        It is "open" if the interval of the exponent does not decide, or if paths failed.
         """
         if self.failed:
             return "open"
@@ -81,7 +81,7 @@ class Growth:
         return self.kind != "rounding" and not self.failed and abs(self.drift[0]) > self.drift[1]
 
     def to_json(self) -> dict[str, Any]:
-        """The record with its verdicts; numbers that are not finite are null."""
+        """The fields and the two verdicts for a JSON file; numbers that are not finite are null."""
         fields = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in asdict(self).items()}
         return {k: finite(v) for k, v in fields.items()} | {"kind": self.kind, "drifts": self.drifts}
 
@@ -101,9 +101,9 @@ class Growth:
 def growth(
     scheme: Scheme, problem: Problem, *, h: float, T: float, paths: int, seed: int = 0, engine: str = "auto"
 ) -> Growth:  # fmt: skip
-    """The growth of the energy's error over `paths` paths from the problem's initial state up to T.
+    """Measure the growth of the energy's error over `paths` paths from the problem's initial state up to T.
 
-    Raises UsageError unless T/h is a multiple of 2^DOUBLINGS: the times T/2^k must be steps.
+    Raises UsageError unless T/h is a multiple of 2^DOUBLINGS, because the times T/2^k must be multiples of h.
     """
     steps = round(T / h)
     if steps < 2**DOUBLINGS or steps % 2**DOUBLINGS or not np.isclose(steps * h, T, rtol=1e-12):
@@ -132,7 +132,7 @@ def judged(
     scheme: str, times: Array, errors: Array, *, rounding: float, failed: int = 0,
     derived: EnergyDiffusion | None = None,
 ) -> Growth:  # fmt: skip
-    """The `Growth` of the errors of H, (L, M), of M paths at times (L,). The last three times are T/4, T/2 and T."""
+    """Judge errors of H, (L, M), of M paths at `times` (L,), the last three of which are T/4, T/2 and T."""
     paths = errors.shape[1]
     rates = (errors[-1] - errors[-3]) / (times[-1] - times[-3])
     half = float(students_t(LEVEL / 2, paths - 1) * np.std(rates, ddof=1) / np.sqrt(paths))
@@ -145,9 +145,9 @@ def judged(
 
 
 def draw(rows: Sequence[Growth], title: str, suffix: str, own: dict[str, Look] | None = None) -> bytes:
-    """The picture of some `Growth` as the content of a file; needs the extra `plots`.
+    """Draw the growth of the energy's error of some schemes, as the content of a file; needs the extra `plots`.
 
-    |E[H] − H(y0)| is on the left and the rms of H − H(y0) on the right, against time, with theory where there is one.
+    |E[H] − H(y0)| is on the left and the rms of H − H(y0) on the right, against time, with the theory if there is one.
     """
     look_of = looks((row.scheme for row in rows), own)
     with figure(9.5, 4.4, layout="constrained") as drawn:

@@ -1,7 +1,7 @@
 """Energy over long times without noise, c = (): the largest |H(y_n) − H(y_0)| up to t, with steps h and h/2.
 
-The method of the law *long-time-energy* judges it where theory speaks, on a closed orbit of one degree of freedom
-(`sepv.properties._orders.integrable`). Elsewhere the curves stand alone.
+On a closed orbit of one degree of freedom theory applies (`sepv.properties._orders.integrable`), and the method of the
+law *long-time-energy* judges a trend of the energy. For other orbits there are curves without a verdict.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from sepv.schemes import Look, Scheme
 from sepv.studies._picture import Axis, Series, content, draw_curves, figure, looks
 from sepv.verification import Verdict, quiet_problem
 
-# Points of a curve, and paths on an orbit.
+# The number of points of a curve, and of paths that start on one orbit.
 POINTS, PATHS = 256, 8
 
 
 @dataclass(frozen=True)
 class QuietGrowth:
-    """The energy's error of one scheme with two steps.
+    """The energy's error of one scheme without noise, with the steps h and h/2.
 
     times : (L,), largest : (2, L), the largest |H(y_n) − H(y_0)| so far, with h and h/2, NaN from a failed step on
-    rounding : what rounding may make of the last one
-    trend : the verdict on a trend of the mean energy and its reason, or why there is none
-    failed : the first step that failed, in words
+    rounding : the largest error at the last time that rounding alone may cause
+    trend : the verdict on a trend of the mean energy and its reason, or "not judged" and why
+    failed : a text on the first step that failed, "" if none did
     """
 
     scheme: str
@@ -61,9 +61,9 @@ class QuietGrowth:
 
 
 def quiet_growth(scheme: Scheme, problem: Problem, *, h: float, T: float) -> QuietGrowth:
-    """The growth of the energy's error without noise, c = (), from the problem's initial state up to T.
+    """Measure the growth of the energy's error without noise, c = (), from the problem's initial state up to T.
 
-    Raises UsageError for a problem with a field for each noise, or without an initial state.
+    Raises UsageError for a problem with a different vector field for each noise, or without an initial state.
     """
     if is_several(problem) or problem.initial is None:
         raise UsageError(
@@ -89,7 +89,7 @@ def quiet_growth(scheme: Scheme, problem: Problem, *, h: float, T: float) -> Qui
 def _trend(scheme: Scheme, problem: Problem, h: float, T: float) -> tuple[str, str]:
     """The verdict of the law *long-time-energy* on a trend of the mean energy, in words, and its reason.
 
-    Steps are about h long and reach about T: both are fitted to the period of the orbit.
+    The step is about h and the time about T, because both are fitted to the period of the orbit.
     """
     try:
         orbits = users_orbits(problem)
@@ -103,9 +103,9 @@ def _trend(scheme: Scheme, problem: Problem, h: float, T: float) -> tuple[str, s
 
 
 def draw(rows: Sequence[QuietGrowth], title: str, suffix: str, own: dict[str, Look] | None = None) -> bytes:
-    """The picture of some `QuietGrowth` as the content of a file; needs the extra `plots`.
+    """Draw the growth of the energy's error without noise, as the content of a file; needs the extra `plots`.
 
-    It shows the largest error so far against time, for each scheme with h and with h/2.
+    The picture shows the largest error so far against time, for each scheme with h and with h/2.
     """
     look_of = looks((row.scheme for row in rows), own)
     shown = [

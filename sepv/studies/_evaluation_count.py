@@ -1,7 +1,7 @@
-"""Counts of evaluations for any scheme: the functions of the problem that it is given count their calls.
+"""Counts of the evaluations of any scheme, which is given a copy of the problem whose functions count their calls.
 
-No count depends on what a scheme reports. Every count is an exact integer, one for each state at which a function was
-evaluated, so that one evaluation more is seen.
+No count of evaluations depends on what a scheme reports. It is the exact number of states at which a function was
+evaluated, so that a single additional evaluation is seen.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ import numpy as np
 
 from sepv.problem import Problem
 
-# The functions of a problem that cost something, and what their number is called.
+# The functions of a problem whose evaluations are counted, and the kind of evaluation that each is counted as.
 COUNTED = {
     "gradient": "gradient",
-    "mean_gradient": "gradient",  # a closed form stands in for the quadrature of ∇H
+    "mean_gradient": "gradient",  # a closed form replaces a quadrature of ∇H
     "structure": "structure",
     "hamiltonian": "hamiltonian",
     "hessian": "hessian",
@@ -35,7 +35,7 @@ class Work:
     iterations: int | None = None
 
     def to_json(self) -> dict[str, int | None]:
-        """Evaluations by kind, and iterations; None for a scheme that does not report them."""
+        """The evaluations by kind, and the iterations, which are None if the scheme does not report them."""
         return {**self.evaluations, "iterations": self.iterations}
 
 

@@ -1,4 +1,4 @@
-"""A scheme on the hard cases: the endings of steps, and the energy defect in extended precision.
+"""A scheme on hard cases (`sepv.reference.hard`): how its steps end, and their energy defects in extended precision.
 
 A step ends well in one of two ways: a value within the derived bound of `sepv.verification._tolerance`, or a
 refusal that the case allows. Everything else is counted: a value that is not finite or outside the domain, a defect
@@ -24,9 +24,9 @@ from sepv.simulate import initial_state
 from sepv.solve import Status
 from sepv.verification import Case, energy_bound, energy_ulp, step_residual
 
-# Steps solved together; each batch draws an h of its own.
+# The number of steps in a batch, which are solved together and have the same random h.
 BATCH = 500
-# Kinds of wrong values that a scheme returned without a mark.
+# The kinds of wrong values that a scheme returned as solutions, without reporting a failure.
 UNMARKED = ("not finite", "outside the domain", "beyond the bound", "residual beyond the bound")
 
 
@@ -34,13 +34,13 @@ UNMARKED = ("not finite", "outside the domain", "beyond the bound", "residual be
 class Seen:
     """The results of one scheme on one hard case, collected over batches of steps.
 
-    statuses : how the steps ended, by name of `Status`; CRASH where the scheme raised anything but StepFailure
-    wrong : values returned as solutions that are none, by what of UNMARKED they are
+    statuses : numbers of steps by name of `Status`; REFUSED if the scheme raised StepFailure, CRASH if another error
+    wrong : numbers of values returned as solutions that are no solutions, by their kind in UNMARKED
     defects : (n,), energy defects in energy ulps, of the steps that were solved
-    ratio : the largest defect over its bound
-    iterations : (n,), Newton iterations of the solved steps, where the scheme reports them
-    worst : the step with the largest ratio, or the first that went wrong; None for problems that are not data
-    laws : law -> (held, measured)
+    ratio : the largest quotient of a defect and its bound
+    iterations : (n,), Newton iterations of the solved steps, if the scheme reports them
+    worst : the step with the largest ratio, or the first that went wrong; None if the problem cannot be stored as data
+    laws : law -> (number of steps on which it held, number of steps on which it was measured)
     unmeasured : solved steps whose energy or its bound is beyond the largest binary64 number
     """
 
@@ -62,9 +62,9 @@ class Seen:
 
     @property
     def strays(self) -> set[str]:
-        """The endings that occurred and that the case does not allow.
+        """The names of the endings of steps that occurred although the case does not allow them.
 
-        Where it allows some refusal, it allows StepFailure too: an exception does not say which status it stands for.
+        If the case allows some refusal, it allows StepFailure too, because the exception does not tell the status.
         """
         refusals = {*self.case.refusals, "REFUSED"} if self.case.refusals else set()
         return set(self.statuses) - {"CONVERGED"} - refusals
@@ -104,16 +104,16 @@ def run(
     seed: int = 0,
     progress: Callable[[str, float], None] = lambda *_: None,
 ) -> list[Seen]:
-    """The results of a scheme on random steps of each case, and of each law of a case on `laws` steps of it.
+    """Run a scheme on random steps of each hard case, and check the laws of each case on `laws` of its steps.
 
     Parameters
     ----------
     steps : int ≥ 1
-        Of each case.
+        The number of steps of each case.
     seed : int
-        The same seed draws the same steps, whichever cases are asked for.
+        The same seed draws the same steps of a case, whichever other cases are run.
     progress : callable (text, share)
-        Called before each case with its name and the share of all that is done, 0 to 1.
+        Called before each case with its name and the fraction of the cases that are done, 0 to 1.
     """
     rows = []
     for number, case in enumerate(cases):
@@ -171,14 +171,14 @@ def _measure(seen: Seen, scheme: Scheme, sample: Sample) -> None:
 
 
 def long_steps(problem: Problem, text: str = "") -> HardCase:
-    """A hard case of a user's problem: steps from states near its initial one, some far too long for its slopes.
+    """Make a hard case of a user's problem: steps from states near its initial state, some too long for its slopes.
 
-    Every value that is returned must be right. Any step may be refused.
+    The scheme may refuse any step, but every value that it returns must be right.
     """
     from sepv.verification import describe, units_of
 
     start = initial_state(problem, None)
-    longest = 10 * units_of(problem).time / 8  # an eighth of that time is what the slopes allow
+    longest = 10 * units_of(problem).time / 8  # the slopes allow steps of an eighth of the unit of time
 
     def sample(rng: np.random.Generator, lanes: int) -> Sample:
         y = start[:, None] * rng.uniform(0.5, 1.5, (start.size, lanes))
@@ -199,7 +199,7 @@ def long_steps(problem: Problem, text: str = "") -> HardCase:
 
 
 def energy_defects(data: Description, y0: Array, y1: Array) -> Array:
-    """|H(y1) − H(y0)| of every lane, (M,), with H evaluated at the binary64 states in extended precision."""
+    """|H(y1) − H(y0)| of each of M steps, (M,), with H evaluated at the binary64 states in extended precision."""
     H = exact_energy(data)
     return np.array([abs(float(H(b) - H(a))) for a, b in zip(y0.T, y1.T, strict=True)])
 
@@ -207,8 +207,8 @@ def energy_defects(data: Description, y0: Array, y1: Array) -> Array:
 def ask_each(scheme: Scheme, problem: Problem, sample: Sample) -> tuple[Array, np.ndarray, Array, np.ndarray]:
     """The values (d, M), names of the statuses, residuals and iterations (M,) of a scheme on the steps of a sample.
 
-    The scheme's `solve` takes all of them at once. Without it the steps are taken one at a time, and residuals and
-    iterations are 0.
+    The scheme's `solve` takes all steps at once. If the scheme has no `solve`, the steps are taken one at a time, and
+    residuals and iterations are 0.
     """
     y, h, dW = sample
     if scheme.solve is not None:
@@ -239,9 +239,10 @@ def _count(seen: Seen, sample: Sample, lanes: Array, what: str) -> None:
 
 
 def _tilt(case: HardCase, scheme: Scheme, y0: Array, y1: Array, h: float, dW: Array) -> Array | float:
-    """A bound of the change |Δ| gᵀ|S|g of H that the symmetric part S of a nearly skew B causes in a step, (M,).
+    """Bounds (M,) of the change |Δ| gᵀ|S|g of H in a step Δ that the symmetric part S of a nearly skew B causes.
 
-    g bounds |∇H| along the step. The averages of a scheme with several stages exceed ∇H by up to `amplification`.
+    g bounds |∇H| along the step. The averages of a scheme with several stages exceed |∇H| at most by the factor
+    `amplification`.
     """
     if not case.skewness:
         return 0.0
@@ -250,7 +251,7 @@ def _tilt(case: HardCase, scheme: Scheme, y0: Array, y1: Array, h: float, dW: Ar
     g = np.abs(problem.gradient(y0[:, None] + along * (y1 - y0)[:, None])).max(axis=1)
     S = problem.structure(y0)
     tilt: Array = np.sum(g * matvec(0.5 * np.abs(S + np.swapaxes(S, 0, 1)), g), axis=0)
-    # The mean of ∇H is below its largest value; 9 points may miss that by a little.
+    # The mean of |∇H| is below its largest value, which 9 points may miss by a little: hence the factor 1.1.
     return 1.1 * amplification(scheme.stages) ** 2 * np.abs(problem.random_step(h, dW)) * tilt
 
 
@@ -262,9 +263,9 @@ def _as_case(case: HardCase, sample: Sample, lane: int) -> Case | None:
 
 
 def _laws(scheme: Scheme, case: HardCase, sample: Sample, count: int) -> dict[str, tuple[int, int]]:
-    """Law -> (held, measured): the laws of the case that the scheme claims, on the first `count` steps of the sample.
+    """Check the case's laws that the scheme claims, on `count` steps: law -> (steps that held, steps measured).
 
-    Where the case allows refusals, a refused step is not counted as measured.
+    If the case allows refusals, a refused step is not counted as measured.
     """
     from sepv.verification import Verdict, cases, load_laws
 

@@ -1,7 +1,8 @@
 """Pictures: looks of schemes, curves on axes, and a figure's content as a file. Drawing needs the extra ``plots``.
 
-A scheme's look is on its record. Who has none is given one here that no other in the same pictures has. The colours are
-those of M. Okabe and K. Ito (2008), darker or lighter where the paper or the screen asks for it.
+The look of a scheme (colours, marker and dashes) is on its record. A scheme without a look is given one that differs
+from the other schemes' in the picture. The colours are those of M. Okabe and K. Ito (2008), darker on light paper and
+lighter on a dark screen.
 """
 
 from __future__ import annotations
@@ -26,19 +27,19 @@ SUFFIXES = (".svg", ".png", ".pdf")
 # Colours of lines that are not a scheme's: a reference, slopes, the grid.
 REFERENCE = Look("#333333", "#DDDDDD", "", "1 2")
 GUIDE, GRID, SOFT, TEXT = "#6e7781", "#e3e7eb", "#57606a", "#1b1f24"
-# A defect of exactly zero has no logarithm: it is drawn at half a rounding of one.
+# A defect of exactly zero has no logarithm, so it is drawn at half an ulp of 1.
 FLOOR = 1.1e-16
-# Colours (light, dark) and markers for schemes without a look: 7 and 11 have no common divisor.
+# Colours (light, dark) and markers for schemes without a look: 77 pairs, because 7 and 11 have no common divisor.
 _COLOURS = (
     ("#A85C32", "#E8A77F"), ("#9A5BA8", "#D9A6E4"), ("#3D7F7A", "#7CC7C1"), ("#8A7A1F", "#CDBD5C"),
     ("#B04A5A", "#EE97A5"), ("#5F6B2F", "#AFBE78"), ("#56789A", "#9BB8D3"),
 )  # fmt: skip
 _MARKERS = ("v", "<", ">", "h", "p", "d", "P", "X", "s", "^", "x")
 _DASHES = ("8 2 2 2", "", "4 2", "2 1")
-# Dashes of a scheme's second curve in one picture, and of further ones.
+# Dashes of a scheme's second curve in one picture, and of its further curves.
 _AGAIN = ("9 4", "1 2", "9 2 1 2")
 
-# Line widths and type for a picture that is read beside text.
+# Line widths and font size for a picture beside text.
 STYLE = {
     "font.size": 9,
     "axes.linewidth": 0.6,
@@ -52,7 +53,7 @@ STYLE = {
     "legend.frameon": False,
     # A name with a dollar sign is text, not a formula.
     "text.parse_math": False,
-    # Text stays text in SVG, and equal numbers give equal files.
+    # Text stays text in SVG, and pictures of equal numbers are equal files.
     "svg.fonttype": "none",
     "svg.hashsalt": "sepv",
 }
@@ -60,7 +61,7 @@ STYLE = {
 
 @dataclass(frozen=True)
 class Series:
-    """One curve: y against x, with the scheme that made it ("" for a reference). None leaves a gap."""
+    """One curve: y against x, with the scheme that made it ("" for a reference). A value None leaves a gap."""
 
     name: str
     x: Sequence[float | None]
@@ -78,10 +79,10 @@ class Axis:
 
 
 def looks(names: Iterable[str], own_looks: Mapping[str, Look] | None = None) -> dict[str, Look]:
-    """The look of each scheme in a picture: from `own_looks`, else from the scheme's record, else a free one.
+    """The look of each scheme in a picture: from `own_looks`, else from the scheme's record, else a generated one.
 
-    Free looks are taken in the order of the names, so that the same names always look the same. Their markers differ
-    from those of the other schemes.
+    Generated looks are assigned in the order of the names, so that the same names always look the same. Their markers
+    differ from the markers of the other schemes.
     """
     given = dict(own_looks or {})
     stated = {n: given.get(n) or _of_record(n) if n else REFERENCE for n in dict.fromkeys(names)}
@@ -92,9 +93,9 @@ def looks(names: Iterable[str], own_looks: Mapping[str, Look] | None = None) -> 
 
 
 def looks_of(series: Sequence[Series], look_of: Mapping[str, Look]) -> list[Look]:
-    """The look of each curve: that of its scheme, with other dashes if the scheme has a curve already.
+    """The look of each curve: its scheme's look, with other dashes if the scheme has an earlier curve.
 
-    Curves without a scheme all look alike beside curves of schemes. In a picture without schemes each has its own look.
+    Beside curves of schemes, all curves without a scheme look alike. In a picture without schemes, all curves differ.
     """
     if not any(s.scheme for s in series):
         return [_free(n) for n in range(len(series))] if len(series) > 1 else [REFERENCE] * len(series)
@@ -122,7 +123,7 @@ def _free(number: int) -> Look:
 
 
 def require_picture(path: str | None) -> None:
-    """Raise UsageError for a picture's file whose suffix is wrong, or if matplotlib is missing: before any work."""
+    """Raise UsageError, before any work, if a picture's file has a wrong suffix or matplotlib is not installed."""
     if path is None:
         return
     if Path(path).suffix.lower() not in SUFFIXES:
@@ -133,13 +134,13 @@ def require_picture(path: str | None) -> None:
 
 
 def require_matplotlib(otherwise: str) -> None:
-    """Raise UsageError without matplotlib; `otherwise` names what works without it."""
+    """Raise UsageError if matplotlib is not installed; `otherwise` names what works without matplotlib."""
     optional("matplotlib", "matplotlib, for pictures", f"pip install 'sepv[plots]'; {otherwise}")
 
 
 @contextmanager
 def figure(width: float, height: float, style: Mapping[str, Any] | None = None, **more: Any) -> Iterator[Any]:
-    """A matplotlib figure of this size in inches, in the one style; `style` adds to it, `more` goes to `Figure`."""
+    """A matplotlib figure, its size in inches, in STYLE with the additions `style`; `more` is passed to `Figure`."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
@@ -148,7 +149,7 @@ def figure(width: float, height: float, style: Mapping[str, Any] | None = None, 
 
 
 def content(drawn: Any, suffix: str, *, title: str | None = None, dpi: int = 160) -> bytes:
-    """The figure as the content of a file, without a date; `suffix` is one of `SUFFIXES`."""
+    """The content of a file with the figure `drawn`, without a date; `suffix` is one of `SUFFIXES`."""
     kind = suffix.lower().lstrip(".")
     nameless: dict[str, Any] = {{"svg": "Date", "pdf": "CreationDate", "png": "Software"}[kind]: None}
     out = io.BytesIO()
@@ -157,7 +158,7 @@ def content(drawn: Any, suffix: str, *, title: str | None = None, dpi: int = 160
 
 
 def line(look: Look, style: str = "both", size: float = 4) -> dict[str, Any]:
-    """matplotlib's arguments for a curve of this look; markers are outlines."""
+    """The arguments of matplotlib for a curve with the given look; markers are outlines."""
     dashes: Any = (0, tuple(float(v) for v in look.dash.split())) if look.dash else "-"
     return {
         "color": look.colour,
@@ -182,13 +183,13 @@ def draw_curves(
     size: float = 4,
     most: int | None = None,
 ) -> None:
-    """Draw series with their axes; what is not finite, or not positive on a logarithmic axis, is left out.
+    """Draw curves with their axes, without points that are not finite or, on a logarithmic axis, not positive.
 
-    slopes : of dashed lines below the curves, for step sizes in powers of two along x
-    equal : both directions have one scale
-    window : only |y| up to it is in the frame, and |x| too where both directions have one scale
-    size : of markers, in points
-    most : points drawn of a cloud, and strips of a long line of which two points each are drawn
+    slopes : the slopes of dashed lines below the curves; the ticks of x are then powers of two
+    equal : True if both axes have the same scale
+    window : if given, the frame shows |y| ≤ window only, and |x| ≤ window if `equal`
+    size : the size of markers, in points
+    most : the most points drawn of a cloud; of a long line, two points are drawn for each of `most` strips
     """
     points = [_finite(s, x.log, y.log) for s in series]
     for number, (s, look, (across, up)) in enumerate(
@@ -206,7 +207,7 @@ def draw_curves(
             **line(look, s.style, size),
             markevery=every,
             label=s.name,
-            # Clip diverging curves so that the bounded ones stay visible.
+            # The curve of the energy-preserving scheme is drawn above the others.
             zorder=3 if s.scheme == "energy-preserving" else 2,
         )
     _slopes(axes, points, slopes)
@@ -228,14 +229,14 @@ def frame(axes: Any, x: Axis, y: Axis, *, x_base: int = 10) -> None:
 
 
 def _finite(s: Series, x_log: bool, y_log: bool) -> tuple[np.ndarray, np.ndarray]:
-    """The points (x, y) of a curve that can be drawn. Beyond 1e300 the frame around them would overflow."""
+    """The points (x, y) of a curve that can be drawn. Beyond 1e300 the limits of the axes would overflow."""
     x, y = np.array(s.x, dtype=float), np.array(s.y, dtype=float)
     finite = (np.abs(x) < 1e300) & (np.abs(y) < 1e300) & ((x > 0) | (not x_log)) & ((y > 0) | (not y_log))
     return x[finite], y[finite]
 
 
 def _marked(style: str, count: int, number: int, most: int | None) -> Any:
-    """The `markevery` of matplotlib for the curve of this number with `count` points.
+    """The `markevery` of matplotlib for curve `number`, which has `count` points.
 
     A line has a few markers, staggered so that curves on top of each other stay visible. At most `most` points of a
     cloud are drawn.
@@ -247,9 +248,9 @@ def _marked(style: str, count: int, number: int, most: int | None) -> Any:
 
 
 def _spikes(y: np.ndarray, strips: int) -> np.ndarray:
-    """The indices of a long line that are drawn: its ends, and the least and the largest y of each strip.
+    """The indices of the points drawn of a long line: its ends, and the least and the largest y of each strip.
 
-    Spikes stay visible so.
+    This choice keeps spikes visible.
     """
     every = np.arange(len(y))
     if len(y) <= 2 * strips:
@@ -261,7 +262,7 @@ def _spikes(y: np.ndarray, strips: int) -> np.ndarray:
 
 
 def _slopes(axes: Any, points: list[tuple[np.ndarray, np.ndarray]], slopes: Sequence[float]) -> None:
-    """Draw a line of each slope, below the lowest curve at the finest step, with its name at the right."""
+    """Draw a line of each slope, from half the least y at the least x, with its name at the right end."""
     x, y = (np.concatenate([p[k] for p in points]) if points else np.empty(0) for k in (0, 1))
     if not len(x):
         return

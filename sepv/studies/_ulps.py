@@ -1,7 +1,7 @@
-"""One-step defects in the unit of rounding: energy ulps, eps |∇H||y|, and Casimir ulps, eps |∇C||y|.
+"""Defects of one step in units of rounding: energy ulps, eps |∇H||y|, and Casimir ulps, eps |∇C||y|.
 
-The invariants are evaluated at the binary64 states in extended precision, so that what is measured is the
-scheme's and not the evaluation's. States lie on the exact orbit, increments are those of a step h.
+The invariants are evaluated at the binary64 states in extended precision, so that the measured defect is the scheme's
+and not an error of the evaluation. The states lie on the exact orbit; the increments are those of a step h.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from sepv.simulate import truncation as bounded
 from sepv.studies._hard_cases import ask_each, energy_defects
 from sepv.verification import casimir_ulp, describe, energy_ulp
 
-# The usual step, or a quarter of the longest that a problem states: every state of the orbit then has a solution.
+# The usual step h. If a problem states a longest step, h is at most a quarter of it, so that every step has a solution.
 USUAL_STEP = 2.0**-5
 ORBIT = 10.0
 
 
 @dataclass(frozen=True)
 class Ulps:
-    """The defects of one scheme on one problem, in energy ulps and Casimir ulps: None where nothing was measured.
+    """The defects of one scheme on one problem, in energy ulps and Casimir ulps; None if nothing was measured.
 
-    The Casimirs are the quadratic and linear ones of the problem. The `failed` steps were refused, crashed or ended in
-    a value that is not finite. They have no defects.
+    The Casimirs are the quadratic and linear Casimirs of the problem. The `failed` steps were refused, crashed or ended
+    in a value that is not finite; these steps have no defects.
     """
 
     scheme: str
@@ -48,9 +48,9 @@ class Ulps:
 def one_step(
     scheme: Scheme, problem: Problem, *, h: float | None = None, steps: int = 400, seed: int = 0
 ) -> Ulps:
-    """The one-step defects of a scheme over `steps` independent random steps, the same ones for every scheme.
+    """Measure the defects of a scheme in `steps` independent random steps, which are the same for every scheme.
 
-    The H of a problem made of functions is evaluated by its own code, in the longest float that passes through it.
+    If the problem is made of Python functions, its own code evaluates H, in the longest float that the code can take.
     """
     length = h or min(USUAL_STEP, (problem.longest_step or 1.0) / 4)
     rng = np.random.default_rng([seed, *problem.name.encode()])
@@ -67,7 +67,7 @@ def one_step(
 
 
 def _defects(problem: Problem, y0: Array, y1: Array) -> tuple[Array, Array]:
-    """Defects of H and the worst of the Casimirs for each step, in their units."""
+    """The defect of H and the largest defect of a Casimir in each step, in energy ulps and Casimir ulps."""
     data = problem.data if problem.name in EXTENSIONS else describe(problem)
     assert data is not None
     energy = energy_defects(data, y0, y1) / energy_ulp(problem, y0, y1)
