@@ -1,8 +1,8 @@
-"""The cases of the regression benchmark, as data: a saved record holds them, so that it can be repeated.
+"""The cases of the regression benchmark, as data: a saved record has its cases in it, so that it can be repeated.
 
-A portable case uses nothing but + − × ÷ and √, which IEEE 754 fixes to the last bit, on every machine: its counters
-can be committed. Sines, logarithms and the nodes of a quadrature, which LAPACK computes, differ in the last bit between
-machines, and with them, once in a few thousand solves, an iteration.
+A portable case uses only + − × ÷ and √, whose results IEEE 754 fixes to the last bit on every machine, so that its
+counters can be committed. Sines, logarithms and the nodes of a quadrature (from LAPACK) differ in the last bit between
+machines. In one of a few thousand solves, the number of iterations then differs too.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ Case = dict[str, Any]
 
 
 def volterra() -> PolynomialSystem:
-    """B₁₂ = y₁y₂, B₂₃ = y₂y₃ and H = ½|y|²: a quadratic Poisson structure."""
+    """A system with a quadratic Poisson structure: B₁₂ = y₁y₂, B₂₃ = y₂y₃ and H = ½|y|²."""
     H = polynomial(3, [((2, 0, 0), 0.5), ((0, 2, 0), 0.5), ((0, 0, 2), 0.5)])
     B = (0, 1, polynomial(3, [((1, 1, 0), 1.0)])), (1, 2, polynomial(3, [((0, 1, 1), 1.0)]))
     return PolynomialSystem(3, H, B)
 
 
 def quartic_body() -> PolynomialSystem:
-    """B = hat(y) and H = ½Σ y_i²/I_i + ¼y₁⁴ + ½y₁²y₂²: a rigid body whose averaged gradient needs two nodes."""
+    """A rigid body whose averaged gradient needs two nodes: B = hat(y) and H = ½Σ y_i²/I_i + ¼y₁⁴ + ½y₁²y₂²."""
     H = polynomial(
         3, [((2, 0, 0), 1.5), ((0, 2, 0), 0.75), ((0, 0, 2), 0.5), ((4, 0, 0), 0.25), ((2, 2, 0), 0.5)]
     )
@@ -43,7 +43,7 @@ def _case(name: str, problem: Any, h: float, steps: int, *, portable: bool, init
     }  # fmt: skip
 
 
-# Lotka-Volterra at a step where every solve has a solution; the others at 2⁻⁵, where Newton needs four iterations.
+# Lotka-Volterra has a step h so small that every solve has a solution. With h = 2⁻⁵, Newton takes four iterations.
 CASES: tuple[Case, ...] = (
     _case("harmonic-oscillator", "harmonic-oscillator", 2.0**-5, 16, portable=True),
     _case("rigid-body", "rigid-body", 2.0**-5, 16, portable=True),
@@ -55,7 +55,7 @@ CASES: tuple[Case, ...] = (
 
 
 def own_case(target: str) -> Case:
-    """The case of a user's problem: 16 steps of 2⁻⁵ from its own initial state.
+    """Make a case of a user's problem: 16 steps h = 2⁻⁵ from the problem's initial state.
 
     The target is a name, a file or module:attribute. Raises UsageError for a problem without an initial state.
     """
@@ -77,7 +77,7 @@ def own_case(target: str) -> Case:
 
 
 def choose(names: tuple[str, ...], portable: bool) -> list[Case]:
-    """The cases with one of these names, all if there are none; with `portable`, the portable ones of them.
+    """The cases with one of the `names`, or all cases if there are no names; with `portable`, only portable cases.
 
     Raises UsageError for an unknown name.
     """

@@ -1,8 +1,8 @@
-"""The rules for a regression of a record (head) against another one (base).
+"""The rules by which one benchmark record (head) is worse or better than another (base).
 
-Counters: one more is worse; integers have no noise. Errors and defects: the ratio over the same paths, and its
-interval by a jackknife over groups of paths; worse is what is larger with an error probability of 1e-3 and by more
-than a tolerance, below which a change is no regression. Time: see `sepv.studies._bench.pairs`.
+A counter is worse if it is larger, even by one, because integers have no noise. Errors and defects are compared by the
+ratio over the same paths, with an interval by a jackknife over groups of paths. They are worse if they are larger with
+an error probability of 1e-3, and by more than a tolerance. For times, see `sepv.studies._bench.pairs`.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from sepv.problem import Array
 from sepv.statistics import jackknife_half
 
 ALPHA = 1e-3
-# An error is the scheme's; another order of summation moves it by rounding only, so one per cent is no accident.
+# Another order of summation changes an error only by rounding, so a change of one per cent comes from the scheme.
 ERROR_TOLERANCE = 1.01
-# A defect at rounding depends on the order of summation, and moves by tens of per cent with it.
+# A defect of the size of rounding errors changes by tens of per cent with the order of summation.
 DEFECT_TOLERANCE = 1.5
 KINDS = {"error": ERROR_TOLERANCE, "energy": DEFECT_TOLERANCE, "casimir": DEFECT_TOLERANCE}
 
@@ -42,9 +42,9 @@ class Change:
 
 
 def check(head: dict[str, Any], base: dict[str, Any]) -> list[Change]:
-    """The changes of one target from the record `base` to the record `head`, in each case of `base`.
+    """List the changes of one target from the record `base` to the record `head`, in each case of `base`.
 
-    Raises UsageError for a case that `head` lacks or has with other settings.
+    Raises UsageError if `head` lacks a case of `base`, or has it with other settings.
     """
     ours = {c["case"]["name"]: c for c in head["cases"]}
     checks = []
@@ -65,7 +65,7 @@ def check(head: dict[str, Any], base: dict[str, Any]) -> list[Change]:
 def _counters(target: str, case: str, ours: dict[str, Any], theirs: dict[str, Any]) -> list[Change]:
     checks = []
     for name in dict.fromkeys((*theirs, *ours)):
-        # None: not reported. A newly reported counter has nothing to be compared with.
+        # None means not reported. A newly reported counter cannot be compared.
         mine, other = ours.get(name), theirs.get(name)
         if mine is None or other is None:
             continue
@@ -93,7 +93,7 @@ def _ratio(target: str, case: str, kind: str, ours: list[str], theirs: list[str]
 def ratio(head: Array, base: Array) -> tuple[float, float, float]:
     """The ratio √(mean head / mean base) of two rms values, and the lower and upper end of its interval.
 
-    `head` and `base` are mean squares over the same groups of paths. Each end misses with probability ALPHA.
+    `head` and `base` are mean squares over the same groups of paths. Each end is wrong with probability ALPHA.
     """
     with np.errstate(all="ignore"):
         whole = 0.5 * np.log(np.mean(head) / np.mean(base))

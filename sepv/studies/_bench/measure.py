@@ -1,7 +1,7 @@
-"""Measurement of a scheme in one case: work as exact integers, errors and defects path by path, time.
+"""Measurement of a scheme in one case: counts of work as exact integers, errors and defects of paths, times.
 
-This file also runs inside another checkout (`sepv.studies._bench.timed_process`), which may be older than itself: it
-stands on the contract of a scheme and on names that every release has, `exact_flow`, `problems`, `truncate`.
+This file also runs with another checkout (`sepv.studies._bench.timed_process`), which may be older. It relies therefore
+on the contract of a scheme and on names that every release has, such as `exact_flow`, `problems` and `truncate`.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from sepv.simulate import _truncation as bounded
 from sepv.simulate._batch import Carried, batch_step
 from sepv.studies._evaluation_count import Work, counted
 
-# Means over this many groups of paths are kept, for jackknife intervals of ratios over the same paths.
+# The number of groups of paths whose means are recorded, for jackknife intervals of ratios over the same paths.
 GROUPS = 32
 _EPS = float(np.finfo(np.float64).eps)
 
@@ -29,7 +29,7 @@ _EPS = float(np.finfo(np.float64).eps)
 def measure(scheme: Scheme, case: dict[str, Any]) -> dict[str, Any]:
     """Measure one case: `counters`, and `error`, `energy`, `casimir` as mean squares over groups of paths, in hex.
 
-    The two defects have the squared rounding of their own evaluation added, so that ratios of them mean something.
+    The rounding error of their evaluation is added to the two defects, so that ratios of tiny defects mean something.
     """
     problem = build(case)
     dW = increments(scheme, problem, case)
@@ -51,7 +51,7 @@ def measure(scheme: Scheme, case: dict[str, Any]) -> dict[str, Any]:
 
 
 def build(case: dict[str, Any]) -> Problem:
-    """The problem that a case names or holds as data, from the initial state of the case."""
+    """Load or build the problem that a case names or contains as data, with the case's initial state if it has one."""
     given = case["problem"]
     if isinstance(given, str) and ":" in given:  # a user's problem, which only newer releases support
         from sepv.schemes import load_problem
@@ -67,14 +67,14 @@ def build(case: dict[str, Any]) -> Problem:
 
 
 def raw_increments(problem: Problem, case: dict[str, Any]) -> np.ndarray:
-    """Increments (N, m, M) from NumPy's own generator, independent of changes to a release's random streams."""
+    """Increments (N, m, M) from NumPy's generator, so that they do not depend on the random streams of a release."""
     rng = np.random.Generator(np.random.PCG64(case["seed"]))
     shape = (case["steps"], problem.noises, case["paths"])
     return np.asarray(np.sqrt(case["h"]) * rng.standard_normal(shape))
 
 
 def increments(scheme: Scheme, problem: Problem, case: dict[str, Any]) -> np.ndarray:
-    """The raw increments, truncated as the scheme declares."""
+    """The `raw_increments` of a case, truncated as the scheme declares."""
     return bounded.truncate(raw_increments(problem, case), case["h"], scheme.truncation)
 
 
@@ -83,7 +83,7 @@ def run(
 ) -> tuple[tuple[np.ndarray, np.ndarray], dict[str, int]]:
     """Run all paths through all steps: ((y (d, M), largest defects (2, M)), Newton iterations and failed solves).
 
-    A path whose step fails ends there, is counted, and keeps its last state. Defects are measured with `watch` only.
+    If a step fails, its path is counted as failed, stops and keeps its last state. Only `watch` measures defects.
     """
     y = np.repeat(np.asarray(problem.initial, dtype=np.float64)[:, None], dW.shape[2], axis=1)
     first = _invariants(problem, y) if watch else None
@@ -108,7 +108,7 @@ def run(
 def _advance(
     scheme: Scheme, problem: Problem, y: np.ndarray, h: float, dW: np.ndarray, carried: Carried
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    """One step of all paths: values (d, M), flags of the paths that failed (M,), and Newton iterations in all."""
+    """Take one step of all paths: values (d, M), flags (M,) of the paths that failed, total of Newton iterations."""
     if scheme.solve is not None:
         solution = scheme.solve(problem, y, h, dW)
         return solution.value, np.asarray(solution.status) != 0, int(np.sum(solution.iterations))
@@ -117,10 +117,10 @@ def _advance(
 
 
 def seconds(scheme: Scheme, case: dict[str, Any], loops: int, call: str = "step") -> tuple[float, float]:
-    """(processor, clock) seconds of `loops` runs of a case.
+    """Measure the processor seconds and the clock seconds of `loops` runs of a case.
 
     call : "step" times the scheme's steps alone, with given increments. "ensemble" times `sepv.ensemble` as users call
-        it, with its engine, random numbers and watched invariants
+        it, with its engine, its random numbers and its defects of invariants
     """
     problem = build(case)
     h, N = case["h"], case["steps"]
@@ -146,7 +146,7 @@ def _invariants(problem: Problem, y: np.ndarray) -> np.ndarray:
 
 
 def _scales(problem: Problem, y: np.ndarray) -> np.ndarray:
-    """The typical sizes of the terms of H and of the Casimirs, (2,): eps times them is a rounding of evaluation."""
+    """Typical sizes (2,) of the terms of H and of the Casimirs; eps times a size is the rounding of an evaluation."""
     energy = float(np.mean(np.sum(np.abs(problem.gradient(y) * y), axis=0)))
     casimirs = [np.sum(np.abs(y) * (np.abs(A) @ np.abs(y)), axis=0) for A in problem.casimirs]
     casimirs += [np.sum(np.abs(b[:, None] * y), axis=0) for b in problem.linear_casimirs]

@@ -1,9 +1,9 @@
-"""Two checkouts side by side: the same cases in two processes that take turns, and a bound of the time's ratio.
+"""Times of two checkouts: the same cases in two processes that alternate, and bounds of the ratio of their times.
 
-Time is compared as a ratio of neighbours: a slow minute of the machine is slow for both. Within a batch the two
-processes alternate, first one first, then the other; each batch has new processes, because where a process happens to
-lie in memory makes it faster or slower by a few per cent for all its life. The bound is a bootstrap over batches
-and over the pairs within them.
+A ratio is taken of two times measured one after the other, because a slow minute of the machine slows both. Within a
+batch the two processes alternate, and so does which of them is first. Each batch has new processes, because its place
+in memory makes a process faster or slower by a few per cent as long as it runs. The bounds are a bootstrap over batches
+and over the pairs of times within them.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from sepv.problem import Array
 from sepv.studies._bench import timed_process
 from sepv.studies._bench.gate import ALPHA, Change
 
-# One reading of the clock: long against its resolution, short against the changes in load of a machine.
+# The seconds of one measurement: long beside the clock's resolution, short beside changes of the machine's load.
 READING = 0.02
 PAIRS = 8
 FEWEST_BATCHES = 4
-# Measured until the interval of every case is this narrow to both sides, or the batches are used up.
+# A case needs no further batch if both bounds are so close to its ratio, relatively.
 HALF_WIDTH = 0.02
-# Slower is a ratio whose lower bound is above this; faster one whose upper bound is below its inverse. The two per
-# cent are for what no pairing removes: other code lies elsewhere in memory.
+# Head is slower if the lower bound of the ratio is above this, and faster if the upper bound is below the inverse. Two
+# per cent allow for an effect that no pairing removes: other code lies in another place of memory.
 TIME_TOLERANCE = 1.02
 RESAMPLES = 4000
 TIMEOUT = 600.0
@@ -42,7 +42,7 @@ CLOCKS = ("processor time", "clock time")
 
 
 class Side:
-    """A child process in which the target comes from one checkout."""
+    """A child process that imports the target from one of the two checkouts."""
 
     def __init__(self, target: str, checkout: Path, label: str) -> None:
         self.label = label
@@ -77,7 +77,7 @@ class Side:
             )
 
     def ask(self, question: dict[str, Any]) -> dict[str, Any]:
-        """Send one question and return the answer; a TargetError if the scheme raises, or the process ends or hangs."""
+        """Send a question and return the answer; TargetError if the scheme raises, or the process ends or hangs."""
         try:
             self.questions.write(json.dumps(question) + "\n")
             self.questions.flush()
@@ -96,10 +96,10 @@ class Side:
         return reply
 
     def close(self) -> None:
-        """End the process."""
+        """End the child process."""
         with suppress(BrokenPipeError):
             self.questions.close()
-        try:  # it ends with its input, unless it is interrupted in a measurement
+        try:  # the process ends with its input, unless it is in the middle of a measurement
             self.process.wait(timeout=0.5)
         except subprocess.TimeoutExpired:
             self.process.kill()
@@ -109,7 +109,7 @@ class Side:
 
 @contextmanager
 def both(target: str, head: Path, base: Path) -> Iterator[tuple[Side, Side]]:
-    """Start one process for each of two checkouts; both end with the block."""
+    """Start a process for each of two checkouts; both processes end with the `with` block."""
     with closing(Side(target, head, "head's")) as first, closing(Side(target, base, "other")) as second:
         yield first, second
 
@@ -124,7 +124,7 @@ class Times:
     """The paired times of one case.
 
     call : "step" or "ensemble", see `sepv.studies._bench.measure.seconds`
-    batches : for each batch the log ratios head/base of its pairs, by processor time and by the clock
+    batches : for each batch the log ratios head/base of its pairs of times, by processor time and by the clock
     """
 
     case: dict[str, Any]
@@ -132,18 +132,18 @@ class Times:
     batches: list[list[tuple[float, float]]] = field(default_factory=list)
 
     def bounds(self, clock: int) -> tuple[float, float, float]:
-        """The ratio head/base by one of the two CLOCKS and its bounds, each of which misses with probability ALPHA."""
+        """The ratio head/base by one of the two CLOCKS, and its bounds, each wrong with probability ALPHA."""
         logs = [np.array(batch)[:, clock] for batch in self.batches]
         value, low, high = bootstrap(logs)
         return float(np.exp(value)), float(np.exp(low)), float(np.exp(high))
 
 
 def bootstrap(batches: Sequence[Array]) -> tuple[float, float, float]:
-    """The median of all pairs and its bounds by a bootstrap, which draws batches again and pairs within them.
+    """The median of all pairs, and its bounds by a bootstrap that draws batches again, and pairs within the batches.
 
-    There is one median of all pairs and not one of each batch. In a batch of few pairs, those that were disturbed by
-    another program reach the median too often. The spread is widened by √(B/(B − 1)), which a bootstrap of B batches
-    lacks.
+    The median is taken over all pairs and not for each batch, because in a batch of few pairs, pairs disturbed by
+    another program reach the median too often. The spread is multiplied by √(B/(B − 1)), because a bootstrap of B
+    batches is too narrow by this factor.
     """
     rng = np.random.default_rng(0)
     pairs = np.stack(batches)
@@ -166,10 +166,10 @@ def time_pairs(
     batches: int = 12,
     progress: Callable[[str, float], None] = lambda _text, _share: None,
 ) -> list[Change]:
-    """The changes of time between two checkouts: one for each case and clock.
+    """Measure the changes of time between two checkouts: one for each case and clock.
 
-    Batches are run until every case is settled or `batches` are used up. A built-in target is timed in `sepv.ensemble`
-    as well, because the engines belong to the same checkout.
+    Batches are run until the bounds of every case are narrow enough or show a change, but at most `batches`. A built-in
+    target is also timed in `sepv.ensemble`, because the engines belong to the same checkout.
     """
     calls = ("step",) if ":" in target else ("step", "ensemble")
     timed = [Times(case, call) for case in cases for call in calls]
@@ -186,7 +186,7 @@ def time_pairs(
 
 def _batch(sides: tuple[Side, Side], job: dict[str, Any]) -> list[tuple[float, float]]:
     for side in sides:
-        side.ask({**job, "loops": 1})  # the work of a first run
+        side.ask({**job, "loops": 1})  # not timed, because the first run does additional work
     once = max(side.ask({**job, "loops": 1})["seconds"][1] for side in sides)
     question = {**job, "loops": max(1, round(READING / once))}
     pairs = []
@@ -209,7 +209,7 @@ def _settled(times: Times) -> bool:
 def _check(target: str, times: Times, clock: int) -> Change:
     ratio, low, high = times.bounds(clock)
     text = f"ratio {ratio:.3f} in [{low:.3f}, {high:.3f}], {len(times.batches)} × {PAIRS} pairs"
-    # A bound that reaches ten per cent has not excluded a regression that the gate must find.
+    # If the upper bound reaches ten per cent, a regression that the gate must find is not excluded.
     verdict = "same" if high < 1.1 else "not settled"
     if low > TIME_TOLERANCE or high < 1 / TIME_TOLERANCE:
         verdict = "worse" if low > TIME_TOLERANCE else "better"
@@ -224,7 +224,7 @@ def measured(
     cases: Sequence[dict[str, Any]],
     progress: Callable[[str, float], None] = lambda _text, _share: None,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The records of work and errors of both checkouts, (head, base), measured by the same code."""
+    """Measure the records of work and errors of both checkouts, (head, base), by the same code."""
     ours: list[Any] = []
     theirs: list[Any] = []
     with both(target, head, base) as sides:

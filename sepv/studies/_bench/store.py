@@ -1,4 +1,4 @@
-"""Records of the benchmark: in a file (JSON, hex floats, sorted so that a difference reads well), and as a table."""
+"""Records of the benchmark: in a JSON file (hex floats, sorted so that differences are readable), and as a table."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def document(records: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def load(path: str) -> list[dict[str, Any]]:
-    """The records of a file; a UsageError for one that is not of `sepv bench --save`."""
+    """Read the records of a file; UsageError if `sepv bench --save` did not write the file."""
     words = {
         "expected": f"a file that `sepv bench --save` wrote, of format {FORMAT}",
         "remedy": "save it again with this release",

@@ -1,8 +1,8 @@
-"""One checkout's side of a paired measurement: a process that measures or times on request.
+"""The process of one checkout in a paired measurement: it measures or times a scheme on request.
 
-Runs as a script with the checkout first on the path; `measure.py` and `_evaluation_count.py` are taken from
-beside this file, so that both sides are measured by the same code however old the other checkout is. JSON
-lines on stdin and stdout; what a scheme prints goes to stderr.
+It runs as a script, with the checkout first on the import path. `measure.py` and `_evaluation_count.py` are loaded from
+the checkout of this file, so that the same code measures both checkouts, however old the other one is. Questions and
+answers are JSON lines on stdin and stdout; what a scheme prints goes to stderr.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def _from_file(name: str, path: Path) -> ModuleType:
 
 
 def main() -> None:
-    """Answer the questions on stdin, one JSON object a line, until it ends: load, measure, or time a scheme."""
+    """Answer the questions on stdin (load, measure or time a scheme), one JSON object per line, until stdin ends."""
     # Ctrl-C reaches this process as well; the parent reports it.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")

@@ -1,1 +1,1 @@
-"""Accuracy with its price: error, invariant defects, time and work of several methods on the same paths."""
+"""Comparison of methods on the same paths: errors, invariant defects, times and counts of evaluations."""

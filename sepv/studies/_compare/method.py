@@ -1,7 +1,7 @@
-"""Methods of a comparison, from a user's names: drivers of whole ensembles over given increments.
+"""Methods of a comparison, made from the names that a user gives: drivers of ensembles over given increments.
 
-A driver is given the Wiener increments, so that all methods see the same paths. What is no work of the method
-(laying out arrays, moving them into another library) is done beforehand, in `prepare`; only the job is timed.
+A driver is given the Wiener increments, so that all methods see the same paths. Its `prepare` does what is no work of
+the method (laying out arrays, moving them into another library); only the job that it returns is timed.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ class Followed(NamedTuple):
 
     energy_defect, casimir_defect : (M,), the largest |H(y_n) − H(y_0)| over the steps of each path, and the largest
         |C(y_n) − C(y_0)| over steps and Casimirs C
-    work : None where the driver's evaluations cannot be counted
-    stated_error : the error that the method itself states; 0 for schemes
+    work : the evaluations, or None if those of the driver cannot be counted
+    stated_error : the error that the method itself estimates; 0 for schemes
     """
 
     ends: Ends
@@ -46,10 +46,10 @@ class Followed(NamedTuple):
     stated_error: float = 0.0
 
 
-# A function (problem, y0 (d,), h, dW (N, m, M) untruncated) -> a job to be timed, and the same run, observed.
+# Functions of (problem, y0 (d,), h, dW (N, m, M) untruncated): a job to be timed, and the same run with its defects.
 Prepare = Callable[[Problem, Array, float, Array], Callable[[], Ends]]
 Follow = Callable[[Problem, Array, float, Array], Followed]
-# A function with the same arguments and `keep` -> a job that gives states: see `from_states`.
+# A function of (problem, y0, h, dW, keep) that returns a job, and the job returns states: see `from_states`.
 Run = Callable[[Problem, Array, float, Array, bool], Callable[[], Array]]
 
 
@@ -60,13 +60,13 @@ class Method:
     Attributes
     ----------
     prepare, follow : see `Prepare` and `Follow`
-    source : where it comes from and how it is driven
-    batched : False for drivers that go path by path: they are given fewer paths
-    evaluations : of f = B∇H a step, where they follow from the method and cannot be counted
-    steps_matter : False for the exact time change, which sees W(T) only
-    truncation : k of Remark 2.1 for the increments it uses; None for untruncated ones
-    look : in pictures; without one it is given a look that no other has there
-    deterministic : True for a method without noise: the problem is then compared with c = ()
+    source : where the method comes from and how it is run
+    batched : False for drivers that go path by path; they are given fewer paths
+    evaluations : evaluations of f = B∇H per step, if they are known from the method but cannot be counted
+    steps_matter : False for the exact time change, which uses W(T) only
+    truncation : the k of Remark 2.1 for the method's increments; None for untruncated increments
+    look : the look in pictures; None for a generated one, which no other method has
+    deterministic : True for a method without noise; the comparison is then made without noise, c = ()
     """
 
     name: str
@@ -98,7 +98,7 @@ def from_scheme(scheme: Scheme, problem: Problem, engine: str = "auto") -> Metho
     """The `Method` that runs a `sepv.Scheme` by `sepv.ensemble`, with increments truncated as the scheme declares.
 
     engine : "auto" chooses the compiled engine (extra `fast`) if it can run the scheme on the problem, else "numpy".
-        The compiled engine is timed as users run it: it also watches the invariants and keeps the statuses.
+        The compiled engine is timed as users run it: it also computes the defects of invariants and the statuses.
     """
     compiled, reason = choose(engine, scheme, problem, compensated=False)
     prepare, follow = _compiled(scheme) if compiled else _in_batches(scheme)
@@ -152,7 +152,7 @@ def _compiled(scheme: Scheme) -> tuple[Prepare, Follow]:
 
     def follow(problem: Problem, y0: Array, h: float, dW: Array) -> Followed:
         run = ensemble_for(problem, y0, h, dW)()
-        if scheme.solve is None:  # every path has the same count, so one is counted, in NumPy
+        if scheme.solve is None:  # all paths have the same counts, so only one path is counted, in NumPy
             work = Work()
             one = dW[:, :, :1]
             _run(scheme, _watched(scheme, problem, y0, h, one, work), y0, h, one, track=False)
@@ -166,9 +166,9 @@ def _compiled(scheme: Scheme) -> tuple[Prepare, Follow]:
 
 
 def _watched(scheme: Scheme, problem: Problem, y0: Array, h: float, dW: Array, work: Work) -> Problem:
-    """The problem with its evaluations counted in `work`, after a first step that is not counted.
+    """A copy of the problem that counts its evaluations in `work`, after a first step that is not counted.
 
-    Values that are computed once for a problem, such as a record, are no work of a step.
+    The first step may compute values that are then kept for the problem, such as its record, and are no work of a step.
     """
     watched = counted(problem, work)
     _run(scheme, watched, y0, h, dW[:1], track=False)
@@ -207,8 +207,8 @@ def from_states(name: str, run: Run, source: str, **more: Any) -> Method:
 def exact_time_change() -> Method:
     """The `Method` that computes the exact solution φ_θ(y0), θ = T + Σ c_j W_j(T), by one dense solve for all paths.
 
-    It has no step size, so that it gives one point of the comparison. Its error is the larger of the stated and the
-    measured one: where the reference has no closed form either, it would be compared with itself.
+    The method has no step size, so it gives one point of the comparison. Its error is the larger of its own estimate
+    and the measured error, because a reference without a closed form is computed in the same way.
     """
 
     def job_for(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], ExactFlow]:
@@ -238,12 +238,12 @@ def load_method(target: str, problem: Problem) -> Method:
     """The `Method` that a user's `target` names, for a comparison on `problem`.
 
     A target is a built-in scheme, ``exact-flow``, a peer's solver, or module:attribute with a scheme or a `Method`.
-    ``numpy/SCHEME`` runs in NumPy batches even if the compiled engine could run it. A third party's scheme takes one
-    step first: TargetError says what is wrong with it, such as the shape, without a traceback.
+    ``numpy/SCHEME`` runs in NumPy batches even if the compiled engine could run it. The scheme takes one step first, so
+    that TargetError says what is wrong with its result, such as the shape, without a traceback.
     """
     if target == EXACT:
         return exact_time_change()
-    peers = import_module("sepv.reference.peers.peer")  # it imports this room
+    peers = import_module("sepv.reference.peers.peer")  # imported late, because it imports this module
     driven: Method | None = peers.method(target) if peers.library_of(target) else None
     if driven is not None:
         return driven

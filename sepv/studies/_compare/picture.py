@@ -37,7 +37,7 @@ def draw(comparison: Comparison, suffix: str) -> bytes:
 
 
 def _error_curve(axes: Any, points: list[Point], look: Look) -> None:
-    """Draw the error with its interval; step sizes at which paths failed are not joined."""
+    """Draw the strong error with its interval against time, without errors that are 0 or infinite."""
     drawn = [p for p in points if 0 < p.strong.value < math.inf]
     pairs = [(p.microseconds_a_path, p.error) for p in drawn]
     low = [min(p.strong.half, 0.9 * p.strong.value) for p in drawn]
@@ -48,7 +48,7 @@ def _error_curve(axes: Any, points: list[Point], look: Look) -> None:
 
 
 def _curve(axes: Any, pairs: list[tuple[float, float]], points: list[Point], look: Look) -> None:
-    """Draw filled markers if every path was finished, hollow ones if some failed."""
+    """Draw a curve, with filled markers if every path was finished and hollow markers if some failed."""
     axes.plot([x for x, _ in pairs], [y for _, y in pairs], **line(look, size=SIZE))
     whole = [xy for xy, p in zip(pairs, points, strict=True) if not p.failures]
     axes.plot([x for x, _ in whole], [y for _, y in whole], **_filled(look) | {"linestyle": "none"})

@@ -23,8 +23,8 @@ class Seconds:
 
     median, low, high : the median and both quartiles of the processor time. Another program on the same core can double
         the clock's time of a run, but not its processor time
-    wall : the median by the clock; it is much larger only where a driver waits for another process
-    first : the time of the first call beyond the median, which a library may need to compile; else noise around 0
+    wall : the median by the clock, which is much larger only if a driver waits for another process
+    first : the time of the first call less the median: the time that a library compiles, or else noise around 0
     """
 
     median: float
@@ -36,16 +36,16 @@ class Seconds:
 
 @dataclass(frozen=True)
 class Point:
-    """One method at one step size.
+    """The measurements of one method at one step size.
 
     strong, weak : √E|y_N − y(T)|² and |E(y_N − y(T))| over the paths that were finished, with their intervals
-    energy_defect, casimir_defect : the largest |H(y_n) − H(y_0)| over steps and paths, and the same over all Casimirs
-    failures : paths that ended in a step not solved, or left the domain
-    evaluations : for one step of one path, by kind; empty where nothing can be counted
-    iterations : Newton iterations for one step of one path
-    steps_matter : False for the exact time change, whose one point stands at steps = 1, h = T
-    clipping : the rms error that truncated increments alone cause, in closed form (`sepv.exact._truncation_error`): no
-        sample shows it
+    energy_defect, casimir_defect : the largest |H(y_n) − H(y_0)| and |C(y_n) − C(y_0)| over steps, paths and Casimirs C
+    failures : the number of paths with a step that was not solved or left the domain
+    evaluations : the evaluations in one step of one path, by kind; empty if they cannot be counted
+    iterations : Newton iterations in one step of one path
+    steps_matter : False for the exact time change, whose only point has steps = 1, h = T
+    clipping : the rms error that truncated increments alone cause, in closed form (`sepv.exact._truncation_error`),
+        because clipping is too rare for a sample to show it
     """
 
     method: str
@@ -65,7 +65,7 @@ class Point:
 
     @property
     def error(self) -> float:
-        """The strong error, with that of truncated increments added in squares: no sample shows it."""
+        """The strong error, with the error of truncation added in squares, because no sample shows the latter."""
         return math.hypot(self.strong.value, self.clipping)
 
     @property
@@ -102,10 +102,10 @@ class Point:
 
 @dataclass(frozen=True)
 class TimeToError:
-    """The time in which a method reaches a strong error, in µs a path, and the energy defect that it then has.
+    """The time in which a method reaches a strong error, in µs per path, and the energy defect that it then has.
 
-    how : "between" two step sizes, by a line in logarithms; "beyond" the finest, by the slope of the last two errors
-    and the finest's time a step; "coarsest", where the coarsest is already better; "never", where errors do not shrink.
+    how : "between" (on a line in logarithms between two step sizes), "beyond" (from the finest step size, by the slope
+    of the last two errors), "coarsest" (the coarsest step size is good enough) or "never" (errors do not shrink)
     """
 
     method: str
@@ -127,12 +127,12 @@ class Comparison:
     environment: dict[str, str]
     sources: dict[str, str]
     has_casimirs: bool
-    deterministic: bool  # without noise: one path, whose error is certain
+    deterministic: bool  # True without noise: all paths are equal, and their error has no interval
     points: tuple[Point, ...]
     targets: tuple[float, ...] = ()
     # Methods that were left out, each with its reason.
     failed: dict[str, str] = field(default_factory=dict)
-    # Looks that schemes state, by method.
+    # The looks in pictures that schemes declare, by method.
     looks: dict[str, Look] = field(default_factory=dict)
 
     def of(self, method: str) -> list[Point]:
@@ -140,7 +140,7 @@ class Comparison:
         return sorted((p for p in self.points if p.method == method), key=lambda p: p.steps)
 
     def times_to_error(self) -> list[TimeToError]:
-        """The time to error of each method and each target."""
+        """The time in which each method reaches each target error."""
         return [time_to_error(self.of(m), target) for m in self.sources for target in self.targets]
 
     def times_to_energy_error(self) -> list[TimeToError]:
@@ -174,8 +174,8 @@ class Comparison:
 def time_to_error(points: list[Point], target: float) -> TimeToError:
     """The time in which one method reaches the error `target`, on the line through its points (error, time).
 
-    Errors are those of `Point.error`. A step size counts only if every path was finished. A method that loses its
-    worst paths would look too good.
+    Errors are those of `Point.error`. A step size counts only if every path was finished, because a method that loses
+    its worst paths would look too good.
     """
     usable = [p for p in points if not p.failures and 0 < p.error < np.inf]
     name = points[0].method if points else ""

@@ -1,4 +1,4 @@
-"""Run the methods of a comparison on the same paths, alternating, so that a slow minute is slow for all of them."""
+"""Run the methods of a comparison on the same paths, alternating, so that a slow minute of the machine slows all."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from sepv.studies._compare.record import Comparison, Point, Seconds
 from sepv.verification import quiet_problem
 from sepv.workers import run_all
 
-# Intervals are two-sided at this level, for each point alone.
+# The error probability of the two-sided interval of each point.
 ALPHA = 0.05
-# The number of paths for drivers that go path by path: at some 10 µs a step, all paths would take hours.
+# The number of paths for drivers that go path by path: at about 10 µs per step, all paths would take hours.
 SINGLE_PATHS = 64
-# A job shorter than this is repeated within one reading of the clock.
+# A job of fewer seconds is repeated within one measurement of time.
 SHORTEST = 2e-3
 
-# The current work, and the share of all that is done, 0 to 1.
+# A function of the name of the current work and the fraction of the whole work that is done, 0 to 1.
 MethodProgress = Callable[[str, float], None]
 
 
@@ -47,29 +47,29 @@ def compare(
     workers: Any = 1,
     progress: MethodProgress = lambda *_: None,
 ) -> Comparison:
-    """Strong and weak error, defects, time and work of each method for each number of steps.
+    """Measure strong and weak error, defects, time and work of each method for each number of steps.
 
-    Where a method is for c = () alone, the problem is taken without its noise.
+    If one of the methods is for problems without noise only, all methods run without noise, c = ().
 
     Parameters
     ----------
     steps : increasing numbers of steps, each dividing the last
     paths : int ≥ 32, optional
-        Of which path-by-path drivers take the first 64; 1000 by default. Without noise all paths are one: by default 1,
-        or any number of them for the time of a batch.
+        1000 by default; drivers that go path by path take the first 64. Without noise all paths are equal, and `paths`
+        is 1 by default, or any number for the time of a batch.
     repeats : int ≥ 1
-        Timed rounds; in each round every method runs once at every step size, in a rotating order.
+        The number of timed rounds; in each round every method runs once at every step size, in a rotating order.
     targets : strong errors
-        For which the time is wanted, see `Comparison.times_to_error`.
+        Errors for which `Comparison.times_to_error` gives the time in which each method reaches them.
     progress : callable (text, share), optional
-        Called before each piece of work with what it is and the share of all that is done, 0 to 1.
+        Called before each piece of work with its name and the fraction of the whole work that is done, 0 to 1.
     workers : int, executor, map-like callable, Dask client or its address
-        For the errors and defects (an int: threads). Times are always taken here, where all methods take turns.
+        The workers (an int: threads) that compute errors and defects. Times are always measured in this process.
 
     Raises
     ------
     UsageError
-        For arguments that make no comparison.
+        For invalid arguments.
     """
     if any(m.deterministic for m in methods):
         problem = quiet_problem(problem)
@@ -82,7 +82,7 @@ def compare(
     fine = wiener.increments(seed, T=T, steps=steps[-1], noises=problem.noises, paths=paths)
     exact = exact_flow(problem, problem.random_step(T, fine.sum(axis=0)))
     coarse = {count: wiener.coarsen(fine, steps[-1] // count) for count in steps}
-    # Pieces of work: the first call of each cell, its errors, and its timed rounds. A first call may compile.
+    # Pieces of work: for each method and step size the first call (which may compile), the errors, the timed rounds.
     pieces, done = (2 + repeats) * sum(len(steps) if m.steps_matter else 1 for m in methods), 0
 
     def begin(text: str) -> None:
@@ -130,7 +130,7 @@ def compare(
 
 
 class _Cell(NamedTuple):
-    """A method with one number of steps.
+    """A method with one number of steps, to be measured.
 
     job : runs all paths, to be timed
     first : processor seconds of the first call of the job
@@ -168,7 +168,7 @@ def _prepared(
 
 
 def _follow(watched: tuple[Any, ...]) -> Followed | str:
-    """The observed run of a cell, or the text of its error: the other methods are still compared."""
+    """The run of a cell that gives its errors and defects, or the text of its error if it fails."""
     follow, *arguments = watched
     try:
         return follow(*arguments)
@@ -179,10 +179,10 @@ def _follow(watched: tuple[Any, ...]) -> Followed | str:
 def _alternate(
     jobs: Sequence[Callable[[], Ends]], repeats: int, progress: MethodProgress, begin: float
 ) -> list[list[tuple[float, float]]]:
-    """(processor, clock) seconds of each job in each round.
+    """Measure the processor seconds and the clock seconds of each job in each round.
 
-    Each round begins with another job, so that no job always follows the same one. `begin` is the share of the whole
-    comparison that is done before, for `progress`.
+    Each round begins with another job. For `progress`, `begin` is the fraction of the whole comparison that is already
+    done.
     """
     inner = [max(1, int(SHORTEST / max(_time(job)[1], 1e-9))) for job in jobs]
     times: list[list[tuple[float, float]]] = [[] for _ in jobs]
@@ -238,7 +238,7 @@ def _point(cell: _Cell, run: Followed, problem: Problem, T: float, exact: Array,
 
 
 def errors(difference: Array) -> tuple[Estimate, Estimate]:
-    """Strong and weak error of the differences y_N − y(T), (d, M), with jackknife intervals over groups of paths."""
+    """The strong and the weak error from differences y_N − y(T), (d, M), with jackknife intervals over path groups."""
     unbounded = Estimate(float("inf"), 0.0, ALPHA)
     if difference.shape[1] < GROUPS:
         return unbounded, unbounded
@@ -290,9 +290,9 @@ def _validate(
 
 @contextmanager
 def one_core() -> Iterator[bool]:
-    """Keep this process on one core within the block, so that no library gains by taking two.
+    """Keep this process on one core within a `with` block, so that no library is faster because it takes two.
 
-    The block is given False where the system cannot do that.
+    The block is given True, or False if the operating system cannot do this.
     """
     if not hasattr(os, "sched_setaffinity"):
         yield False
@@ -306,7 +306,7 @@ def one_core() -> Iterator[bool]:
 
 
 def environment() -> dict[str, str]:
-    """The versions of Python, sepv and the libraries that are loaded, and the kind of the processor."""
+    """The versions of Python, sepv and the loaded libraries, and the machine type of the processor."""
     import scipy
 
     from sepv._version import __version__

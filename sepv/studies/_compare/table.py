@@ -13,15 +13,15 @@ from sepv.console import Table, columns, longest
 from sepv.statistics import Estimate
 from sepv.studies._compare.record import Comparison, Point, TimeToError
 
-# Clipping that costs this share of the strong error is said: in squares it is a tenth of it.
+# The error of clipping is noted if it is more than this fraction of the strong error, a tenth in squares.
 CLIPPED = 0.3
-# The meaning of a mark beside a time to an error.
+# The mark before a time to an error, for each value of `TimeToError.how`.
 MARKS = {"between": "", "beyond": "~", "coarsest": "≤"}
-# A driver whose time by the clock, in units of its processor time, is this many times what is usual waits for
-# something that is not this process. On a busy machine the clock runs faster for all of them.
+# A driver waits for something outside this process if its quotient of clock time to processor time is this many times
+# the median of all drivers. On a busy machine, the quotient is larger for all drivers.
 WAITS = 10.0
 
-# Headings with their least widths.
+# The headings of the columns, with their least widths.
 COLUMN_WIDTHS = {
     "steps": 6, "strong error": 12, "weak error": 11, "|ΔH|": 5, "|ΔC|": 5, "ns/step": 7, "±%": 3, "∇H": 4, "B": 4,
     "Newton": 6, "failed": 8,
@@ -31,7 +31,7 @@ DROPPED = ("±%", "B", "∇H", "Newton", "|ΔC|", "ns/step", "weak error", "|ΔH
 
 
 def heading(comparison: Comparison) -> str:
-    """The line above the tables of points: problem, T, and the meaning of errors, defects and times."""
+    """The line above the tables of points: the problem, T, and the meaning of errors, defects and times."""
     rounds = comparison.repeats
     known = (
         "without noise: errors"
@@ -50,10 +50,10 @@ def heading(comparison: Comparison) -> str:
 
 
 def point_tables(comparison: Comparison) -> list[Table]:
-    """One table for each method under its name, one row for each step size; the columns stand under each other."""
+    """One table for each method under its name, with a row for each step size; the tables' columns are aligned."""
     absent = {"failed"} if not any(p.failures for p in comparison.points) else set()
-    absent |= {"±%"} if comparison.repeats == 1 else set()  # of one number
-    absent |= {"weak error"} if comparison.deterministic else set()  # there is one path
+    absent |= {"±%"} if comparison.repeats == 1 else set()  # one time has no spread
+    absent |= {"weak error"} if comparison.deterministic else set()  # equal to the strong error
     names = [name for name in COLUMN_WIDTHS if name not in absent]
     rows = {
         (p.method, p.steps): dict(zip(COLUMN_WIDTHS, _cells(comparison, p), strict=True))
@@ -90,9 +90,9 @@ def _cells(comparison: Comparison, p: Point) -> list[str]:
 
 
 def target_tables(comparison: Comparison) -> list[Table]:
-    """The time of one path to each target error, with the energy defect there.
+    """A table of the times of one path to each target error, with the energy defects at these times.
 
-    Without noise a second table has the times to each target as a largest |H(y_n) − H(y_0)|.
+    Without noise, a second table has the times in which the largest |H(y_n) − H(y_0)| reaches each target.
     """
     tables = {"an error at T" if comparison.deterministic else "a strong error": comparison.times_to_error()}
     if comparison.deterministic:
@@ -153,7 +153,7 @@ def notes(comparison: Comparison) -> list[str]:
 
 
 def to_csv(comparison: Comparison) -> str:
-    """The points as CSV: one line for each method and step size, empty where a number is missing."""
+    """The points as CSV: one line for each method and step size, with an empty field for a missing number."""
     rows = [_csv_row(comparison.problem, p) for name in comparison.sources for p in comparison.of(name)]
     text = io.StringIO()
     writer = csv.DictWriter(text, rows[0], lineterminator="\n")
@@ -188,7 +188,7 @@ def _estimate(e: Estimate) -> str:
 
 
 def _weak(e: Estimate) -> str:
-    """A weak error as text: "≤" and its upper bound where the interval contains 0."""
+    """A weak error as text: "≤" and its upper bound if its interval contains 0."""
     if not math.isfinite(e.value):
         return "∞"
     return _estimate(e) if e.value > e.half else f"≤ {e.high:.1e}"

@@ -1,1 +1,1 @@
-"""Solutions of a step's implicit equation: those connected to y0 by a branch in Δ, and those that Newton finds."""
+"""Solutions of a step's implicit equation: those connected to y0 by a branch in Δ, and those found by Newton."""

@@ -1,11 +1,11 @@
 """The branch of solutions y1(Δ) of y1 = y0 + Δ G(y0, y1) that starts in y0 at Δ = 0, followed to its end.
 
-By pseudo-arclength continuation (H. B. Keller, 1977): the unknown is (z, Δ) with z = y1 − y0, a step goes along the
-tangent of the curve F(z, Δ) = z − Δ G = 0 and is corrected across it, so that a fold, where ∂F/∂z is singular
-and dΔ/ds changes sign, is a point like any other. All states are followed together.
+The method is pseudo-arclength continuation (H. B. Keller, 1977) of (z, Δ) with z = y1 − y0. A step goes along the
+tangent of the curve F(z, Δ) = z − Δ G = 0 and is corrected across the tangent. A fold, where ∂F/∂z is singular and
+dΔ/ds changes sign, is then a point like any other. The branches of all states y0 are followed together.
 
-Where the part {H = H(y0)} of the state space on which y1 lies is bounded, so are all solutions, and by the
-Leray-Schauder theorem the curve meets every Δ, beyond folds if need be. Where it is not, solutions may end.
+The solution y1 lies on the set {H = H(y0)}. If this set is bounded, so are all solutions, and by the Leray-Schauder
+theorem the curve meets every Δ, beyond folds if need be. If it is not bounded, solutions may end.
 """
 
 from __future__ import annotations
@@ -30,26 +30,26 @@ from sepv.solve import (
 )
 
 MOST_STEPS = 4000
-# Arclengths, the longest beside 1 + |z|: a branch that escapes to infinity gets there.
+# Arclengths of a step: the longest, times 1 + |z| so that a branch can escape to infinity, and the shortest.
 LONGEST, SHORTEST = 0.05, 1e-9
-# A fold is located to this arclength: Δ has a maximum there, so that its error is about the square.
+# The arclength to which a fold is located. Δ has a maximum at the fold, so that the error of Δ is about its square.
 FOLD = 1e-6
-# The curve may turn by arccos 0.95 ≈ 18° in a step.
+# The least cosine of the angle by which the tangent turns in a step: arccos 0.95 ≈ 18°.
 TURN = 0.95
-# |z| beyond this multiple of |y0|: the solution escapes to infinity.
+# If |z| is more than this multiple of |y0|, the branch is taken to escape to infinity.
 FAR = 1e6
 
-# The width of differences, relative to the component: its cube is as small as a rounding.
+# The width of central differences, relative to the component; its cube is of the size of a rounding error.
 WIDTH = 6e-6
 
-# R of each scheme whose right side is linear in one Δ, and ∂R/∂y1.
+# For each scheme y1 = y0 + R with R linear in one Δ: the functions R and ∂R/∂y1.
 EQUATIONS: dict[str, tuple[IncrementFunction, JacobianFunction]] = {
     scheme.name: (step.increment, step.jacobian)
     for scheme in map(BY_FILE.__getitem__, ("energy_preserving", "midpoint", "both_invariants"))
     if isinstance(step := scheme.step, Implicit)
 }
 
-# Newton's matrix is given itself, ∂F/∂w with the tangent as its last row, in the place of 1 − K.
+# `newton` solves with the matrix ∂F/∂w whose last row is the tangent, instead of with 1 − K.
 _BORDERED = DENSE._replace(correction=linear_solve)
 
 
@@ -65,11 +65,11 @@ class End(Worded):
 
 @dataclass(frozen=True)
 class Branch:
-    """The branches of M states in one direction of Δ.
+    """The branches of solutions from M states, for Δ > 0 or for Δ < 0.
 
-    reach : (M,), |Δ| up to which the branch is a function of Δ; the range where it goes on
-    end : (M,), `End` of each
-    delta, z : (P, M), (P, d, M), points of the curves from Δ = 0 to the end, NaN after it
+    reach : (M,), the |Δ| up to which the branch is a function of Δ, at most the end of the range
+    end : (M,), the `End` of each branch
+    delta, z : (P, M), (P, d, M), points of the curves from Δ = 0 to the end of each, then NaN
     """
 
     reach: Array
@@ -79,7 +79,7 @@ class Branch:
 
 
 def follow(problem: Problem, y0: Array, furthest: float, scheme: Scheme = energy_preserving) -> Branch:
-    """The branches from the states y0 (d, M) for Δ between 0 and `furthest`, which may be negative.
+    """Follow the branches of solutions from the states y0 (d, M), for Δ from 0 to `furthest`, which may be negative.
 
     Raises UsageError for a scheme whose step is not an equation in Δ alone.
     """
@@ -98,9 +98,9 @@ def follow(problem: Problem, y0: Array, furthest: float, scheme: Scheme = energy
 
 
 class _Follower:
-    """The curves of M states while they are followed, in units.
+    """The curves (z, Δ) of M states while they are followed, in scaled unknowns w.
 
-    The d + 1 unknowns w of a lane are z over the largest component of y0, and Δ over the end of the range.
+    The d + 1 unknowns w of a state are z over the largest component of y0, and Δ over the end `furthest` of the range.
     """
 
     def __init__(self, problem: Problem, y0: Array, furthest: float, increment: IncrementFunction) -> None:
@@ -113,7 +113,7 @@ class _Follower:
         self.end = np.full(M, -1)
 
     def equations(self, w: Array, lanes: np.ndarray) -> tuple[Array, Array]:
-        """F(z, Δ) = z − Δ G at w (d + 1, M) in units, (d, M), and its derivative by w, (d, d + 1, M)."""
+        """F(z, Δ) = z − Δ G at w (d + 1, M) over the scale of z, (d, M), and its derivative by w, (d, d + 1, M)."""
         y0, scale = self.y0[:, lanes], self.scale[lanes]
         delta, z = self.furthest * w[-1], scale * w[:-1]
         one = np.ones((1, lanes.size))
@@ -126,9 +126,9 @@ class _Follower:
         return F, J
 
     def slope(self, y0: Array, y1: Array, one: Array, k: int) -> Array:
-        """∂G/∂y1_k by central differences, to about 1e-10.
+        """The derivative ∂G/∂y1_k by central differences, with an error of about 1e-10.
 
-        These derivatives locate the fold. Analytic ones of some H are averaged with a few nodes only.
+        The derivatives locate the fold. Analytic derivatives are averages with a few nodes only for some H.
         """
         size = np.abs(y1[k])
         width = WIDTH * np.where(size > 1e-3 * self.scale_of(y1), size, 1e-3 * self.scale_of(y1))
@@ -142,7 +142,7 @@ class _Follower:
 
     @staticmethod
     def scale_of(y: Array) -> Array:
-        """The scale of each state: its largest component."""
+        """The scale of each state: the absolute value of its largest component."""
         return np.maximum(np.abs(y).max(axis=0), TINY)
 
     def run(self) -> Branch:
@@ -172,7 +172,7 @@ class _Follower:
         return t / np.sqrt((t * t).sum(axis=0))
 
     def advance(self, lanes: np.ndarray) -> None:
-        """Try one step of each lane. Keep the good ones, set the next lengths, and record the branches that end."""
+        """Try one step of each branch; accept good steps, set the next arclengths, and record branches that end."""
         t, ds = self.tangent[:, lanes], self.ds[lanes]
         w, good, quick = self.correct(self.w[:, lanes] + ds * t, t, lanes)
         new = self.direction(w, lanes, t)
@@ -183,7 +183,7 @@ class _Follower:
                 self.problem.domain(self.y0[:, lanes] + self.scale[lanes] * w[:-1]), dtype=bool
             )
         folded = good & inside & (new[-1] <= 0)
-        # A step across a fold is taken only when it is short enough to be the fold.
+        # A step across a fold is accepted only if it is so short that its end counts as the fold.
         taken = good & inside & (~folded | (ds <= FOLD))
         here = lanes[taken]
         self.w[:, here], self.tangent[:, here] = w[:, taken], new[:, taken]
@@ -196,9 +196,9 @@ class _Follower:
         self.end[lanes[short]] = np.where(inside[short], End.LOST, End.BOUNDARY)
 
     def correct(self, start: Array, t: Array, lanes: np.ndarray) -> tuple[Array, np.ndarray, np.ndarray]:
-        """The points of the curves next to `start` (d + 1, M), across the tangents t: points, and two flags a lane.
+        """The points of the curves next to `start` (d + 1, M), across the tangents t, and two flags for each curve.
 
-        The flags are True where Newton's iteration converged, and where it took at most four evaluations of F.
+        The flags say if Newton's iteration converged, and if it took at most four evaluations of F.
         """
 
         def evaluate(w: Array, numbers: np.ndarray) -> Evaluation:

@@ -1,4 +1,4 @@
-"""The map of solvability: states along an orbit of the exact flow × Δ, with solutions and probabilities of Δ."""
+"""The map of solvability: the solutions of a step from each state of an exact orbit with each Δ, and chances of Δ."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from sepv.simulate import truncation_bound
 from sepv.solve import Status, Worded, solve
 from sepv.studies._solvability.branch import EQUATIONS, Branch, End, follow
 
-# A solution is the connected one where it agrees with it to this share of |y0| and the distance moved: both are known
-# to rounding times a condition that grows towards the fold.
+# A solution found is the connected one if they differ by at most this fraction of |y0| plus the distance moved. Both
+# have errors of rounding times a condition number, which grows towards the fold.
 SAME = 1e-4
-# The search for the shortest branches between the states: rounds of it, minima in a round, new states beside a minimum.
+# The search for shorter branches between the states: rounds, minima per round, new states on either side of a minimum.
 ROUNDS, LOWEST, POINTS = 3, 2, 4
-# Gauss nodes for each noise beyond the first: the integrand is smooth but for two jumps of size P(|ξ| > A_h).
+# Gauss nodes for each noise but one: the integrand is smooth except for two jumps of size P(|ξ| > A_h).
 NODES = 128
 
 
@@ -38,7 +38,7 @@ class Ending(Worded):
 
 @dataclass(frozen=True)
 class Shortest:
-    """The shortest branches found by refinement: their states are at the times theta (R,) of the exact flow.
+    """Branches from further states near those with the shortest branches, at the times theta (R,) of the exact flow.
 
     forward, backward : (R,), the |Δ| that the branches reach for Δ > 0 and for Δ < 0
     """
@@ -54,12 +54,12 @@ class Map:
 
     Attributes
     ----------
-    theta, states : (M,), (d, M), times of the exact flow from the initial state, and the states there. The random times
-        of (1.1) pass through no others; numerical paths do (`sepv.studies._solvability.paths`).
-    delta : (K,), the grid of Δ, both signs
-    findings : (K, M), `Ending` at each
+    theta, states : (M,), (d, M), times of the exact flow from the initial state, and the states at these times. Exact
+        solutions of (1.1) stay on this orbit; numerical paths may leave it (`sepv.studies._solvability.paths`).
+    delta : (K,), the grid of Δ, with both signs
+    findings : (K, M), the `Ending` for each Δ and state
     forward, backward : the branches for Δ > 0 and Δ < 0
-    refined : the same from further states, around those with the shortest branches
+    refined : branches from further states, near those with the shortest branches
     """
 
     problem: Problem
@@ -74,29 +74,29 @@ class Map:
 
     @property
     def safe(self) -> tuple[float, float]:
-        """(−a, b): the shortest branches found, over the states of the map and those of `refined`.
+        """The range (−a, b) of Δ of the shortest branches found, over the states of the map and of `refined`.
 
-        Not a bound: between the states nothing is known, but that reaches are continuous where folds are.
+        This is no bound: between the states it is only known that reaches are continuous if the branches end in folds.
         """
         ends = [(self.backward.reach, self.forward.reach), (self.refined.backward, self.refined.forward)]
         low, high = (float(min(r[side].min(initial=np.inf) for r in ends)) for side in (0, 1))
         return -low, high
 
     def chances(self, h: float, k: int | None) -> Array:
-        """P(Δ of one step is outside the branch) for each state of the map, (M,)."""
+        """The probability, for each state of the map, (M,), that the Δ of a step h is beyond the state's branches."""
         return chance_outside(h, self.problem.c, -self.backward.reach, self.forward.reach, k)
 
     def worst(self, h: float, k: int | None) -> float:
-        """The largest of the `chances`, taken over the states of `refined` too."""
+        """The largest of the `chances`, over the states of the map and of `refined`."""
         further = chance_outside(h, self.problem.c, -self.refined.backward, self.refined.forward, k)
         return float(max(self.chances(h, k).max(), further.max(initial=0.0)))
 
     def counts(self) -> dict[Ending, int]:
-        """The number of points of the map of each kind."""
+        """The number of points of the map with each `Ending`."""
         return {kind: int(np.count_nonzero(self.findings == kind)) for kind in Ending}
 
     def to_json(self, steps: tuple[float, ...], k: int | None) -> dict[str, Any]:
-        """All numbers of the map, and the chances to leave the branch with each of the step sizes `steps`."""
+        """All numbers of the map, and the `chances` with each of the step sizes `steps`, for a JSON file."""
         return {
             "problem": self.problem.name,
             "scheme": self.scheme.name,
@@ -131,19 +131,19 @@ def solvability_map(
     y0: Array | None = None,
     progress: Callable[[str], None] = lambda _: None,
 ) -> Map:
-    """The map of solvability for |Δ| ≤ `furthest` over `states` states of the exact orbit through y0.
+    """Compute the map of solvability for |Δ| ≤ `furthest` over `states` states of the exact orbit through y0.
 
     The states are at equidistant times from 0 to `time`.
 
     Parameters
     ----------
     grid : int
-        Points of Δ on each side of 0.
+        The number of points Δ on each side of 0.
 
     Raises
     ------
     UsageError
-        For a scheme or a problem that cannot be followed, or no initial state.
+        If branches cannot be followed for the scheme or the problem, or if there is no initial state.
     """
     theta = np.linspace(0.0, time, states)
     progress("the orbit")
@@ -163,9 +163,9 @@ def solvability_map(
 
 
 def _refine(problem: Problem, scheme: Scheme, y0: Array | None, furthest: float, known: Array) -> Shortest:
-    """Branches from further states near the lowest local minima of both reaches, 5 times closer in each round.
+    """Follow branches from further states near the lowest local minima of both reaches, 5 times closer in each round.
 
-    `known` (3, M) holds times, and the reaches forward and backward from the states there.
+    `known` (3, M) has times of the exact flow, and the reaches for Δ > 0 and Δ < 0 from the states at these times.
     """
     theta = known[0]
     for _ in range(ROUNDS):
@@ -183,7 +183,7 @@ def _refine(problem: Problem, scheme: Scheme, y0: Array | None, furthest: float,
 def _between(theta: Array, reach: Array, furthest: float) -> list[float]:
     """New times near the lowest local minima of `reach`, POINTS on either side of each.
 
-    The LOWEST lowest ones are taken, if their branches end before the range `furthest` does.
+    The LOWEST lowest minima are taken, among those whose branches end before `furthest`.
     """
     padded = np.concatenate([[np.inf], reach, [np.inf]])
     minima = np.flatnonzero((reach <= padded[:-2]) & (reach <= padded[2:]) & (reach < furthest))
@@ -196,7 +196,7 @@ def _between(theta: Array, reach: Array, furthest: float) -> list[float]:
 
 
 def _row(problem: Problem, scheme: Scheme, y: Array, delta: float, branch: Branch) -> np.ndarray:
-    """`Ending` of every state at one Δ."""
+    """The `Ending` of every state for one Δ."""
     assert scheme.solve is not None
     solution = scheme.solve(problem, y, delta, np.zeros((problem.noises, y.shape[1])))
     solved = solution.status == Status.CONVERGED
@@ -214,7 +214,7 @@ def _row(problem: Problem, scheme: Scheme, y: Array, delta: float, branch: Branc
 
 
 def _on_branch(problem: Problem, scheme: Scheme, y: Array, delta: float, branch: Branch) -> Array:
-    """y1 (d, M) on the branches at Δ, by Newton's method from a point between the two points of the curve next to Δ."""
+    """The solutions y1 (d, M) on the branches at Δ, by Newton's method from a point interpolated on each curve."""
     (before, after), share = _place(branch, delta)
     lanes = np.arange(branch.reach.size)
     a, b = branch.z[before, :, lanes].T, branch.z[after, :, lanes].T
@@ -222,12 +222,12 @@ def _on_branch(problem: Problem, scheme: Scheme, y: Array, delta: float, branch:
     step = np.full((1, y.shape[1]), delta)
     solution = solve(problem, y, step, *EQUATIONS[scheme.name], start=near)
     settled = solution.status == Status.CONVERGED
-    # Next to a fold the equation is nearly singular: the point between serves where it was not solved.
+    # Next to a fold the equation is nearly singular. If it is not solved, the interpolated point is used.
     return np.where(settled, solution.value, y + near)
 
 
 def _place(branch: Branch, delta: float) -> tuple[np.ndarray, Array]:
-    """For each lane the last point of the curve before |Δ|, and the position between it and the next one."""
+    """The last point before |Δ| and the next point of each curve, and the position (0 to 1) of |Δ| between them."""
     reached = np.abs(branch.delta)
     before = np.nanargmax(np.where(reached <= abs(delta), reached, -1.0), axis=0)
     lanes = np.arange(branch.reach.size)
@@ -244,19 +244,19 @@ def _place(branch: Branch, delta: float) -> tuple[np.ndarray, Array]:
 
 
 def chance_outside(h: float, noise: ArrayLike, low: ArrayLike, high: ArrayLike, k: int | None = 2) -> Array:
-    """P(Δ ≤ low or Δ ≥ high) for increments truncated with k (Remark 2.1), untruncated for k = None.
+    """P(Δ ≤ low or Δ ≥ high) for the random step Δ = h + Σ c_jΔŴ_j, truncated with k (Remark 2.1; None: untruncated).
 
     Parameters
     ----------
-    h : float > 0, below 1 where k is given
+    h : float > 0, below 1 if k is given
     noise : (m,)
         The c_j.
     low, high : (M,), low < 0 < high.
 
     Notes
     -----
-    One noise: the tails of a normal law, and nothing beyond √h A_h. Several truncated ones: the law of each but the
-    first is integrated by Gauss nodes on (−A_h, A_h) and two atoms.
+    For one noise, these are the tails of a normal law, which are 0 beyond √h A_h if truncated. For several truncated
+    noises, the law of each but one is integrated by Gauss nodes on (−A_h, A_h) and two atoms.
     """
     c = np.asarray(noise, dtype=np.float64).reshape(-1)
     c = c[c > 0] * np.sqrt(h)
@@ -270,7 +270,7 @@ def chance_outside(h: float, noise: ArrayLike, low: ArrayLike, high: ArrayLike, 
 
 
 def _truncated(c: Array, below: Array, above: Array, bound: float) -> Array:
-    """P(Δ ≤ low or Δ ≥ high) of the truncated sum Σ c_j ζ_j."""
+    """P(S ≤ below or S ≥ above) for the sum S = Σ c_j ζ_j of normal ζ_j truncated to |ζ_j| ≤ bound."""
     if c.size == 1:
         up, down = above / c[0], -below / c[0]
         return np.where(up <= bound, _tail(up), 0.0) + np.where(down <= bound, _tail(down), 0.0)
@@ -285,7 +285,7 @@ def _truncated(c: Array, below: Array, above: Array, bound: float) -> Array:
 
 
 def _tail(x: Array) -> Array:
-    """P(ξ ≥ x) for ξ ~ N(0, 1)."""
+    """The normal tail P(ξ ≥ x) for ξ ~ N(0, 1)."""
     from scipy.special import ndtr
 
     tail: Array = ndtr(-np.asarray(x, dtype=np.float64))

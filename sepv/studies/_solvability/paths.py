@@ -1,8 +1,8 @@
-"""Numerical paths followed until a step is refused: the time for which a step size is safe, for one scheme.
+"""Numerical paths of a scheme followed until a step is refused: they show for how long a step size is safe.
 
-The map takes states of the exact orbit. A numerical path leaves it wherever the scheme does not keep all invariants:
-(2.1) loses the logarithmic Casimir of Lotka-Volterra steadily, and comes to states with shorter branches. No state of
-the orbit says when; paths do.
+The map of solvability takes states of the exact orbit. A numerical path leaves this orbit if the scheme does not keep
+all invariants. Scheme (2.1), for example, steadily loses the logarithmic Casimir of Lotka-Volterra, and comes to states
+with shorter branches. Only numerical paths show when this happens.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from sepv.schemes import Scheme
 from sepv.simulate import ensemble
 from sepv.solve import Status
 
-# The first horizon is this many steps; each next one is twice as long, over new paths.
+# The steps of the first horizon (the time to which paths are followed); each next horizon is twice as far.
 FIRST = 256
-# A next horizon is started if twice the time of the last one, and this much more, is left.
+# The next horizon is started if this factor times its expected seconds (twice those of the last one) are left.
 SPARE = 1.5
-# Confidence of the bound on the share of paths that fail.
+# The confidence level of the bound on the probability that a path fails.
 CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True)
 class Exits:
-    """The times at which paths of one scheme and step size ended, because a step was refused.
+    """The times at which paths of one scheme and step size ended because a step was refused.
 
-    until, asked : the time to which the paths were followed, and the one asked for: later if the seconds ran out
+    until, asked : the time to which paths were followed, and the time requested, later if the seconds ran out
     times : (F,), the start of the refused step of each of the F paths that failed, increasing
     statuses : the number of refused steps by name of `Status`
     """
@@ -53,12 +53,12 @@ class Exits:
 
     @property
     def first(self) -> float | None:
-        """The earliest exit, None where there was none."""
+        """The time of the earliest refused step, None if no step was refused."""
         return float(self.times[0]) if self.failed else None
 
     @property
     def median(self) -> float | None:
-        """The time at which half of the paths had failed, None if fewer did."""
+        """The time at which half of the paths had failed, None if fewer paths failed."""
         half = (self.paths + 1) // 2
         return float(self.times[half - 1]) if self.failed >= half else None
 
@@ -69,7 +69,7 @@ class Exits:
 
     @property
     def share(self) -> float:
-        """The upper 95 % bound of the probability that a path fails until then (Clopper and Pearson)."""
+        """The upper 95 % bound of the probability that a path fails by the time `until` (Clopper and Pearson)."""
         from scipy.special import betaincinv
 
         if self.failed == self.paths:
@@ -77,7 +77,7 @@ class Exits:
         return float(betaincinv(self.failed + 1, self.paths - self.failed, CONFIDENCE))
 
     def to_json(self) -> dict[str, Any]:
-        """The fields, and the upper bound of the share, for a file."""
+        """The fields, and the bound `share`, for a JSON file."""
         return {**asdict(self), "times": self.times.tolist(), "share_at_most": self.share}
 
 
@@ -94,11 +94,11 @@ def follow_paths(
     seconds: float = 60.0,
     progress: Callable[[str], None] = lambda _: None,
 ) -> list[Exits]:
-    """The exits of paths of `scheme` with each step size, up to the time `until` or as far as the seconds reach.
+    """Follow paths of `scheme` with each step size until a step is refused, up to the time `until`, for some seconds.
 
     Paths are followed to a horizon, a multiple of h. Each next horizon is twice as far and has new paths. The last one
-    is `until`, or one at which all paths failed. The seconds that are left are shared by the step sizes that are left.
-    k is the truncation of the increments (Remark 2.1), None for none.
+    is `until`, or one at which all paths failed, or one after which too few seconds are left. The step sizes left share
+    the seconds left. k is the truncation of the increments (Remark 2.1), None for untruncated increments.
     """
 
     def horizon(h: float, count: int, most: int) -> Exits:
@@ -121,7 +121,7 @@ def follow_paths(
         while True:
             started = time.monotonic()
             exits = horizon(h, count, most)
-            # The first horizon's time is mostly that of compiling.
+            # The seconds of the first horizon are not used, because compilation takes most of them.
             last = 0.0 if count == FIRST else time.monotonic() - started
             spent = time.monotonic() - begin
             if count == most or exits.failed == paths or spent + SPARE * 2 * last > share:

@@ -1,4 +1,4 @@
-"""The map as a picture: solutions at each state and Δ, the chance of a step to leave the branch, and exits of paths.
+"""Picture of a map of solvability: solutions for each state and Δ, chances that Δ is off the branch, exits of paths.
 
 Needs the extra ``plots``.
 """
@@ -16,7 +16,7 @@ from sepv.studies._picture import REFERENCE, Axis, content, figure, frame, line,
 from sepv.studies._solvability.map import Ending, Map
 from sepv.studies._solvability.paths import Exits
 
-# Colours of Okabe and Ito, ordered from light to dark, so that they differ without colour too.
+# Colours of Okabe and Ito, ordered from light to dark, so that they also differ in grey.
 COLOURS = {
     Ending.FOUND: "#DDEEF8",
     Ending.MISSED: "#E69F00",
@@ -24,7 +24,7 @@ COLOURS = {
     Ending.NONE: "#333333",
     Ending.UNKNOWN: "#CC79A7",
 }
-# Styles of the branch and a mean, its end and the worst.
+# The style of mean chances, and the style of worst chances and of the ends of branches.
 MEAN, WORST = Look("#0072B2", "#56B4E9", "o"), Look("#D55E00", "#FF8A3D", "s", "4 2")
 
 
@@ -99,12 +99,12 @@ def _chances(axes: Any, map_: Map, steps: Sequence[float], k: int | None) -> Non
 
 
 def _exits(axes: Any, exits: Sequence[Exits]) -> None:
-    """Draw the times at which steps were refused; a triangle if none was."""
+    """Draw the times at which steps were refused against h, with a triangle if no step was refused."""
     axes.set_title("exits of paths: first (circles), half of them (squares)", fontsize=9)
     for number, (name, look) in enumerate(looks(e.scheme for e in exits).items()):
         of_scheme = [e for e in exits if e.scheme == name]
         for what, marker, dash in (("first", "o", ""), ("median", "s", "4 2")):
-            # An exit in the very first step has no place on a logarithmic axis but the first step's end.
+            # An exit in the first step, at t = 0, is drawn at t = h, because the axis is logarithmic.
             shown = [(e.h, max(t, e.h)) for e in of_scheme for t in [getattr(e, what)] if t is not None]
             if shown:
                 axes.plot(*zip(*shown, strict=True), **line(replace(look, marker=marker, dash=dash)))
