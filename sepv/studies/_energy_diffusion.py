@@ -6,7 +6,7 @@ steps, therefore, the energy is not kept. For the midpoint rule, f = J⁻¹∇H,
     H(y1) − H(y0) = −Δ²(H₂(y1) − H₂(y0)) + O(Δ⁵) = Δ³G + O(Δ⁴),   G = −LH₂ = H‴(f, f, f)/24 = −∇H·(c − c̃),
 
 with c(y) of (3.1) and c̃(y) of (3.5) in the paper. Let X = Σ c_jΔŴ_j be the noise in Δ, and κ = E X⁴/E X², 3|c|²h if
-not truncated. X³ − κX is uncorrelated with X, and only X moves the phase. To leading order, therefore, H + κH₂ has steps
+not truncated. X³ − κX is uncorrelated with X, and only X moves the phase. To leading order, H + κH₂ has therefore steps
 of mean zero, and the energy does a random walk of variance 2Dt with D = (E X⁶ − (E X⁴)²/E X²)⟨G²⟩/(2h), which is
 3|c|⁶h²⟨G²⟩ without truncation. ⟨·⟩ is the average over the orbit.
 

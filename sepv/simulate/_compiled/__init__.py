@@ -1,8 +1,8 @@
-"""Chunks of paths by code compiled for a problem and a scheme (extra `fast`).
+"""Chunks of paths computed by code that is compiled for a problem and a scheme (extra `fast`).
 
-`block_run` runs a chunk by two ordinary functions that are compiled once, the loop over steps (`driver`) and the
-increments (`lanes`), and by a kernel: functions of `kernels` in a generated module (`layout`, `store`), with the
-straight-line code of a problem and a scheme (`writer`, `code_builder`, `recorded`, `llvm`) in place of their names.
-Lanes that a kernel does not finish are solved by `sepv.solve`. `compile` decides which schemes and problems are
-compiled. Modules that need numba are imported when they are used.
+`block_run` runs a chunk in blocks of paths, the lanes of SIMD code. Two ordinary functions are compiled once: the loop
+over steps (`driver`) and the increments (`lanes`). A kernel is a generated module (`layout`, `store`): the functions of
+`kernels` with straight-line code of a problem and a scheme (`writer`, `code_builder`, `recorded`, `llvm`). `sepv.solve`
+solves the steps of lanes that a kernel does not solve. `compile` decides which schemes and problems are compiled.
+Modules that need numba are imported when they are used.
 """

@@ -1,4 +1,4 @@
-"""A chunk of paths in the compiled engine: the arrays that its kernel reads and writes, and what they mean."""
+"""A chunk of paths in the compiled engine: the arrays that its kernel reads and writes, and their meaning."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from sepv.solve import Status
 
 
 def aligned(*shapes: tuple[int, ...]) -> list[np.ndarray]:
-    """Arrays of zeros in one piece of memory, each from a cache line on: no register of 512 bits crosses two."""
+    """Make arrays of zeros that begin at cache lines of one memory block, so that no 512-bit register crosses two."""
     line = layout.CACHE_LINE // 8
     sizes = [-(-math.prod(shape) // line) * line for shape in shapes]
     room = np.zeros(sum(sizes) + line)
@@ -36,7 +36,7 @@ LEFT_OVER = ctypes.CFUNCTYPE(*[ctypes.c_int64] * 5)
 
 
 def _at(address: int, count: int, dtype: Any = np.float64) -> np.ndarray:
-    """The array with this many numbers at an address."""
+    """The array of `count` numbers at an address."""
     room: Any = (ctypes.c_char * (count * 8)).from_address(address)
     return np.frombuffer(room, dtype)
 
@@ -51,12 +51,12 @@ class Chunk:
         self.task, self.problem = task, problem
         self.driver, self.draws = ordinary("driver"), ordinary("lanes")
         self.kernel: Kernel = kernel(task.scheme, problem, lanes=lanes, compensated=task.compensated)
-        # The exception of a solve that compiled code called: exceptions do not pass through compiled code.
+        # An exception in `_solve`, kept here because it cannot pass through the compiled code that calls `_solve`.
         self.raised: BaseException | None = None
         m, self.lanes = problem.noises, lanes
         self.y0 = np.array(task.y0, dtype=np.float64)
-        # What is read from outside: the number of steps done, the sums of the increments, the states and the defects of
-        # energy and Casimirs, the status and the failed step of each path.
+        # Results that are read from outside: the number of steps done, the sums of the increments, the states and the
+        # defects of energy and Casimirs, the status and the failed step of each path.
         self.steps, self.W = np.zeros(1, np.int64), np.empty((m, task.count))
         self.ends = np.empty((problem.dimension + 2, task.count))
         self.marks = np.empty((2, task.count), np.int64)
@@ -87,18 +87,18 @@ class Chunk:
             try:
                 found = solve(self.problem, state[:d, busy], self.task.h, dW)
                 break
-            except KeyboardInterrupt as error:  # raised again between two pieces; this solve is repeated
+            except KeyboardInterrupt as error:  # raised again by `advance`; this solve is repeated
                 self.raised = error
             except BaseException as error:
                 self.raised = error
                 integers[layout.STATUS * L :][busy] = Status.NO_CONVERGENCE
                 return 0
-        for stage in range(module.STAGES):  # the weights of the stages have the sum 1
+        for stage in range(module.STAGES):  # each gets the whole change: their weights have the sum 1
             state[module.UNKNOWNS + stage * d :][:d, busy] = found.change
         integers[layout.STATUS * L :][busy] = found.status
         counts = found.iterations, found.gradient_evaluations, found.structure_evaluations
         for place, count in zip((layout.WORK, layout.EVALUATIONS, layout.STRUCTURES), counts, strict=True):
-            # If a kernel counts no work, the work is its iterations times the cost of one.
+            # If a kernel counts no evaluations, they are its iterations times the evaluations of one iteration.
             integers[4 * L + place] += count.sum() if place == layout.WORK or integers[4 * L + place] else 0
         return 0
 
@@ -106,8 +106,8 @@ class Chunk:
         """Take the next `steps` steps."""
         module, goal = self.kernel.module, self.done + steps
         if self.done == 0:
-            # The state of a block, its streams, waiting halves, and coarse increments. Blocks that run to the end at
-            # once share one set, which then stays in the cache.
+            # The state of a block, its streams, right halves for later, and coarse increments. If blocks run to the
+            # end at once, they share one set of these arrays, which then stays in the cache.
             L, m, grid, streams = self.lanes, self.problem.noises, self.grid, len(self.words)
             blocks = 1 if goal == self.task.steps else -(-self.task.count // L)
             piece = max(16, 1024 // L)
@@ -119,7 +119,7 @@ class Chunk:
             self.I = I.view(np.int64)
             self.blocks = S, self.I, sums, rng.view(np.uint64), stack, top
         left_over = LEFT_OVER(self._solve)
-        # Not `ctypes.cast`, whose references go round: the arrays of a chunk would wait for the garbage collector.
+        # Not by `ctypes.cast`, which makes a cycle of references: the arrays would wait for the garbage collector.
         address = ctypes.c_void_p.from_buffer(left_over).value
         self.driver.run(
             self.draws.BEGINNING, self.draws.FILLING, self.draws.DRAWING, module.STARTING, module.ADVANCING, address,
@@ -133,26 +133,26 @@ class Chunk:
 
     @property
     def done(self) -> int:
-        """The number of steps that are done."""
+        """The number of steps done."""
         return int(self.steps[0])
 
     def _settle(self) -> None:
-        """Set the blocks to the initial state, unless a step has done so."""
+        """Set the paths to the initial state if no step has been taken."""
         if self.done == 0:
             self.advance(0)
 
     def failed(self) -> bool:
-        """True if no path goes on."""
+        """True if every path of the chunk has failed."""
         self._settle()
         return bool(self.marks[0].all())
 
     def states(self) -> Array:
-        """The states (d, M)."""
+        """The present states (d, M)."""
         self._settle()
         return self.ends[:-2].copy()
 
     def result(self, kept: Array) -> Ensemble:
-        """The ensemble of the present states, in arrays of the chunk; `kept` are those at the chosen times."""
+        """The present states as an `Ensemble`, in the chunk's arrays; `kept` are the states at the chosen times."""
         self._settle()
         sums = self.I[:, 4 * self.lanes :].sum(axis=0).tolist()
         gradients, structures = sums[layout.EVALUATIONS], sums[layout.STRUCTURES]

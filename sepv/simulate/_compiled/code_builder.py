@@ -1,6 +1,6 @@
 """Scalar code as text: expressions are strings, temporaries are named, coefficients become parameters.
 
-An expression is None where it is zero: sparse B, H″ and B′ then cost nothing in the code.
+A zero expression is None, so that the zeros of sparse B, H″ and B′ cost nothing in the code.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class CodeBuilder:
         return f"p{self.parameters.index(value)}"
 
     def product(self, *factors: Expression) -> Expression:
-        """The product from left to right, without factors 1."""
+        """Code of a product, from left to right, without factors 1."""
         kept: list[str] = []
         sign = False
         for factor in factors:
@@ -60,19 +60,19 @@ class CodeBuilder:
         return self.let(f"-{value}") if sign and value != "(1.0)" else ("(-1.0)" if sign else value)
 
     def total(self, terms: Iterable[Expression]) -> Expression:
-        """The sum from left to right, without terms 0."""
+        """Code of a sum, from left to right, without terms 0."""
         kept = [t for t in terms if t is not None]
         return reduce(lambda a, b: self.let(f"{a} + {b}"), kept) if kept else None
 
     def dot(self, row: Sequence[Expression], vector: Sequence[Expression]) -> Expression:
-        """Σ row_j vector_j in the order of j."""
+        """Code of Σ row_j vector_j in the order of j."""
         value: Expression = None
         for a, b in zip(row, vector, strict=True):
             value = self.plus(a, b, value)
         return value
 
     def plus(self, a: Expression, b: Expression, c: Expression) -> Expression:
-        """a·b + c, fused unless it is trivial or only a sum."""
+        """Code of a·b + c, fused unless a factor is 0, 1 or −1 or c is 0."""
         if a is None or b is None:
             return c
         if c is None or "(1.0)" in (a, b):
@@ -82,15 +82,15 @@ class CodeBuilder:
         return self.let(f"fma({a}, {b}, {c})")
 
     def minus(self, c: Expression, a: Expression, b: Expression) -> Expression:
-        """c − a·b."""
+        """Code of c − a·b."""
         return self.plus(self.product("(-1.0)", a), b, c)
 
     def polynomial(
         self, p: Polynomial, y: Sequence[str], *factors: str, value: Expression = None
     ) -> Expression:
-        """Monomials by repeated multiplication, in the canonical order of the terms, added to `value`.
+        """Code of `value` plus a polynomial, whose monomials are repeated products, in the terms' canonical order.
 
-        The factors multiply the coefficients.
+        The `factors` multiply the polynomial's coefficients.
         """
         for exponents, c in p.terms:
             value = self.plus(self.product(*factors, self.number(c)), self._monomial(exponents, y), value)
@@ -102,5 +102,5 @@ class CodeBuilder:
 
 
 def shown(expression: Expression) -> str:
-    """The expression's text, "0.0" for zero."""
+    """The text of an expression, "0.0" for zero."""
     return "0.0" if expression is None else expression

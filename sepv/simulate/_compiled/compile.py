@@ -1,4 +1,4 @@
-"""The choice of problems and schemes for the compiled engine, with the reasons for those it cannot take."""
+"""The schemes and problems that the compiled engine takes, with the reason for each that it cannot take."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ from sepv.simulate._compiled.schemes import Collocation, Formula, formula_of
 from sepv.simulate._compiled.stages import StagesWriter
 from sepv.simulate._compiled.writer import ExplicitWriter, Writer
 
-# The most paths that run one by one: they would leave a block of lanes mostly empty. The bits are the same.
+# Up to this number, paths run one by one: they would leave a block of lanes mostly empty. The bits are the same.
 FEW = 8
-# The largest d: the code of a step is written out for every component, and longer code takes too long to compile.
+# The largest d and the most unknowns of a step: code is written out for each, and long code takes long to compile.
 LARGEST_DIMENSION = 16
 LARGEST_SYSTEM = 32
 
@@ -44,7 +44,7 @@ class CannotCompile(Exception):
 
 @dataclass(frozen=True)
 class Kernel:
-    """A compiled module, the parameters that it reads, and evaluations of ∇H and B for an iteration."""
+    """A compiled module, the parameters that it reads, and the numbers of evaluations of ∇H and B in an iteration."""
 
     module: ModuleType
     parameters: Array
@@ -53,7 +53,7 @@ class Kernel:
 
 
 def kernel(scheme: Scheme, problem: Problem, *, lanes: int = LANES, compensated: bool = False) -> Kernel:
-    """The compiled kernel of a scheme and a problem; CannotCompile if there is none."""
+    """Return the compiled kernel of a scheme and a problem; raise CannotCompile if there is none."""
     if not _installed():
         raise CannotCompile("numba is not installed (pip install numba)")
     formula, code = taken(scheme, problem), code_of(problem)
@@ -79,10 +79,10 @@ def _loaded(code: RecordedProblem, formula: Formula, lanes: int, compensated: bo
     noises = code.problem.noises
     text, parameters = _written(code, formula, noises, lanes, compensated)
     gradients, structures = code.cost(formula.recorded, formula.names(noises))
-    # A stage costs as much as the method of one stage, and an evaluation of B.
+    # `code.cost` is that of the method of one stage. With several stages, B is evaluated in each.
     read = np.array([*code.problem.c, *parameters], dtype=np.float64)
     collects = gc.isenabled()
-    gc.disable()  # numba makes a million objects that stay: looking through them takes a tenth of the time
+    gc.disable()  # numba makes a million objects that stay; searching them would take a tenth of the time
     try:
         from sepv.simulate._compiled.store import load, ordinary
 
@@ -96,7 +96,7 @@ def _loaded(code: RecordedProblem, formula: Formula, lanes: int, compensated: bo
 def _written(
     problem: RecordedProblem, formula: Formula, noises: int, lanes: int, compensated: bool
 ) -> tuple[str, list[float]]:
-    """The source of a module, and the parameters that its kernel reads after the c_j."""
+    """The source of a module, and the parameters that its kernel reads after the noise coefficients c_j."""
     kind: type[Writer] = NewtonWriter if formula.implicit else ExplicitWriter
     if isinstance(formula, Collocation):
         kind = StagesWriter
@@ -107,7 +107,7 @@ def _written(
 
 
 def taken(scheme: Scheme, problem: Problem) -> Formula:
-    """The scheme's formula, if the engine can take it for the problem; else CannotCompile."""
+    """Return the scheme's formula if the engine can take it for the problem; else raise CannotCompile."""
     formula = formula_of(scheme)
     if formula is None:
         raise CannotCompile(f"the compiled engine has no code for the scheme {scheme.name!r}")
@@ -134,7 +134,7 @@ def taken(scheme: Scheme, problem: Problem) -> Formula:
 
 
 def code_of(problem: Problem) -> RecordedProblem:
-    """The problem's functions as code."""
+    """Return the problem's functions as code; raise CannotCompile if d is too large or they cannot be recorded."""
     if problem.dimension > LARGEST_DIMENSION:
         raise CannotCompile(
             f"{problem.name} has {problem.dimension} components, the compiled engine takes {LARGEST_DIMENSION}"

@@ -1,7 +1,7 @@
-"""The loop over the steps of a chunk of blocks: draw increments, sum them, and let a generated kernel advance.
+"""The loop over the steps of a chunk, block by block: draw increments, sum them, and advance by a generated kernel.
 
-The kernel is an argument, the address of a function, so that this file is compiled once for all of them: a call costs
-50 ns and is made for some thousand path-steps. Needs numba; loaded by `sepv.simulate._compiled.store`, by its content.
+The kernel is passed as the address of a function, so that this file is compiled once for all kernels. A call costs 50
+ns and serves some thousand steps of paths. This file needs numba, and is loaded by `sepv.simulate._compiled.store`.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ def run(  # noqa: PLR0912 - in one piece, as a block runs
 ) -> None:  # fmt: skip
     """Run a chunk of paths in blocks of lanes from step done[0] to step n1.
 
-    The state of the chunk is S, I, sums, rng, stack and top, a set for each block; it is set up if no step is done.
-    Blocks that run to the end at once share one set. The first path has the number `path`. Its results go to ends, W
+    The state of each block is a set of arrays S, I, sums, rng, stack and top, set up if no step is done. If all blocks
+    run to the end at once, they share one set. The first path of the chunk has the number `path`. Results go to ends, W
     and marks, see `sepv.simulate._compiled.block_run`.
 
-    Increments are those of lanes `place` and on of `given` (N, m, M), or are drawn if that is empty. If there are
+    If `given` (N, m, M) is empty, increments are drawn; else they are its columns from `place` on. If there are
     `values`, each increment is replaced by the value of the last threshold that it reaches. `advance` calls
     `left_over` for lanes that it has not solved. The last two arguments are scratch space.
     """
@@ -83,5 +83,5 @@ def run(  # noqa: PLR0912 - in one piece, as a block runs
             copy_row(living, (sums, (own, j, 0), W, (j, first)))
         for i in range(2):
             copy_row(living, (I, (own, (STATUS + i) * lanes), marks, (i, first)))
-    # Written here and not by the caller, so that states are never ahead of their number after an interrupt.
+    # Written here and not by the caller, so that after an interrupt the states are not ahead of the number of steps.
     done[0] = n1

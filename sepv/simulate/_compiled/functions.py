@@ -1,8 +1,8 @@
 """Sine, cosine and logarithm without branches or calls, so that a loop over lanes becomes SIMD code.
 
-The polynomials are those of fdlibm (k_sin.c, k_cos.c, e_log.c; errors below 1 ulp of their reduced
-argument). Imported by generated code alone: this module needs numba, and nothing of sepv, since numba
-compiles a function anew where its own file has changed.
+The polynomials are those of fdlibm (k_sin.c, k_cos.c, e_log.c; errors below 1 ulp of their reduced argument). Only
+generated code imports this module, which needs numba. Its functions call none of other modules of sepv, because numba
+compiles a function anew only if the function's own file has changed.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ _PART_1 = float.fromhex("0x1.921fb0p+0")
 _PART_2 = float.fromhex("0x1.5110bp-22")
 _PART_3 = float.fromhex("0x1.18469898cc517p-44")
 _TWO_OVER_PI = 2 / math.pi
-# The largest angle; beyond it the result is NaN: the angle's own rounding is 1e-7, and the reduction is not exact.
+# The largest angle. Beyond it the result is NaN: the angle's own rounding is 1e-7, and the reduction is not exact.
 _LARGEST_ANGLE = 1e9
 _INT, _BYTE, _DOUBLE = ir.IntType(64), ir.IntType(8), ir.DoubleType()
-# Lanes whose increments are added up together: four registers of eight.
+# The number of lanes whose increments are added up together: four registers of eight.
 TOGETHER = 32
 _TO_INTEGER = 1.5 * 2.0**52  # adding it rounds to the nearest integer
 _LN2_HIGH, _LN2_LOW = 6.93147180369123816490e-01, 1.90821492927058770002e-10
 
 
 def _emits(instruction: Callable[[Any, Any], Any]) -> Callable[..., Any]:
-    """An intrinsic of a single instruction, which the builder emits from the arguments."""
+    """Make the code of an intrinsic that is a single instruction, which the builder emits from the arguments."""
     return lambda context, builder, signature, arguments: instruction(builder, arguments)  # noqa: ARG005 - numba's
 
 
@@ -49,13 +49,13 @@ def float_bits(typingctx: Any, x: Any) -> Any:  # noqa: ARG001 - numba's signatu
 
 @intrinsic
 def bits_float(typingctx: Any, x: Any) -> Any:  # noqa: ARG001 - numba's signature
-    """The float64 with these 64 bits."""
+    """The float64 whose 64 bits are those of an int64."""
     return types.float64(types.int64), _emits(lambda builder, a: builder.bitcast(a[0], _DOUBLE))
 
 
 @intrinsic
 def select(typingctx: Any, condition: Any, a: Any, b: Any) -> Any:  # noqa: ARG001 - numba's signature
-    """a where the condition holds, else b, both evaluated: a branch would keep a loop from becoming SIMD code."""
+    """a if the condition holds, else b; both are evaluated, because a branch would prevent SIMD code of a loop."""
     kind = types.float64 if types.float64 in (a, b) else types.int64
     return kind(types.boolean, kind, kind), _emits(lambda builder, found: builder.select(*found))
 
@@ -70,7 +70,7 @@ def fma(typingctx: Any, a: Any, b: Any, c: Any) -> Any:  # noqa: ARG001 - numba'
 def for_simd(typingctx: Any) -> Any:  # noqa: ARG001 - numba's signature
     """Ask LLVM for good SIMD code of the function's loops: registers of 512 bits, and arrays that do not overlap.
 
-    On Intel's processors it takes 256 bits by default: for loops of pure arithmetic that is 1.4 times slower.
+    By default LLVM takes registers of 256 bits on Intel's processors, 1.4 times slower for loops of pure arithmetic.
     """
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001 - numba's
@@ -84,7 +84,7 @@ def for_simd(typingctx: Any) -> Any:  # noqa: ARG001 - numba's signature
 
 
 def place(context: Any, builder: Any, kind: Any, array: Any, *indices: Any, lanes: int = 1) -> Any:
-    """The address of an element of an array, or of a vector of lanes from there on."""
+    """The address of an element of an array, or of the vector of `lanes` elements that begins with it."""
     found = cgutils.get_item_pointer(
         context, builder, kind, make_array(kind)(context, builder, array), indices
     )
@@ -94,7 +94,7 @@ def place(context: Any, builder: Any, kind: Any, array: Any, *indices: Any, lane
 
 @intrinsic
 def part(typingctx: Any, array: Any, first: Any, lane: Any) -> Any:  # noqa: ARG001 - numba's signature
-    """The array (N, m, M) from array[first, 0, lane] on, with its strides: rows go on into the next at their end."""
+    """The array (N, m, M) from array[first, 0, lane] on, with the same strides: the next row follows a row's end."""
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         kind, (whole, first, lane) = signature.return_type, arguments
@@ -122,11 +122,11 @@ def prefetch(typingctx: Any, array: Any, n: Any, j: Any, k: Any) -> Any:  # noqa
 
 
 def _on_rows(rows: int, emit: Callable[..., Any], whole: bool = False) -> Any:
-    """Make f(count, (array, indices, …, number, …)): `emit` for the addresses of `count` elements of each row.
+    """Make f(count, (array, indices, …, number, …)), which emits code for each of the `count` elements of some rows.
 
-    With `whole` the code is for all elements at once: it gets the addresses of the first ones, and the count.
-
-    A row begins at the indices of its array. Loops of numba's own take longer to compile, by a tenth of a second each.
+    A row begins at the given indices of its array, and `emit` gets the addresses of an element of each row. If `whole`,
+    it is called once, with the addresses of the first elements and the count. numba's own loops are not used, because
+    each takes a tenth of a second longer to compile.
     """
 
     @intrinsic
@@ -161,20 +161,20 @@ def _raise(builder: Any, u: Any, v: Any, threshold: Any, value: Any) -> None:
     builder.store(builder.select(reached, value, builder.load(v)), v)
 
 
-# Copy a row to another. Set all bits of its numbers to those of 0 or −1. Set a row to a number. Multiply it by one.
+# Copy a row to another; set all bits of a row to those of 0 or −1; set a row to a number; multiply a row by a number.
 copy_row = _on_rows(2, lambda builder, a, b, count: cgutils.raw_memcpy(builder, b, a, count, 8), whole=True)
 set_bits = _on_rows(1, lambda builder, a, count, bits: cgutils.memset(
     builder, a, builder.mul(count, _INT(8)), builder.trunc(bits, _BYTE)), whole=True)  # fmt: skip
 set_row = _on_rows(1, lambda builder, target, value: builder.store(value, target))
 scale_row = _on_rows(1, lambda builder, x, factor: builder.store(builder.fmul(builder.load(x), factor), x))
-# Replace increments and normals, times a factor, by the increments over the halves of their steps.
+# Replace a row of increments and one of normals by the increments over the first and over the second halves of steps.
 halve_rows = _on_rows(2, _halve)
-# Set v to a value where u is at least a threshold.
+# Set the elements of a row v to a value where those of a row u are at least a threshold.
 raise_row = _on_rows(2, _raise)
 
 
 def _vectors(context: Any, builder: Any, kind: Any, array: Any, lanes: int) -> Iterator[tuple[int, Any]]:
-    """Loop over the last axis of (n, m, L), by vectors of lanes and then one by one: their number, and the first."""
+    """Loop over the last axis of an array (n, m, L), by vectors and then one by one: number of lanes, first lane."""
     width = cgutils.unpack_tuple(builder, make_array(kind)(context, builder, array).shape)[2]
     whole = builder.and_(width, _INT(-lanes))
     for size, first, last in ((lanes, _INT(0), whole), (1, whole, width)):
@@ -184,7 +184,7 @@ def _vectors(context: Any, builder: Any, kind: Any, array: Any, lanes: int) -> I
 
 @intrinsic
 def add_rows(typingctx: Any, rows: Any, count: Any, j: Any, W: Any, b: Any) -> Any:  # noqa: ARG001 - numba's signature
-    """Add rows[:count, j] to W[b, j], which stays in registers meanwhile, TOGETHER lanes at a time."""
+    """Add rows[:count, j] to W[b, j], for TOGETHER lanes at a time, whose sums stay in registers meanwhile."""
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         rows, count, j, W, b = arguments
@@ -202,12 +202,12 @@ def add_rows(typingctx: Any, rows: Any, count: Any, j: Any, W: Any, b: Any) -> A
 
 
 def _mixed(builder: Any, a: Any, b: Any, order: Sequence[int]) -> Any:
-    """A vector of elements of two vectors, numbered through."""
+    """The vector of the elements `order` of two vectors, whose elements are numbered from a's first to b's last."""
     return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(ir.IntType(32), len(order)), list(order)))
 
 
 def _drawn(builder: Any, words: Sequence[Any]) -> Any:
-    """The next 64 bits of SFC64, whose state (a, b, c, counter) is at these addresses; or a vector of them."""
+    """Draw 64 bits of SFC64, whose state (a, b, c, counter) is at the addresses `words`, or a vector of such draws."""
     a, b, c, counter = (builder.load(word, align=8) for word in words)
     bits, out = a.type, builder.add(builder.add(a, b), counter)
     turned = builder.or_(builder.shl(c, bits(24)), builder.lshr(c, bits(40)))
@@ -226,7 +226,7 @@ def _words(context: Any, builder: Any, kind: Any, rng: Any, s: Any, k: Any, lane
 
 @intrinsic
 def mix(typingctx: Any, rng: Any, s: Any, rounds: Any) -> Any:  # noqa: ARG001 - numba's signature
-    """Draw from stream s of all lanes, `rounds` times; two registers at a time hide the latency."""
+    """Draw `rounds` times from stream s of all lanes, to mix its state; two registers at a time hide the latency."""
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         rng, s, rounds = arguments
@@ -244,7 +244,7 @@ def mix(typingctx: Any, rng: Any, s: Any, rounds: Any) -> Any:  # noqa: ARG001 -
 
 @intrinsic
 def draw(typingctx: Any, rng: Any, s: Any, k: Any) -> Any:  # noqa: ARG001 - numba's signature
-    """The next 64 bits of stream s of lane k."""
+    """Draw the next 64 bits of stream s of lane k."""
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return _drawn(builder, _words(context, builder, signature.args[0], *arguments))
@@ -254,10 +254,10 @@ def draw(typingctx: Any, rng: Any, s: Any, k: Any) -> Any:  # noqa: ARG001 - num
 
 @intrinsic
 def eight_normals(typingctx: Any, rng: Any, s: Any, k: Any, table: Any, out: Any, i: Any, j: Any) -> Any:  # noqa: ARG001 - numba's
-    """Draw from stream s of eight lanes, k and on, by the ziggurat's first test; return the bits of lanes that fail it.
+    """Draw normals for eight lanes from lane k on by the ziggurat's first test; return a bit for each lane it fails.
 
-    A lane of out[i, j] gets its normal, or if it fails the 64 bits drawn. The two numbers of each of the layers in
-    `table` are loaded together, which takes half as long as gathering first the widths and then the limits.
+    A lane of out[i, j] gets its normal or, if it fails the test, the 64 bits drawn from stream s. The width and the
+    limit of a layer in `table` are loaded together, which takes half as long as first all widths and then all limits.
     """
     bits, doubles = ir.VectorType(_INT, 8), ir.VectorType(_DOUBLE, 8)
 
@@ -270,7 +270,7 @@ def eight_normals(typingctx: Any, rng: Any, s: Any, k: Any, table: Any, out: Any
             layer = builder.extract_element(layers, _INT(lane))
             pair = place(context, builder, signature.args[3], table, layer, _INT(0), lanes=2)
             pairs.append(builder.load(pair, align=8))
-        while len(pairs) > 2:  # joined to those of the even lanes, and those of the odd ones
+        while len(pairs) > 2:  # join the pairs of the even lanes, and those of the odd lanes
             joined = zip(pairs[::2], pairs[1::2], strict=True)
             pairs = [_mixed(builder, a, b, range(2 * a.type.count)) for a, b in joined]
         width, limit = (
@@ -298,7 +298,7 @@ def lowest_bit(typingctx: Any, bits: Any) -> Any:  # noqa: ARG001 - numba's sign
 
 @_inline
 def sine_tail(z: float) -> float:
-    """s with sin x = x + x·z·(−1/6 + z·s), z = x², for |x| ≤ π/4."""
+    """The number s in sin x = x + x·z·(−1/6 + z·s), z = x², for |x| ≤ π/4."""
     return 8.33333333332248946124e-03 + z * (
         -1.98412698298579493134e-04
         + z
@@ -308,13 +308,13 @@ def sine_tail(z: float) -> float:
 
 @_inline
 def sincos(x: float) -> tuple[float, float]:
-    """(sin x, cos x), within 1 ulp of 1 for |x| ≤ 1e9, NaN beyond."""
+    """The pair (sin x, cos x), within 1 ulp of 1 for |x| ≤ 1e9, and NaN for larger |x|."""
     shifted = x * _TWO_OVER_PI + _TO_INTEGER
     k = shifted - _TO_INTEGER
     quadrant = float_bits(shifted)
     reduced = (x - k * _PART_1) - k * _PART_2
     r = reduced - k * _PART_3
-    # The rounding error of r. Omitting it is a bias of a tenth of a rounding for all x of a binade and quadrant.
+    # The rounding error of r. Without it, all x of a binade and quadrant have a bias of a tenth of a rounding.
     low = (reduced - r) - k * _PART_3
     r = select(abs(x) <= _LARGEST_ANGLE, r, np.nan)
     z = r * r
@@ -344,13 +344,13 @@ def cosine(x: float) -> float:
 
 @_inline
 def sinc(x: float) -> tuple[float, float]:
-    """sin(x)/x and its derivative, which has a few digits for small x: enough for Newton's Jacobian."""
+    """sin(x)/x and its derivative, which has only a few digits for small x; these are enough for Newton's matrix."""
     sine, cos = sincos(x)
     flat = abs(x) < 1e-3
     safe = select(flat, 1.0, x)
     z = x * x
     s = sine_tail(z)
-    # The quotient rounds twice, 0.53·2⁻⁵³ in the root mean square where the series has 0.29·2⁻⁵³.
+    # The quotient has two roundings, 0.53·2⁻⁵³ in root mean square; the series has 0.29·2⁻⁵³.
     value = select(z < 0.6, 1.0 + z * (-1.66666666666666324348e-01 + z * s), sine / safe)
     slope = select(flat, -x * (1.0 / 3.0 - z / 30.0), (cos - value) / safe)
     return value, slope
@@ -358,7 +358,7 @@ def sinc(x: float) -> tuple[float, float]:
 
 @_inline
 def logarithm(x: float) -> float:
-    """ln x for normal x > 0, within 1 ulp; NaN for x ≤ 0 and for x not finite."""
+    """The logarithm ln x within 1 ulp for normal numbers x > 0; NaN for x ≤ 0 and for x not finite."""
     bits = float_bits(x)
     # 0x3fe6a09e667f3bcd is √½: the mantissa is reduced to [√½, √2).
     high = bits - 0x3FE6A09E667F3BCD
@@ -382,9 +382,9 @@ def logarithm(x: float) -> float:
 
 @_inline
 def log1p_ratio(x: float) -> tuple[float, float]:
-    """log1p(x)/x for x > −1, 1 at 0, and its derivative −∫₀¹τ/(1 + τx)²dτ by three Gauss nodes."""
+    """log1p(x)/x for x > −1 (1 for x = 0), and its derivative −∫₀¹τ/(1 + τx)²dτ by three Gauss nodes."""
     u = 1.0 + x
-    # ln(1 + x) = ln u + (x − (u − 1))/u to first order in the rounding of u; where u = 1 it is x.
+    # ln(1 + x) = ln u + (x − (u − 1))/u to first order in the rounding of u = 1 + x; if u = 1, this is x.
     correction = (x - (u - 1.0)) / u
     safe = select(x == 0.0, 1.0, x)
     value = select(x == 0.0, 1.0, (logarithm(u) + correction) / safe)
@@ -401,7 +401,7 @@ def log1p_ratio(x: float) -> tuple[float, float]:
 
 @_inline
 def expm1_ratio(x: float) -> tuple[float, float]:
-    """expm1(x)/x, 1 at 0, and its derivative, which has a few digits for small x: enough for Newton's Jacobian."""
+    """expm1(x)/x (1 for x = 0) and its derivative, which for small x has only digits enough for Newton's matrix."""
     flat = abs(x) < 1e-3
     safe = select(x == 0.0, 1.0, x)
     value = select(x == 0.0, 1.0, math.expm1(x) / safe)

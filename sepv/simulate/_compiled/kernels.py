@@ -1,9 +1,9 @@
-"""The kernels of the compiled engine: loops over steps, lanes and iterations, as ordinary functions.
+"""The kernels of the compiled engine: loops over steps, lanes (paths of a block) and iterations, as ordinary functions.
 
-A generated module (`sepv.simulate._compiled.layout`) compiles them by `compiled`, with its own values for the names at
-the top here: the sizes of a problem and the pieces of straight-line code (`sepv.simulate._compiled.llvm`) printed from
-its records. All state of a block is in one scratch buffer S at fixed offsets, its integers in I. The result of a lane
-never depends on other lanes.
+A generated module (`sepv.simulate._compiled.layout`) compiles these functions by `compiled`, with its own values for
+the names at the top of this file: the sizes of a problem, and pieces of straight-line code (module `llvm`) printed from
+the problem's records. The state of a block is in one scratch buffer S at fixed offsets, its integers in I. The result
+of a lane never depends on other lanes.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from sepv.simulate._compiled.signatures import OPTIONS, call_left_over
 _made: Any = None
 # The number of lanes in a block, and in a group of lanes that continue together.
 L = GROUP = 0
-# For `iterated`: the lanes in the first loop, whose piece may take two at a time; its iterations; further iterations.
+# For `iterated`: the passes of the first loop, each of one lane or two; its iterations; the most further iterations.
 TOGETHER = STEPS = FAST = 0
-# Offsets in the integers of a block.
+# Offsets in I, the integers of a block.
 BUSY = ALIVE = STATUS = EVALUATIONS = STRUCTURES = LIVING = WORK = 0
-# For `staged`: sweeps, and the nodes of the quadratures.
+# For `staged`: numbers of sweeps, and the nodes of the quadratures.
 STAGES = RULES = BLIND = FUSED = TESTED = 0
 EXACT = CHECKED = STRAIGHT = False
 COUNTS = FIRSTS = NODES = _made
-# For a projection: evaluations of the first iterations and of each further one.
+# For a projection: numbers of evaluations in the first iterations, and in each further iteration.
 FIRST_GRADIENTS = FIRST_STRUCTURES = AVERAGES = 0
 loaded = loaded_node = _made
 # Pieces f(S, I, buffer, n, k, first, h, bound, q) for lane k in step n; each returns a number that is added up.
@@ -39,9 +39,9 @@ first_steps = iteration = blind = check = clear = add_node = quick = masked = in
 def compiled(
     function: Callable[..., Any], names: dict[str, Any], signature: Any = None, inline: bool = False
 ) -> Any:
-    """Compile the function over `names`, the globals of a generated module; the compiled code is kept beside its file.
+    """Compile a function with `names`, the globals of a generated module, as its globals.
 
-    With a signature it is compiled at once, else at its first call.
+    With a signature it is compiled at once, else at its first call. Compiled code is cached beside the module's file.
     """
     code = function.__code__.replace(co_filename=names["__file__"])
     own = FunctionType(code, names, function.__name__)
@@ -49,21 +49,21 @@ def compiled(
 
 
 def start(S: Any, I: Any, buffer: Any, P: Any) -> None:
-    """Compute the invariants of a block whose states are set."""
+    """Compute the invariants at the start of the paths of a block, whose states are set."""
     q = loaded(P)
     for k in range(L):
         invariants(S, I, buffer, 0, k, 0, 0.0, 0.0, q)
 
 
 def ahead(buffer: Any, n: int) -> None:
-    """Prefetch the increments of the step after the next: given ones have their cache lines far apart."""
+    """Prefetch the increments of step n + 2, because the cache lines of given increments are far apart."""
     for j in range(buffer.shape[1]):
         for k in range(0, L, 8):
             prefetch(buffer, n + 2, j, k)
 
 
 def any_marked(I: Any, group: int, mark: int) -> bool:
-    """True if BUSY has the bit `mark` (1, 2 or 4) for a lane of the group that begins at lane `group`."""
+    """True if BUSY has the bit `mark` (1, 2 or 4) in some lane of the group that begins with lane `group`."""
     for_simd()
     found = 0
     for k in range(group, group + GROUP):
@@ -74,11 +74,11 @@ def any_marked(I: Any, group: int, mark: int) -> bool:
 def moved(
     S: Any, I: Any, buffer: Any, n: int, first: int, h: float, bound: float, q: Any, trouble: int
 ) -> bool:
-    """End a step of all lanes: new states, statuses and defects of invariants.
+    """End a step of all lanes: set the new states, statuses and defects of invariants.
 
-    trouble : the number of lanes whose step failed; if it is 0 and all lanes live, no lane needs a mask
+    trouble : the number of lanes whose step failed; if it is 0 and no path failed before, no lane needs a mask
 
-    Return True if a lane lives on.
+    Return True if the path of at least one lane has not failed.
     """
     for_simd()
     if trouble == 0 and I[LIVING] == L:
@@ -93,7 +93,7 @@ def moved(
 
 
 def solved(S: Any, I: Any, buffer: Any, n: int, left_over: int) -> int:
-    """Solve the step of every lane that is still busy by a call of Python (`sepv.solve`); return their number."""
+    """Solve the step of every busy lane by a call of Python (`sepv.solve`); return the number of busy lanes."""
     trouble = 0
     for k in range(L):
         trouble += 1 if I[BUSY + k] != 0 else 0
@@ -105,7 +105,7 @@ def solved(S: Any, I: Any, buffer: Any, n: int, left_over: int) -> int:
 def explicit(
     S: Any, I: Any, buffer: Any, count: int, first: int, h: float, bound: float, P: Any, left_over: int,  # noqa: ARG001
 ) -> int:  # fmt: skip
-    """Take steps of an explicit scheme: the increment, and a test that it is finite. 1 if no lane lives on."""
+    """Take `count` steps of an explicit scheme, testing that states are finite; return 1 if all paths failed."""
     for_simd()
     q = loaded(P)
     for n in range(count):
@@ -121,11 +121,10 @@ def explicit(
 def iterated(
     S: Any, I: Any, buffer: Any, count: int, first: int, h: float, bound: float, P: Any, left_over: int
 ) -> int:
-    """Take `count` steps by Newton's iteration, or by that of a projection, in lockstep; 1 if no lane lives on.
+    """Take `count` steps by Newton's iteration or a projection's, in lockstep; return 1 if all paths failed.
 
-    The first steps of all lanes are one piece; lanes that are not done then go on in groups. Lanes not done after FAST
-    steps, or in any trouble, are left over. BUSY is 1 in a lane that goes on, 0 in one that is done, and 2 where a
-    projection ends outside the domain.
+    The first iterations are one piece of code for all lanes; lanes not done after them continue in groups. `sepv.solve`
+    solves lanes that are not done after FAST further iterations. BUSY is 1 in a lane that continues, 0 in one done.
     """
     for_simd()
     q = loaded(P)
@@ -157,10 +156,10 @@ def iterated(
 def staged(  # noqa: PLR0912 - in one piece, as the method reads
     S: Any, I: Any, buffer: Any, count: int, first: int, h: float, bound: float, P: Any, left_over: int
 ) -> int:
-    """Take `count` steps of an s-stage method: sweeps, rule by rule.
+    """Take `count` steps of an s-stage method by fixed-point sweeps, one quadrature rule after the other.
 
-    BUSY is 1 in a lane that sweeps, 4 in one whose result is to be checked, 0 in one that is done, and 2 in one left to
-    Newton's iteration (`sepv.solve`).
+    BUSY is 1 in a lane that sweeps, 4 in a lane whose result is to be checked, 0 in a lane that is done, and 2 in one
+    that Newton's iteration (`sepv.solve`) is to solve. Return 1 if all paths failed.
     """
     for_simd()
     q = loaded(P)
@@ -199,7 +198,7 @@ def staged(  # noqa: PLR0912 - in one piece, as the method reads
 
 
 def sums(S: Any, I: Any, buffer: Any, group: int, rule: int, q: Any) -> None:
-    """Compute G_i = Σ W_in ∇H(u_n) of a group, node by node. If a sweep is written out, do nothing."""
+    """Compute the sums G_i = Σ W_in ∇H(u_n) of a group of lanes, node by node; do nothing if sweeps need no sums."""
     for_simd()
     if STRAIGHT:
         return

@@ -1,7 +1,7 @@
-"""The normals and the increments of a block of paths side by side: one stream of SFC64 a lane.
+"""Normals and Wiener increments of a block of paths side by side: each lane (path) has its own streams of SFC64.
 
-The streams, their order and the ziggurat are numpy's (`Generator(SFC64).standard_normal`), so that the
-numbers are those of `sepv.simulate._wiener` to the bit. Imported by generated code alone: this module needs numba.
+The streams, their order and the ziggurat are numpy's (`Generator(SFC64).standard_normal`), so that the numbers are
+those of `sepv.simulate._wiener` to the bit. Only generated code imports this module, which needs numba.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from sepv.simulate._compiled.functions import (
 from sepv.simulate._compiled.signatures import BEGIN, FILL, NORMALS, OPTIONS, ZIGGURAT, address, call_normals
 from sepv.simulate._wiener import MIXING, STREAMS
 
-# The number of levels that `fill` halves together, 64 steps: only the driver's pieces of single paths are so long.
+# The most levels that `fill` halves together, 64 steps: only the driver's pieces of single paths are so long.
 TOGETHER = 6
-# Inlined before types are inferred: one compilation for each function that is called by its address.
+# Inlined before types are inferred, so that numba compiles only the functions that are called by their address.
 _inline: Any = njit(error_model="numpy", inline="always")
-# Width and limit of each layer; the limits are integers below 2⁵².
+# The width and the limit of each layer of the ziggurat; the limits are integers below 2⁵².
 _LAYERS = np.array([wi_double, ki_double], dtype=np.float64).T.copy()
 _HEIGHT = np.array(fi_double, dtype=np.float64)
 _R, _INVERSE_R = float(ziggurat_nor_r), float(ziggurat_nor_inv_r)
@@ -79,7 +79,7 @@ def _ziggurat(rng: Any, s: int, k: int, r: Any) -> float:
 def normals(rng: Any, s: int, out: Any, first: int, apart: int, count: int) -> None:
     """Draw standard normals from stream s of rng (streams, 4, L), for each lane and noise.
 
-    They fill the `count` rows first, first + apart, and so on of out (n, m, L).
+    The normals fill the `count` rows first, first + apart, and so on of out (n, m, L).
     """
     for_simd()
     noises, lanes = out.shape[1], out.shape[2]
@@ -110,8 +110,8 @@ def fill(
     """Write increments of the steps first … first + count − 1 of a block into out (count, m, L).
 
     drawing : the address of `normals`
-    stack (streams, m, L) keeps the right halves for later; top (n, m, L) is the coarse part, n = 0 where it is drawn
-    here; `above` is the number of its halvings.
+    stack (streams, m, L) keeps the right halves for later steps; top (n, m, L) has the coarse increments, which are
+    drawn here if n = 0; `above` is the number of halvings of the coarse part.
     """
     for_simd()
     fine = select(rng.shape[0] == 0, 0, rng.shape[0] - 1)  # without noise there are no streams
@@ -127,14 +127,14 @@ def fill(
         while level > 0 and n & 1 == 0:
             level -= 1
             n >>= 1
-        # n is now the number of the increment of that level; an odd one waits on the stack.
+        # n is now the number of an increment of this level; if n is odd, the increment is already on the stack.
         if level > 0:
             copy_row(width, (stack, (level, 0, 0), out, (i, 0, 0)))
         elif top.shape[0]:
             copy_row(width, (top, (n, 0, 0), out, (i, 0, 0)))
         else:
             scale_row(width, (out, (i, 0, 0), factors[0]))
-        # The last levels are halved together where all their steps are asked for, and drawn together from here on.
+        # The last levels are halved together if all their steps are to be written, and drawn together from here on.
         together = below if level <= fine - below and i + (1 << below) <= count else 0
         groups = (count - i) >> below if together > 0 and i >= drawn else 0
         drawn = select(groups > 0, i + (groups << below), drawn)
@@ -156,9 +156,9 @@ def fill(
 def begin(
     drawing: int, rng: Any, top: Any, words: Any, path: int, factors: Any, base: int, halvings: int
 ) -> None:
-    """Set up the streams of a block, rng (streams, 4, L), of paths `path` and on, and its coarse increments.
+    """Set up the streams rng (streams, 4, L) of a block, whose first path is number `path`, and its coarse increments.
 
-    The latter are top (n, m, L) with n = base·2^halvings or 0, drawn level by level in place.
+    The coarse increments are top (n, m, L) with n = base·2^halvings or 0, drawn level by level in place.
 
     drawing : the address of `normals`
     words : the first words of the streams, (streams, 3) (`sepv.simulate._wiener.stream_words`)
@@ -176,7 +176,7 @@ def begin(
     for i in range(0, top.shape[0], apart):
         scale_row(width, (top, (i, 0, 0), factors[0]))
     for level in range(1, halvings + 1):
-        # Normals of a level come in the order of time.
+        # The normals of a level are drawn in the order of time.
         call_normals(drawing, (rng, 0, top, apart // 2, apart, base << (level - 1)))
         for i in range(0, top.shape[0], apart):
             halve_rows(width, (top, (i, 0, 0), top, (i + apart // 2, 0, 0), factors[level]))

@@ -17,14 +17,14 @@ CRAMER = 3
 def correct(
     code: CodeBuilder, F: Sequence[Expression], A: Table, z: Sequence[str], near: str | None = None
 ) -> tuple[list[str], str | None]:
-    """Write z − A⁻¹F, and 1/det A where it is used; m is the size of the correction, Σ|A⁻¹F|_i.
+    """Write code of z − A⁻¹F, and of 1/det A if Cramer's rule is used; m becomes the correction's size Σ|A⁻¹F|_i.
 
-    `near` is 1/det of a matrix near A. A Newton step for the reciprocal, which squares the relative distance, then
-    replaces the division, the slowest operation. Where A moved with a correction m, that is O(m²) of the next one, as
-    in Newton's iteration itself.
+    `near` is 1/det of a matrix near A. If it is given, a Newton step for the reciprocal replaces the division, the
+    slowest operation, and squares the relative error of `near`. If A changed with a correction of size m, the error is
+    O(m²) of the next correction, as in Newton's iteration itself.
 
-    A is 1 − K with small K at sensible steps, and Newton's iteration computes the next residual afresh: a bad pivot
-    costs iterations and shows as a lane that does not converge, not as a wrong result.
+    With sensible steps A is 1 − K with small K, and Newton's iteration computes the next residual afresh. A bad pivot
+    therefore costs iterations and shows as a lane (path) that does not converge, not as a wrong result.
     """
     before = [None if v == "0.0" else v for v in z]
     if len(F) > CRAMER:
@@ -41,14 +41,15 @@ def correct(
 
 
 def magnitude(c: Sequence[str], opened: str = "") -> str:
-    """The size m = Σ|c_i| of a correction."""
+    """The line that computes the size m = Σ|c_i| of a correction c."""
     return f"m = {opened}{' + '.join(f'abs({v})' for v in c)}"
 
 
 def contraction(code: CodeBuilder, A: Table) -> str:
-    """Write a test that sweeps gain a factor of two: ‖K‖ ≤ ½ for K = 1 − A in the Frobenius norm.
+    """Write a test that each sweep at least halves the error: ‖K‖ ≤ ½ for K = 1 − A in the Frobenius norm.
 
-    There is then one solution near zero (Banach), which Newton's iteration finds from there. No usual norm is larger.
+    The equation then has one solution near zero (Banach), which Newton's iteration finds from the sweeps' result. The
+    Frobenius norm bounds the Euclidean norm of the matrix.
     """
     K = [
         v if i != j else None if v == "(1.0)" else code.let(f"1.0 - {shown(v)}")
@@ -59,7 +60,7 @@ def contraction(code: CodeBuilder, A: Table) -> str:
 
 
 def _cramer(code: CodeBuilder, A: Table, b: Sequence[Expression]) -> tuple[list[str], str]:
-    """The numerators and the determinant of Cramer's rule."""
+    """Code of the numerators and the determinant of Cramer's rule for A x = b."""
     tape, values = Tape(), dict[int, Expression]()
 
     def symbol(text: Expression) -> Any:
@@ -75,7 +76,7 @@ def _cramer(code: CodeBuilder, A: Table, b: Sequence[Expression]) -> tuple[list[
 
 
 def _eliminate(code: CodeBuilder, A: Table, b: list[Expression]) -> list[str]:
-    """A⁻¹b without pivoting."""
+    """Code of A⁻¹b by elimination without pivoting."""
     d = len(b)
     pivots = []
     for k in range(d):

@@ -1,12 +1,12 @@
-"""Straight-line code of a lane as one operation for numba: text in, LLVM instructions out.
+"""Straight-line code of a lane (a path of a block), compiled from text to LLVM instructions as one operation of numba.
 
-A piece is one call to numba that becomes exactly the instructions of its lines, in their order. The loops around it are
-then ordinary functions (`kernels`) and still become SIMD code. Kernels printed whole as code for numba are not faster,
-and start later: numba's type inference takes seconds over a thousand statements.
+For numba a piece of code is one call, which becomes exactly the instructions of the piece's lines, in their order. The
+loops around a piece are ordinary functions (`kernels`), and still become SIMD code. Kernels printed as a whole for
+numba would not be faster, and start later, because numba's type inference takes seconds for a thousand statements.
 
-Only straight-line code is printed: the record of R and K, the correction, the test of a step. Two lanes of it are
-interleaved, line by line. Lines are those that `text` writes: assignments of +, −, ×, ÷, comparisons, &, |, `fma`,
-`select`, `not_`, `abs`, elements of arrays and functions of numbers. Needs numba.
+Only straight-line code is printed: R and K of a step's equation, the correction, the test of a step. The lines of two
+lanes may be interleaved. Lines are assignments of +, −, ×, ÷, comparisons, &, |, `fma`, `select`, `not_`, `abs`,
+elements of arrays and functions of numbers. This module needs numba.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _COMPARISONS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: 
 
 
 class _Lines:
-    """Instructions from lines; `names` holds values, numbers and functions, `arrays` pointers and their strides."""
+    """Emits instructions for lines; `names` has values, numbers and functions, `arrays` pointers and their strides."""
 
     def __init__(
         self, context: Any, builder: Any, names: Mapping[str, Any], arrays: Mapping[str, Any]
@@ -37,7 +37,7 @@ class _Lines:
         self.names, self.arrays = dict(names), arrays
 
     def run(self, lines: Sequence[str], result: str) -> Any:
-        """Emit the lines, and return the number that they add to the name `result`."""
+        """Emit the instructions of the lines, and return the sum that they add to the name `result`."""
         total = ir.Constant(_INT, 0)
         for statement in ast.parse("\n".join(lines)).body:
             if isinstance(statement, ast.AugAssign):
@@ -54,7 +54,7 @@ class _Lines:
         return total
 
     def place(self, node: Any) -> Any:
-        """The address of an element, whose indices count from the front."""
+        """The address of an array's element, whose indices are not negative."""
         pointer, strides = self.arrays[node.value.id]
         indices = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
         offset = None
@@ -65,7 +65,7 @@ class _Lines:
         return self.builder.gep(pointer, [offset], inbounds=True)
 
     def value(self, node: Any) -> Any:  # noqa: PLR0911 - a rule a line
-        """Emit an expression."""
+        """Emit the instructions of an expression, and return its LLVM value."""
         builder = self.builder
         match node:
             case ast.Constant(value=bool(v)):
@@ -97,7 +97,7 @@ class _Lines:
         raise AssertionError(f"no rule for {ast.unparse(node)}")
 
     def alike(self, a: Any, b: Any) -> tuple[Any, Any]:
-        """Convert an integer beside a float to a float."""
+        """Convert an integer to a float if the other value is a float."""
         if a.type == b.type:
             return a, b
         as_float = lambda v: v if v.type == _DOUBLE else self.builder.sitofp(v, _DOUBLE)  # noqa: E731
@@ -135,7 +135,7 @@ class _Lines:
 
 
 def _array(context: Any, builder: Any, kind: Any, value: Any) -> tuple[Any, list[Any]]:
-    """The data pointer, and the strides in elements of a contiguous array; None for 1."""
+    """The data pointer of a contiguous array, and its strides in elements, with None for the stride 1."""
     if kind.layout != "C":
         raise TypeError(f"expected a contiguous array, received {kind}")
     found = context.make_array(kind)(context, builder, value)
@@ -182,7 +182,7 @@ def lane_piece(lines: Sequence[str], result: str, known: Mapping[str, Any]) -> C
 
 
 def loaded(count: int) -> Callable[..., Any]:
-    """Make f(P): the first numbers of an array as a tuple, so that they stay in registers."""
+    """Make f(P), which returns the first `count` numbers of an array as a tuple, so that they stay in registers."""
 
     @intrinsic
     def piece(typingctx: Any, P: Any) -> Any:  # noqa: ARG001 - numba's signature

@@ -1,14 +1,14 @@
-"""Newton's iteration for a block of lanes in lockstep.
+"""Code of Newton's iteration for a block of lanes (paths) in lockstep.
 
-A lane is done if its correction m, once applied, leaves an error below rounding: Newton's corrections shrink
-quadratically, so the next one is m³/m_before², or m times the relative error of Newton's matrix if that is more. A lane
-that is not done after a few steps, overflows or leaves the domain is solved again from the start by `sepv.solve`, with
-every test and its status (`sepv.simulate._compiled.block_run`).
+A lane is done if its correction, of size m, leaves an error below rounding. Newton's corrections shrink quadratically,
+so the next one is about m³/m_before², or m times the relative error of Newton's matrix if this is more. If a lane is
+not done after a few steps, overflows or leaves the domain, `sepv.solve` solves its step again from the start, with all
+tests and its status (`sepv.simulate._compiled.block_run`).
 
-Where the equation is z = Δ P(ȳ), ȳ = y + z/2, with short polynomials P ((2.1) and the midpoint rule where H is
-quadratic and B linear), the unknown is ȳ at first: a sweep ȳ ← y + ½Δ P(ȳ) costs a product and a sum for each term,
-and 1 − K = 1 − ½Δ P′(ȳ) one for each of P′, since the ½Δ c are multiplied once. Their result is rounded at the size
-of y. The steps after them take R as the formula writes it, whose roundings are those of B∇H and not of P.
+For H quadratic and B linear, the equation of (2.1) and of the midpoint rule is z = Δ P(ȳ), ȳ = y + z/2, with short
+polynomials P. The unknown is then ȳ at first, because a sweep ȳ ← y + ½Δ P(ȳ) costs a product and a sum for each term
+of P, and 1 − K = 1 − ½Δ P′(ȳ) one for each term of P′: products ½Δ c with coefficients c are computed once. The result
+is rounded at the size of y. Later steps take R as the formula writes it, with the roundings of B∇H and not of P.
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ from sepv.simulate._compiled.schemes import Formula, middle, scaled_field
 from sepv.simulate._compiled.writer import Writer
 from sepv.solve import LEFT
 
-# Sweeps z ← Δ f(ȳ) before Newton's iteration. Where H is at most quadratic, sweeps solve the equation itself: four
-# leave O(Δ⁵) at the cost of a Newton step, which leaves O(Δ³), as two sweeps do elsewhere. Sweeps of ȳ cost less: one
-# more gains a tenth at h = 0.03, where lanes are left to groups, and costs a fiftieth at h = 0.002 (rigid body).
+# The sweeps z ← Δ f(ȳ) before Newton's iteration. For H at most quadratic they solve the equation itself: four leave
+# O(Δ⁵) at the cost of a Newton step, which leaves O(Δ³), as two sweeps do for other H. Sweeps of ȳ cost less: for the
+# rigid body, a fifth saves a tenth of the time at h = 0.03 (where lanes go on in groups), and costs 1/50 at h = 0.002.
 SWEEPS, MIDDLE_SWEEPS, ROUGH_SWEEPS = 4, 5, 2
-# Newton steps in registers, for up to LARGE unknowns; only the last one is tested. A compensated path takes one or two
-# more: a correction below half a rounding of z is lost when it is applied, and the remaining error has a sign, with a
-# mean of 1e-4 roundings a step, a tenth of that for each further step.
+# Newton steps in registers, for up to LARGE unknowns; only the last is tested. With compensated summation there are one
+# or two more, because a correction below half a rounding of z is lost when it is applied. The error left has a mean of
+# 1e-4 roundings in a step of the path, and a tenth of this after each further Newton step.
 FIRST_STEPS = 2
 LARGE = 6
-# Newton steps of a group; lanes that are not done after them are left over.
+# The most Newton steps of a group of lanes; `sepv.solve` solves the lanes that are not done after them.
 FAST = 8
 
 
 class NewtonWriter(Writer):
-    """Writer of the kernel of a scheme with z = R(z)."""
+    """Writer of the kernel of an implicit scheme, with the equation z = R(z) for the increment z."""
 
     def __init__(
         self, problem: RecordedProblem, formula: Formula, noises: int, lanes: int, compensated: bool
@@ -58,19 +58,19 @@ class NewtonWriter(Writer):
     kernel = "iterated"
 
     def pieces(self) -> dict[str, tuple[list[str], str]]:
-        """The first steps for all lanes, and the next for groups."""
+        """The pieces of code: the first steps for all lanes, and a further step for a group of lanes."""
         first = self.side_by_side([*self.random_step(), *self.first_steps()])
         return {"first_steps": (first, "left"), "iteration": (self.iteration(), "left")}
 
     def numbers(self) -> dict[str, Any]:
-        """The sizes of the first piece."""
+        """The constants of the piece of code with the first steps."""
         together = self.lanes // 2 if self.lanes >= 2 * GROUP else self.lanes
         return {"TOGETHER": together, "STEPS": self.sweeps + self.steps, "FAST": FAST}
 
     def side_by_side(self, lines: list[str]) -> list[str]:
         """Interleave the code of two lanes (paths), one from each half of the block.
 
-        A step is one chain of operations that wait for each other: two chains take little longer than one.
+        A step is a chain of operations that wait for each other, so two chains take little longer than one.
         """
         if self.lanes < 2 * GROUP:
             return lines
@@ -83,9 +83,9 @@ class NewtonWriter(Writer):
         return [f"k_ = k + {self.lanes // 2}", *both]
 
     def first_steps(self) -> list[str]:
-        """Code of the first sweeps and steps, in registers; only the last is tested: a test costs a third of a step.
+        """Code of the first sweeps and Newton steps; only the last is tested, because a test costs a third of a step.
 
-        A lane whose sweeps do not contract starts again at zero: its P is infinite.
+        If the sweeps of a lane do not contract, its last correction P is set to infinity: it starts again from z = 0.
         """
         code = CodeBuilder(self.parameters)
         y = self.loaded(code, "Y", "y")
@@ -103,7 +103,7 @@ class NewtonWriter(Writer):
         return code.lines
 
     def in_increments(self, code: CodeBuilder, y: list[str]) -> list[str]:
-        """z from sweeps and steps; m and `before` are the sizes of the last two corrections."""
+        """Code of z by sweeps and Newton steps; m and `before` become the sizes of the last two corrections."""
         z = ["0.0"] * self.unknowns
         for _ in range(self.sweeps):
             z = [shown(v) for v in self.swept(code, y, z)]
@@ -118,7 +118,7 @@ class NewtonWriter(Writer):
         return z
 
     def in_middles(self, code: CodeBuilder, y: list[str]) -> list[str]:
-        """z from sweeps and steps for ȳ (`_approach`), except the last steps."""
+        """Code of z by sweeps and a Newton step for ȳ = y + z/2 (`_approach`), then Newton steps for z."""
         assert self.P is not None
         states, inverse = _approach(code, self.P, y, self.sweeps)
         z = [code.let(f"2.0 * {v}") for v in (code.let(f"{a} - {b}") for a, b in zip(states, y, strict=True))]
@@ -129,13 +129,13 @@ class NewtonWriter(Writer):
         return z
 
     def swept(self, code: CodeBuilder, y: list[str], z: list[str]) -> list[Expression]:
-        """Δ f(ȳ) for any scheme that depends on Δ alone; the right side itself for others."""
+        """Code of a sweep: Δ f(ȳ) if the scheme depends on the random step Δ alone, else its right side R(z)."""
         if self.known == ["delta"]:
             return scaled_field(code, self.problem, middle(code, y, z), "delta")
         return self.problem.increment(code, self.formula.recorded, y, z, self.known)
 
     def kept_inside(self, code: CodeBuilder, y: list[str], z: list[str]) -> list[str]:
-        """The increment z, or NaN if its state is outside the domain, so that the lane is never done."""
+        """Code of the increment z, set to NaN if its state is outside the domain, so that the lane is never done."""
         if not self.has_domain():
             return z
         code.lines.append(f"inside = {self.inside(code, y, z)}")
@@ -144,9 +144,9 @@ class NewtonWriter(Writer):
     def test(self, compared: bool) -> list[str]:
         """Test that the correction of size m, once applied, leaves an error below rounding.
 
-        One that follows a correction below FIRST is squared once more whatever its own roundings: with a constant C
-        of the iteration, relative to the state, C³·2⁻¹²⁴ is left, below LEFT for every C up to 2²⁰. `compared` tells
-        that a correction surely came before: were that one infinite, m would be NaN.
+        If the correction before is below FIRST, FIRST is taken in its place, because m may then be mere rounding. With
+        the constant C of Newton's iteration, relative to the state, the error left is C³·2⁻¹²⁴, below LEFT for every C
+        up to 2²⁰. `compared` says that there surely was a correction before: if it were infinite, m would be NaN.
         """
         later = [] if compared else ["later = (before < INF) | (m <= FIRST * scale)"]
         others = ["next", "near", *["later"] * (not compared), *["inside"] * self.has_domain()]
@@ -161,7 +161,7 @@ class NewtonWriter(Writer):
     def system(
         self, code: CodeBuilder, y: list[str], z: list[str], states: Sequence[str] = ()
     ) -> tuple[list[Expression], Table]:
-        """F = z − R and 1 − K; `states` is ȳ if it is already known."""
+        """Code of the residual F = z − R and Newton's matrix 1 − K, K = ∂R/∂z; `states` is ȳ if already known."""
         formula = self.formula.recorded
         if self.P is None:
             return self.problem.equation(code, formula, y, z, self.known)
@@ -169,7 +169,7 @@ class NewtonWriter(Writer):
         return self.problem.residual(code, formula, y, z, self.known, states), _matrix(code, self.P, states)
 
     def iteration(self) -> list[str]:
-        """A step of all lanes and its test. A lane that fails the test stays busy, and is left over in the end."""
+        """Code of a Newton step and its test; a lane stays busy if it fails the test, in the end for `sepv.solve`."""
         n = self.unknowns
         code = CodeBuilder(self.parameters)
         code.lines += self.random_step()
@@ -188,7 +188,7 @@ class NewtonWriter(Writer):
         return code.lines
 
     def inside(self, code: CodeBuilder, y: list[str], z: list[str]) -> str:
-        """Test that all states that belong to z are in the domain."""
+        """Code of the test that all states of a step with the unknowns z are in the domain."""
         found = [self.problem.domain(code, state) for state in self.formula.states(code, y, z)]
         return " & ".join(f"({f})" for f in found)
 
@@ -196,7 +196,7 @@ class NewtonWriter(Writer):
 def _approach(
     code: CodeBuilder, P: Sequence[Polynomial], y: Sequence[str], sweeps: int
 ) -> tuple[list[str], str | None]:
-    """Code for ȳ: fixed-point sweeps from y, then a Newton step; m is its size in z. Also 1/det(1 − ½ΔP′), or None."""
+    """Code of ȳ: sweeps from y, then a Newton step of size m in z; return ȳ, and 1/det(1 − ½ΔP′) or None."""
     middle = list(y)
     for _ in range(sweeps):
         middle = _swept(code, P, y, middle)
@@ -209,7 +209,7 @@ def _approach(
 
 
 def _matrix(code: CodeBuilder, P: Sequence[Polynomial], middle: Sequence[str]) -> Table:
-    """The matrix 1 − ½Δ P′(ȳ)."""
+    """Code of Newton's matrix 1 − ½Δ P′(ȳ)."""
     half = code.let("0.5 * delta")
     return [
         [
@@ -221,6 +221,6 @@ def _matrix(code: CodeBuilder, P: Sequence[Polynomial], middle: Sequence[str]) -
 
 
 def _swept(code: CodeBuilder, P: Sequence[Polynomial], y: Sequence[str], middle: Sequence[str]) -> list[str]:
-    """The sweep y + ½Δ P(ȳ)."""
+    """Code of the sweep ȳ ← y + ½Δ P(ȳ)."""
     half = code.let("0.5 * delta")
     return [shown(code.polynomial(p, middle, half, value=start)) for p, start in zip(P, y, strict=True)]

@@ -1,4 +1,4 @@
-"""Code for explicit increments that are projected on the invariants: see `sepv.schemes.projected`."""
+"""Code of the projected schemes (`sepv.schemes.projected`): explicit increments, projected to keep the invariants."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from sepv.simulate._compiled.linear import magnitude
 from sepv.simulate._compiled.newton import FAST
 from sepv.simulate._compiled.writer import Writer
 
-# Iterations in registers up to the first test: a step of usual length needs two.
+# The number of iterations in registers up to the first test; a step of usual length needs two.
 BLIND = 2
 
 
@@ -17,20 +17,20 @@ class ProjectedWriter(Writer):
     """Writer of the kernel of a projected method."""
 
     def more_rows(self) -> dict[str, int]:
-        """Rows for the directions."""
+        """Rows of the scratch buffer for the directions of the projection."""
         return {"Q": len(self.problem.directions[0])}
 
     kernel = "iterated"
 
     def pieces(self) -> dict[str, tuple[list[str], str]]:
-        """The increment with the first iterations, and the next for groups."""
+        """The pieces of code: the increment with the first iterations, and a further iteration for a group of lanes."""
         return {
             "first_steps": ([*self.random_step(), *self.first()], "left"),
             "iteration": (self.iteration(), "left"),
         }
 
     def numbers(self) -> dict[str, Any]:
-        """The costs of the pieces."""
+        """The numbers of evaluations and of iterations in the pieces of code."""
         gradients, structures = self.problem.cost(self.formula.recorded, self.known)
         averages = self.problem.gradient_evaluations
         return {
@@ -39,7 +39,7 @@ class ProjectedWriter(Writer):
         }  # fmt: skip
 
     def first(self) -> list[str]:
-        """The explicit increment z*, the directions at its end, and the first iterations."""
+        """Code of the explicit increment z*, of the directions at its end, and of the projection's first iterations."""
         code = CodeBuilder(self.parameters)
         y = self.loaded(code, "Y", "y")
         z = [shown(r) for r in self.problem.increment(code, self.formula.recorded, y, [], self.known)]
@@ -60,11 +60,11 @@ class ProjectedWriter(Writer):
         return [*code.lines, *end]
 
     def iteration(self) -> list[str]:
-        """Code of an iteration for a group of lanes: a step of the projection, where lanes are busy."""
+        """Code of a further iteration of the projection, in the busy lanes of a group."""
         code = CodeBuilder(self.parameters)
         y, z = self.loaded(code, "Y", "y"), self.loaded(code, "Z", "z")
         code.lines += ["busy = I[BUSY + k] == 1", self.scale(y), f"before = {self.at('P')}"]
-        # Zeros are not stored.
+        # Components of the directions that are always zero are not stored.
         found = self.problem.printed_directions(CodeBuilder(), y)
         moved = self.moved(code, y, z, [v and self.at("Q", i) for i, v in enumerate(found)])
         code.lines += [f"{self.at('P')} = m"]
@@ -76,13 +76,13 @@ class ProjectedWriter(Writer):
         return [*code.lines, *end]
 
     def moved(self, code: CodeBuilder, y: list[str], z: list[str], found: list[Expression]) -> list[str]:
-        """The increment z less the correction for the invariants' change, which has the size m."""
+        """Code of z minus the correction that undoes the invariants' change; m becomes the correction's size."""
         c = [shown(v) for v in self.problem.moved_back(code, y, z, found)]
         code.lines.append(magnitude(c))
         return [code.let(f"{a} - {b}") for a, b in zip(z, c, strict=True)]
 
     def ending(self, code: CodeBuilder, y: list[str], z: list[str], otherwise: str) -> list[str]:
-        """Set BUSY by a test that the lane is done and in the domain, and to `otherwise` if it was not busy."""
+        """Code that sets BUSY: 0 if the lane is done and in the domain, else 1; `otherwise` if it was not busy."""
         inside = self.problem.domain(code, [code.let(f"{a} + {b}") for a, b in zip(y, z, strict=True)])
         return [
             "later = (m * m <= LEFT * (scale * before)) & (before < INF)",

@@ -1,4 +1,4 @@
-"""The code of a problem for compiled lanes, printed from its record."""
+"""The code of a problem's functions for the compiled engine, printed from their record."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from sepv.record import symbol_array as array
 from sepv.simulate._compiled.code_builder import CodeBuilder, Expression, Table, shown
 from sepv.solve import Formula, Recorded
 
-# Functions in lanes: the call for a value, and its place in the result if that is a tuple.
+# Functions in the code of a lane: the call for a value, and the place of the value if the result is a tuple.
 _CALLS: dict[str, tuple[str, int | None]] = {
     "sin": ("sincos", 0),
     "cos": ("sincos", 1),
@@ -29,16 +29,16 @@ _CALLS: dict[str, tuple[str, int | None]] = {
     "expm1_ratio": ("expm1_ratio", 0),
     "expm1_ratio_slope": ("expm1_ratio", 1),
 }
-# The relative error of slopes in lanes, which only Newton's matrix uses; exact derivatives are off by roundings.
+# Relative errors of derivatives that only Newton's matrix uses; the other derivatives are exact up to rounding.
 _RATES = {"sinc_slope": 2.0**-26, "log1p_ratio_slope": 2.0**-10, "expm1_ratio_slope": 2.0**-26}
 _EXACT = 2.0**-40
 _PRODUCTS = ("multiply", "whole")
 
 
 def emit(code: CodeBuilder, values: Mapping[int, Expression], outputs: Sequence[Symbol]) -> list[Expression]:
-    """Write code for the outputs of a record; `values` has the expressions of lines that are known.
+    """Write code for the outputs of a record; `values` has the expressions of lines that are already known.
 
-    A product is fused into the sum that is its only user: a·b + c.
+    If a sum is the only user of a product, both are fused: a·b + c.
     """
     lines = reachable(outputs, values)
     users = Counter(i for symbol in lines for i in symbol.line.arguments)
@@ -46,7 +46,7 @@ def emit(code: CodeBuilder, values: Mapping[int, Expression], outputs: Sequence[
     expressions: dict[int, Expression] = {}
 
     def value(index: int) -> Expression:
-        """A line's value; a product with one user is written where it is used."""
+        """The expression of a line's value; a product that is used only once is written where it is used."""
         if index not in expressions:
             expressions[index] = code.product(*map(value, tape.lines[index].arguments))
         return expressions[index]
@@ -79,7 +79,7 @@ _Term = tuple[Symbol, tuple[Expression, Expression] | None]
 def _sum(
     code: CodeBuilder, name: str, left: _Term, right: _Term, value: Callable[[int], Expression]
 ) -> Expression:
-    """The sum or difference of two terms, one of which may be given as its factors."""
+    """Code of the sum or difference of two terms, one of which may be given as its factors."""
     (a, first), (b, second) = left, right
     if second is not None:
         before = value(a.index)
@@ -122,40 +122,40 @@ _CONDITIONS = {
 
 
 class RecordedProblem(Recorded):
-    """A problem's functions, written into a `CodeBuilder` for given names of components: d of y, d of z = y1 − y.
+    """The functions of a problem, written as code for given names of the components of y and of z = y1 − y.
 
     Raises
     ------
     CannotRecord
-        Where B, H or the domain cannot be recorded.
+        If B, H or the domain cannot be recorded.
     """
 
     @property
     def preamble(self) -> str:
-        """Imports of the functions in the text."""
+        """The import lines of the functions in the code."""
         return imports(self.tape)
 
     @property
     def gradient_evaluations(self) -> int:
-        """Evaluations of ∇H in a mean gradient."""
+        """The number of evaluations of ∇H in a mean gradient."""
         return self.mean.nodes
 
     @property
     def convergence_rate(self) -> float:
-        """The relative error of Newton's matrix."""
+        """The relative error of Newton's matrix, from the derivatives that are not exact."""
         with suppress(NoClosedForm):  # a formula with the mean gradient has raised it already
             jacobian(self.mean.value, self.z)
         return max(_RATES.get(line.name, _EXACT) for line in self.tape.lines)
 
     def cost(self, formula: Formula, step: Sequence[str]) -> tuple[int, int]:
-        """Evaluations of ∇H, and of B or its substitute, in R."""
+        """The numbers of evaluations of ∇H, and of B or its substitute, in the formula's right side R."""
         equation = self.equation_of(formula, len(step))
         return equation.gradients, equation.structures
 
     def increment(
         self, code: CodeBuilder, formula: Formula, y: Sequence[str], z: Sequence[str], step: Sequence[str]
     ) -> list[Expression]:
-        """R(y, z; step), of an explicit formula without z."""
+        """Code of the right side R(y, z; step) of a formula; z is empty for an explicit formula."""
         equation = self.equation_of(formula, len(step), apart=bool(z))
         return printed(code, [(self.y, y), (self.z, z), (equation.step, step)], equation.R)
 
@@ -163,7 +163,7 @@ class RecordedProblem(Recorded):
         self, code: CodeBuilder, formula: Formula, y: Sequence[str], z: Sequence[str], step: Sequence[str],
         middle: Sequence[str] = (),
     ) -> list[Expression]:  # fmt: skip
-        """F = z − R(y, z; step), with ȳ if it is already known."""
+        """Code of the residual F = z − R(y, z; step); `middle` is ȳ = y + z/2 if this is already known."""
         equation, F = self.equation_of(formula, len(step)), self.system(formula, len(step))[0]
         inputs = [(self.y, y), (self.z, z), (equation.step, step), (self.middle, middle)]
         return printed(code, inputs, F)
@@ -171,7 +171,7 @@ class RecordedProblem(Recorded):
     def equation(
         self, code: CodeBuilder, formula: Formula, y: Sequence[str], z: Sequence[str], step: Sequence[str]
     ) -> tuple[list[Expression], Table]:
-        """F = z − R(y, z; step) and A = ∂F/∂z, from the record of the scheme's formula."""
+        """Code of F = z − R(y, z; step) and A = ∂F/∂z, from the record of the scheme's formula."""
         d, equation, (F, A) = (
             self.dimension,
             self.equation_of(formula, len(step)),
@@ -181,27 +181,27 @@ class RecordedProblem(Recorded):
         return entries[:d], _table(entries[d:], d)
 
     def hamiltonian(self, code: CodeBuilder, y: Sequence[str]) -> Expression:
-        """H(y)."""
+        """Code of H(y)."""
         return self._printed(code, y, [self.H])[0]
 
     def gradient(self, code: CodeBuilder, y: Sequence[str]) -> list[Expression]:
-        """∇H(y)."""
+        """Code of ∇H(y)."""
         return self._printed(code, y, self.slope)
 
     def structure(self, code: CodeBuilder, y: Sequence[str]) -> Table:
-        """B(y)."""
+        """Code of B(y)."""
         return _table(self._printed(code, y, self.B.ravel()), self.dimension)
 
     def mean_gradient(self, code: CodeBuilder, y: Sequence[str], z: Sequence[str]) -> list[Expression]:
-        """∫₀¹∇H(y + τz)dτ."""
+        """Code of the mean gradient ∫₀¹∇H(y + τz)dτ."""
         return self._printed(code, y, self.mean.value, z)
 
     def domain(self, code: CodeBuilder, y: Sequence[str]) -> str | None:
-        """Test that y is in the domain."""
+        """Code of the test that y is in the domain; None if the problem has no domain."""
         return None if self.inside is None else shown(self._printed(code, y, [self.inside])[0])
 
     def casimirs(self, code: CodeBuilder, y: Sequence[str]) -> list[Expression]:
-        """The quadratic Casimirs, then the linear ones."""
+        """Code of the quadratic Casimirs, then of the linear Casimirs."""
         return self._printed(code, y, self._casimirs)
 
     @cached_property
@@ -212,9 +212,9 @@ class RecordedProblem(Recorded):
 
     @cached_property
     def directions(self) -> tuple[list[Symbol], list[Symbol], Any]:
-        """The directions of a projection at y, symbols for them, and the correction of z from y by these symbols.
+        """The directions of a projection at y, symbols for them in the same order, and the correction of z by symbols.
 
-        See `sepv.schemes._projected`; the first two in one order.
+        See `sepv.schemes._projected` for the directions and the correction.
         """
         casimirs = self.problem.casimirs, self.problem.linear_casimirs
         orthogonal = projections(self.B, self.slope, casimir_gradients(*casimirs, 2.0 * self.y))
@@ -231,13 +231,13 @@ class RecordedProblem(Recorded):
         return values, list(known), again.correction([dot(g, self.z) for g in averages])
 
     def printed_directions(self, code: CodeBuilder, end: Sequence[str]) -> list[Expression]:
-        """The directions at y*."""
+        """Code of the directions of a projection at `end`, the end y* of the explicit step."""
         return self._printed(code, end, self.directions[0])
 
     def moved_back(
         self, code: CodeBuilder, y: Sequence[str], z: Sequence[str], known: Sequence[Expression]
     ) -> list[Expression]:
-        """The correction of z for the invariants' change, along these directions."""
+        """Code of the correction of z that undoes the invariants' change, along the directions `known`."""
         _, symbols, correction = self.directions
         return printed(code, [(self.y, y), (self.z, z), (symbols, [shown(v) for v in known])], correction)
 
@@ -248,7 +248,7 @@ class RecordedProblem(Recorded):
 
 
 def printed(code: CodeBuilder, inputs: Sequence[tuple[Any, Sequence[str]]], outputs: Any) -> list[Expression]:
-    """Write the outputs as text under the names of the inputs' components; the name "0.0" is zero."""
+    """Write code of the outputs, given the names of the inputs' components; the name "0.0" stands for zero."""
     values = {
         x.index: None if name == "0.0" else name
         for vector, names in inputs
@@ -258,7 +258,7 @@ def printed(code: CodeBuilder, inputs: Sequence[tuple[Any, Sequence[str]]], outp
 
 
 def imports(tape: Tape) -> str:
-    """Imports of the functions on a tape."""
+    """The import lines of the functions that a tape (a record of operations) uses."""
     names = {line.name for line in tape.lines}
     of = {
         "sepv.simulate._compiled.functions": {_CALLS[name][0] for name in names & _CALLS.keys()},

@@ -1,7 +1,7 @@
-"""The engine's form of each scheme: the record of its formula, or code for staged and projected methods.
+"""The form of each scheme for the compiled engine: the record of its formula, or code for staged and projected methods.
 
-R and K share common parts, because an expression written twice has one name: see
-`sepv.simulate._compiled.code_builder`.
+Code of a scheme's equation z = R and of K = ∂R/∂z shares common parts, because equal expressions have one name
+(`sepv.simulate._compiled.code_builder`).
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from sepv.solve import formula
 
 @dataclass(frozen=True)
 class Formula:
-    """A scheme's step as the engine takes it.
+    """A scheme's step in the form that the compiled engine takes.
 
     recorded : the formula of the scheme, from its file
     implicit : True for an equation z = R, which Newton's iteration solves
@@ -46,15 +46,15 @@ class Formula:
     projected: bool = False
 
     def names(self, noises: int) -> list[str]:
-        """Names of the step's data in the lanes."""
+        """The names of the step's data (Δ or others) in the code of a lane."""
         return _NAMES.get(self.parts) or ["span", *(f"noise{j}" for j in range(noises))]
 
     def update(self, code: CodeBuilder, z: Sequence[str]) -> list[str]:
-        """y1 − y0."""
+        """Code of the update y1 − y0 from the unknowns z."""
         return list(z)
 
     def states(self, code: CodeBuilder, y: Sequence[str], z: Sequence[str]) -> list[list[str]]:
-        """The states that must lie in the domain."""
+        """Code of the states that must lie in the domain: y1."""
         return [[code.let(f"{a} + {b}") for a, b in zip(y, z, strict=True)]]
 
 
@@ -65,12 +65,12 @@ _NAMES: dict[Parts, list[str]] = {
 
 
 def field(code: CodeBuilder, B: Table, g: Sequence[Expression]) -> list[Expression]:
-    """The product B g."""
+    """Code of the product B g."""
     return [code.dot(row, g) for row in B]
 
 
 def scaled(code: CodeBuilder, factor: str, table: Table) -> Table:
-    """factor·table for a skew table."""
+    """Code of factor·table for a skew-symmetric table."""
     d = len(table)
     upper = {(i, j): code.product(factor, table[i][j]) for i in range(d) for j in range(i + 1, d)}
     found: Table = [[None] * d for _ in range(d)]
@@ -80,14 +80,14 @@ def scaled(code: CodeBuilder, factor: str, table: Table) -> Table:
 
 
 def middle(code: CodeBuilder, y: Sequence[str], z: Sequence[str]) -> list[str]:
-    """The midpoint ȳ = y + z/2."""
+    """Code of the midpoint ȳ = y + z/2."""
     return [a if b == "0.0" else str(code.plus("(0.5)", b, a)) for a, b in zip(y, z, strict=True)]
 
 
 def scaled_field(
     code: CodeBuilder, problem: RecordedProblem, y: Sequence[str], delta: str = "(1.0)"
 ) -> list[Expression]:
-    """Δ f(y), with f = B∇H multiplied out if that is a few monomials: explicit steps do not need B and ∇H apart."""
+    """Code of Δ f(y); f = B∇H is multiplied out if it has few monomials, because B and ∇H are not needed apart."""
     if problem.field is not None:
         return [code.polynomial(p, y, delta) for p in problem.field]
     return [
@@ -96,7 +96,7 @@ def scaled_field(
 
 
 def at(code: CodeBuilder, y: Sequence[str], z: Sequence[str], integrals: Any) -> list[str]:
-    """u = y + Σ_j integrals_j z_j, with the stages one after the other in z."""
+    """Code of u = y + Σ_j integrals_j z_j; z has the components of all stages z_j, one stage after the other."""
     d = len(y)
     state = list(y)
     for j, weight in enumerate(integrals):
@@ -110,7 +110,7 @@ def at(code: CodeBuilder, y: Sequence[str], z: Sequence[str], integrals: Any) ->
 class Collocation(Formula):
     """The s-stage method: z_i = Δ B(Y_i) g_i with g_i = b_i⁻¹∫ℓ_i∇H(u), y1 = y0 + Σ b_i z_i.
 
-    Without `averaged` g_i = ∇H(Y_i), the Gauss method. `recorded` is the method of one stage.
+    If not `averaged`, this is the Gauss method, g_i = ∇H(Y_i). `recorded` is the formula of the method of one stage.
     """
 
     averaged: bool = True
@@ -119,7 +119,7 @@ class Collocation(Formula):
         self, code: CodeBuilder, problem: RecordedProblem, y: Sequence[str], z: Sequence[str], delta: str,
         averages: Sequence[Sequence[Expression]] | None,
     ) -> list[Expression]:  # fmt: skip
-        """The right-hand sides at z, the stages one after the other; the g_i are the ∇H(Y_i) if not given."""
+        """Code of the right sides Δ B(Y_i) g_i, one stage after the other; g_i is ∇H(Y_i) if `averages` is None."""
         R: list[Expression] = []
         for i, row in enumerate(gauss_tableau(self.stages).A):
             Y = at(code, y, z, row)
@@ -128,7 +128,7 @@ class Collocation(Formula):
         return R
 
     def update(self, code: CodeBuilder, z: Sequence[str]) -> list[str]:
-        """The update Σ b_i z_i."""
+        """Code of the update y1 − y0 = Σ b_i z_i."""
         d = len(z) // self.stages
         sums: list[Expression] = [None] * d
         for j, b in enumerate(gauss_tableau(self.stages).b):
@@ -136,12 +136,12 @@ class Collocation(Formula):
         return [str(s) for s in sums]
 
     def states(self, code: CodeBuilder, y: Sequence[str], z: Sequence[str]) -> list[list[str]]:
-        """The states y1 and the stages."""
+        """Code of the states that must lie in the domain: y1 and the stages Y_i."""
         tableau = gauss_tableau(self.stages)
         return [at(code, y, z, row) for row in (tableau.b, *tableau.A)]
 
 
-# Schemes with their own solver.
+# The forms of the schemes that have their own solver.
 FORMULAS: dict[str, Formula] = {
     **{f"projected-{p}": Formula(cast(Explicit, explicit(p).step).formula, projected=True) for p in (4, 8)},
     "collocation-1": Formula(energy_preserving),
@@ -155,9 +155,9 @@ FORMULAS: dict[str, Formula] = {
 
 
 def formula_of(scheme: Scheme) -> Formula | None:
-    """The engine's form of the scheme's step; None if it has none.
+    """The compiled engine's form of a scheme; None if there is none.
 
-    A scheme is its step: a wrapped step is another scheme.
+    A scheme is recognised by its step: a scheme whose step is wrapped is another scheme.
     """
     rule = scheme.step
     if isinstance(rule, Explicit):

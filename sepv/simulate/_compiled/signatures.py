@@ -1,6 +1,6 @@
-"""Functions passed by address, so that their callers are compiled once: their types, and such calls.
+"""Types and calls of functions that are passed by address, so that their callers are compiled once.
 
-numba's own first-class functions take 0.1 ms each to be passed. Needs numba.
+numba's own first-class functions are not used, because passing one takes 0.1 ms. This module needs numba.
 """
 
 from __future__ import annotations
@@ -14,20 +14,20 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array
 
-# Options of compiled functions. They allocate no arrays, so that none need be counted, and are called by address.
+# Options of compiled functions, which allocate no arrays (no references need be counted) and are called by address.
 OPTIONS: Any = {
     "error_model": "numpy", "nogil": True, "cache": True, "_nrt": False,
     "no_cfunc_wrapper": True, "no_cpython_wrapper": True,
 }  # fmt: skip
 _vector, _matrix, _block = types.float64[::1], types.float64[:, ::1], types.float64[:, :, ::1]
 _integers, _int, _float = types.int64[::1], types.int64, types.float64
-# advance(S, I, increments, count, first, h, bound, P, left_over): take `count` steps of a block; 1 if none of its lanes
-# lives on. `left_over` is an address, see `call_left_over`.
+# advance(S, I, increments, count, first, h, bound, P, left_over): take `count` steps of a block; return 1 if all its
+# paths have failed. `left_over` is an address, see `call_left_over`.
 ADVANCE = _int(_vector, _integers, _block, _int, _int, _float, _float, _vector, _int)
-# start(S, I, increments, P): compute the invariants of a block whose states are set.
+# start(S, I, increments, P): compute the invariants at the start of a block whose states are set.
 START = types.void(_vector, _integers, _block, _vector)
 # See `sepv.simulate._compiled.lanes` and `sepv.simulate._compiled.driver`. Without signatures numba would compile a
-# function again where an argument is a constant.
+# function again if an argument is a constant.
 _words = types.uint64[:, ::1]
 _streams, _stacks = types.uint64[:, :, :, ::1], types.float64[:, :, :, ::1]
 _states = types.uint64[:, :, ::1]
@@ -78,9 +78,9 @@ call_fill, call_normals = calling(FILL), calling(NORMALS)
 
 @intrinsic
 def call_left_over(typingctx: Any, where: Any, S: Any, I: Any, buffer: Any, n: Any) -> Any:  # noqa: ARG001 - numba's
-    """Call the C function at an address with the addresses of S, I and buffer[n], and the length of a row there.
+    """Call the C function at an address with the addresses of S, I and buffer[n], and the length of a row of buffer.
 
-    See `sepv.simulate._compiled.block_run`.
+    The function is `Chunk._solve` of `sepv.simulate._compiled.block_run`.
     """
 
     def code(context: Any, builder: Any, signature: Any, values: Any) -> Any:

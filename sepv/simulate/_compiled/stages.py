@@ -1,12 +1,12 @@
-"""Code for the s-stage methods: sweeps z ← R(z) for a block of lanes in lockstep, Newton for the lanes left.
+"""Code for the s-stage methods: fixed-point sweeps z ← R(z) for a block of lanes (paths) in lockstep.
 
-A sweep z_i ← Δ B(Y_i) g_i costs evaluations and s² d products, where a step of Newton's iteration eliminates s·d
-unknowns. Each sweep gains a factor of about Δ|f′|/4; at steps that make sense all of them cost less than one
-elimination. A lane is done where the next correction, m²/m_before, is below rounding; one whose corrections do
-not shrink is left over, for `sepv.schemes.collocation` to solve.
+A sweep z_i ← Δ B(Y_i) g_i costs evaluations and s² d products; a step of Newton's iteration eliminates s·d unknowns.
+Each sweep reduces the error by a factor of about Δ|f′|/4. With sensible steps Δ, all sweeps together cost less than one
+elimination. A lane is done if the next correction, about m²/m_before for corrections of sizes m, is below rounding. If
+the corrections do not shrink, `sepv.schemes.collocation` solves the step of the lane by Newton's iteration.
 
-Where H is no polynomial, a last sweep by half as many nodes again must change nothing but roundings. A lane where it
-does, or with a point outside the domain, is left over as well.
+If H is no polynomial, a last sweep with half as many nodes again must change nothing but roundings. If it changes more
+with every rule, or if a point is outside the domain, `sepv.schemes.collocation` solves the step of the lane as well.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from sepv.simulate._compiled.code_builder import CodeBuilder, shown
 from sepv.simulate._compiled.schemes import Collocation, at
 from sepv.simulate._compiled.writer import Writer
 
-# Sweeps before the first test, which costs half a sweep, and sweeps after it. While one lane of a block continues, a
-# sweep costs as much as for forty lanes, and Newton's iteration for one lane a hundred times as much.
+# The sweeps before the first test (which costs half a sweep), and the most tested sweeps. A sweep of one lane costs as
+# much as a sweep of forty lanes of a block; Newton's iteration for one lane costs a hundred times as much.
 BLIND, TESTED = 8, 40
 FUSED = 2
-# Corrections must shrink by this factor.
+# The sizes of corrections must shrink by this factor in each sweep.
 SHRINKS = 0.9
 
 
@@ -38,7 +38,7 @@ class StagesWriter(Writer):
 
     @property
     def nodes(self) -> int:
-        """Nodes of the first rule: exact where H is a polynomial."""
+        """The number of nodes of the first quadrature rule, which is exact if H is a polynomial."""
         s, degree = self.formula.stages, self.problem.degree
         if not self.formula.averaged:
             return s
@@ -46,22 +46,22 @@ class StagesWriter(Writer):
 
     @property
     def exact(self) -> bool:
-        """True if the first rule is exact, so that there is no other."""
+        """True if the first quadrature rule is exact, so that no other rule is needed."""
         return bool(self.problem.degree) or not self.formula.averaged
 
     @property
     def straight(self) -> bool:
-        """True if the nodes of the quadrature are the stages, so that a sweep is written out."""
+        """True if the nodes of the quadrature are the stages, so that a sweep is one piece of code without sums."""
         return self.nodes == self.formula.stages
 
     def more_rows(self) -> dict[str, int]:
-        """Rows for the sums of the g_i, if the nodes are not the stages."""
+        """Rows of the scratch buffer for the sums g_i, if the nodes are not the stages."""
         return {} if self.straight else {"G": self.unknowns}
 
     kernel = "staged"
 
     def pieces(self) -> dict[str, tuple[list[str], str]]:
-        """Sweeps and their tests."""
+        """The pieces of code of sweeps and of their tests."""
         clear, node = self.sums()
         return {
             "first_steps": ([*self.random_step(), *self.first()], "none"),
@@ -74,11 +74,11 @@ class StagesWriter(Writer):
 
     @property
     def checked(self) -> bool:
-        """True if a converged lane is checked again: for its quadrature, and for its points."""
+        """True if converged lanes are checked: the error of the quadrature, or points outside the domain."""
         return not self.exact or self.has_domain()
 
     def sums(self) -> tuple[list[str], list[str]]:
-        """G_i = Σ W_in ∇H(u_n): its start at zero, and one node; nothing if a sweep is written out."""
+        """Code of the sums G_i = Σ W_in ∇H(u_n): setting them to zero, and adding a node; empty if `straight`."""
         if self.straight:
             return [], []
         code, s, d = CodeBuilder(self.parameters), self.formula.stages, self.d
@@ -94,17 +94,17 @@ class StagesWriter(Writer):
         return [f"{self.at('G', i)} = 0.0" for i in range(self.unknowns)], code.lines
 
     def sweep(self, code: CodeBuilder, y: list[str], z: list[str]) -> list[str]:
-        """The right side R(z) of a sweep."""
+        """Code of the right side R(z) of a sweep."""
         d, s = self.d, self.formula.stages
         g = None if self.straight else [[self.at("G", i * d + r) for r in range(d)] for i in range(s)]
         return [shown(v) for v in self.formula.sweep(code, self.problem, y, z, "delta", g)]
 
     def lane(self, code: CodeBuilder) -> tuple[list[str], list[str]]:
-        """y and z of lane k."""
+        """Load the state y and the unknowns z of lane k."""
         return self.loaded(code, "Y", "y"), self.loaded(code, "Z", "z")
 
     def first(self) -> list[str]:
-        """The first sweep from z = 0, where all stages share one evaluation."""
+        """Code of the first sweep from z = 0, in which one evaluation is enough for all stages."""
         code = CodeBuilder(self.parameters)
         y = self.loaded(code, "Y", "y")
         g = self.problem.gradient(code, y)
@@ -117,7 +117,7 @@ class StagesWriter(Writer):
         return code.lines
 
     def blind(self) -> list[str]:
-        """Code of first sweeps without a test. Averages at the nodes of the stages suffice for a start."""
+        """Code of the sweeps before the first test, for which averages at the nodes of the stages are good enough."""
         code = CodeBuilder(self.parameters)
         y, R = self.lane(code)
         for _ in range(FUSED if self.straight else 1):
@@ -125,7 +125,7 @@ class StagesWriter(Writer):
         return [*code.lines, *(f"{self.at('Z', i)} = {v}" for i, v in enumerate(R))]
 
     def iteration(self) -> list[str]:
-        """The end of a sweep of all lanes, and its test."""
+        """Code of the end of a sweep, after its sums G_i, and of its test."""
         code = CodeBuilder(self.parameters)
         y, z = self.lane(code)
         R = self.sweep(code, y, z)
@@ -149,7 +149,7 @@ class StagesWriter(Writer):
         return code.lines
 
     def check(self) -> list[str]:
-        """The last sweep by a finer rule, and a test that all points are in the domain."""
+        """Code of a last sweep by a finer rule, and of a test that all points are in the domain."""
         code = CodeBuilder(self.parameters)
         y, z = self.lane(code)
         R = self.sweep(code, y, z)
@@ -178,7 +178,7 @@ class StagesWriter(Writer):
         return code.lines
 
     def ladder(self) -> list[int]:
-        """The nodes of the rules; each rule is tried if the one before did not suffice."""
+        """The numbers of nodes of the quadrature rules; each is tried if the rule before was not accurate enough."""
         found = [self.nodes]
         while not self.exact and 2 * found[-1] <= MAX_NODES:
             found.append(2 * found[-1])
@@ -193,7 +193,7 @@ class StagesWriter(Writer):
         }  # fmt: skip
 
     def tables(self) -> list[str]:
-        """The tables of the rules."""
+        """Lines that define the tables of the quadrature rules."""
         s = self.formula.stages
         return [
             f"COUNTS, FIRSTS, NODES = rules({s}, {tuple(self.ladder())})",
@@ -203,11 +203,11 @@ class StagesWriter(Writer):
 
 
 def rules(stages: int, ladder: Sequence[int]) -> tuple[np.ndarray, np.ndarray, Array]:
-    """Quadratures of a generated module: each rule followed by the finer one that it is compared with.
+    """Quadrature rules of a generated module, each followed by a finer rule with which it is compared.
 
-    counts, firsts : (2 R,), the number of nodes of each rule, and its first node
-    nodes : (N, 2s), the weights of each node in the sums of the g_i, and those of the z_j in its state
-        (`sepv.schemes._tableaux.moments`); with s nodes the first are the identity
+    counts, firsts : (2 R,), the number of nodes of each rule, and the number of its first node
+    nodes : (N, 2s), for each node its weights in the sums g_i, and the weights of the z_j in the state at the node
+        (`sepv.schemes._tableaux.moments`); for a rule of s nodes, the former are the identity
     """
     counts = [n for nodes in ladder for n in (nodes, nodes + nodes // 2)]
     found = [moments(stages, n) for n in counts]

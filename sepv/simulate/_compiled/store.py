@@ -1,4 +1,4 @@
-"""Generated modules on disk: written once, imported by name; numba keeps compiled code beside them."""
+"""Generated modules on disk: written once and imported by name; numba caches their compiled code beside them."""
 
 from __future__ import annotations
 
@@ -34,15 +34,15 @@ put_off_blas()
 
 @cache
 def _machine() -> bytes:
-    """The versions of the compiler and the machine that it compiles for."""
+    """The versions of the compiler, and the machine that it compiles for."""
     made_by = numba.__version__, llvmlite.__version__, np.__version__
     return repr((made_by, binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten())).encode()
 
 
 def linked(text: str) -> Iterator[ModuleType]:
-    """The modules whose code is linked with this source: those that it imports, and those of the functions in them.
+    """The modules whose code is linked with a source: modules that it imports, and those of the functions in them.
 
-    Classes are not followed: compiled code has only the numbers of an object.
+    Classes are not followed, because compiled code has only the numbers of an object.
     """
     open_ = [
         found
@@ -54,7 +54,7 @@ def linked(text: str) -> Iterator[ModuleType]:
     seen = set[str]()
     while open_:
         module = open_.pop()
-        # A package is left out: its contents depend on what was imported, and no linked function is in it.
+        # A package is left out, because its contents depend on earlier imports, and no linked function is in it.
         if module.__name__ in seen or not module.__name__.startswith("sepv.") or hasattr(module, "__path__"):
             continue
         seen.add(module.__name__)
@@ -65,12 +65,12 @@ def linked(text: str) -> Iterator[ModuleType]:
 
 
 def _home(value: Any) -> str:
-    """The module of a function, compiled or not."""
+    """The name of the module of a function, compiled or not; "" for other values."""
     return getattr(value, "__module__", None) or "" if callable(value) and not isinstance(value, type) else ""
 
 
 def contents(module: ModuleType) -> Iterator[bytes]:
-    """The source of a module, and the values of the numbers among its names."""
+    """The bytes of a module's source, and of the numbers and arrays among its names."""
     assert module.__file__ is not None
     yield Path(module.__file__).read_bytes()
     for name, value in sorted(vars(module).items()):
@@ -81,7 +81,7 @@ def contents(module: ModuleType) -> Iterator[bytes]:
 
 
 def name_of(text: str) -> str:
-    """The name of the module with this source: it changes with anything that its compiled code depends on."""
+    """The name of the module with the source `text`; it changes with everything that its compiled code depends on."""
     parts = [_machine(), text.encode()]
     for module in sorted(linked(text), key=lambda module: module.__name__):
         parts += contents(module)
@@ -92,17 +92,17 @@ def name_of(text: str) -> str:
 def ordinary(name: str) -> ModuleType:
     """The module `driver` or `lanes`, compiled, identified by its content and its linked code.
 
-    numba identifies its files by the module's file alone, so these two are stored here as well.
+    numba identifies compiled code by the module's file alone, so these two modules are stored like generated ones.
     """
     return load((Path(__file__).parent / f"{name}.py").read_text(encoding="utf-8"))
 
 
-# A module that one thread is still executing is already in sys.modules, where another thread would find a part of it.
+# A module that a thread is still executing is already in sys.modules, where another thread would see it incomplete.
 _LOADING = threading.RLock()
 
 
 def load(text: str) -> ModuleType:
-    """The module with this source, compiled, or read from the cache if it was compiled before."""
+    """The module with the source `text`, compiled, or read from the cache if it was compiled before."""
     with _LOADING:
         return _loaded(text)
 
@@ -112,7 +112,7 @@ def _loaded(text: str) -> ModuleType:
     name = name_of(text)
     path = cache_folder("engine") / f"{name}.py"
     if not path.is_file() or path.read_text(encoding="utf-8") != text:
-        # Written aside and renamed, so that another process sees the whole file or none.
+        # Written under another name and renamed, so that another process sees the whole file or none.
         with tempfile.NamedTemporaryFile("w", dir=path.parent, delete=False, encoding="utf-8") as out:
             out.write(text)
         os.replace(out.name, path)
@@ -124,7 +124,7 @@ def _loaded(text: str) -> ModuleType:
     try:
         spec.loader.exec_module(module)
     except Exception:
-        # The compiled code was cut off when it was written, or is for another machine: compile again.
+        # The cached code is incomplete or for another machine, so it is removed and the module compiled again.
         for file in (path.parent / "__pycache__").glob(f"{name}*"):
             file.unlink(missing_ok=True)
         spec.loader.exec_module(module)

@@ -1,8 +1,7 @@
 """The writer of a kernel, with the parts that the kernels of all schemes share.
 
-The loops are functions of `sepv.simulate._compiled.kernels`. Their work on a lane is written here:
-straight-line code with selects, so that it becomes SIMD code. All state of a block lies in one scratch
-buffer at fixed offsets.
+The loops are functions of `sepv.simulate._compiled.kernels`. A writer writes their work on a lane (a path of a block):
+straight-line code with selects, so that it becomes SIMD code. The state of a block is in one scratch buffer.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from sepv.simulate._compiled.schemes import Formula
 
 
 class Writer(ABC):
-    """A kernel under construction: `text` is the module's source; it reads the c_j and then `parameters`."""
+    """A kernel under construction: `text` is the module's source, which reads the noise's c_j and then `parameters`."""
 
     imports = ""
     # The function of `sepv.simulate._compiled.kernels` that advances a block.
@@ -36,8 +35,8 @@ class Writer(ABC):
         self.offset = {}
         base = 0
         # Rows: state, largest defects of energy and Casimirs, in the driver's order; unknowns of Newton's iteration,
-        # rounding of Kahan's sum, the last correction, the energy at the start. What few lanes need, they compute
-        # again: a store takes as long as several operations.
+        # rounding of Kahan's sum, the last correction, the energy at the start. Numbers that few lanes need are
+        # computed again, because a store takes as long as several operations.
         rows = {"Y": d, "WH": 1, "WC": 1, "Z": self.unknowns, "E": d if compensated else 0, "P": 1, "H": 1}
         for name, count in {**rows, **self.more_rows()}.items():
             self.offset[name] = base
@@ -51,7 +50,7 @@ class Writer(ABC):
         return f"S[{self.offset[name] + i * self.lanes} + k]"
 
     def loaded(self, code: CodeBuilder, row: str, names: str) -> list[str]:
-        """The components of a row, loaded under these names."""
+        """Write lines that load the components of a row under `names` with the numbers 0, 1, …; return these names."""
         found = [f"{names}{i}" for i in range(self.unknowns if row == "Z" else self.d)]
         code.lines += [f"{v} = {self.at(row, i)}" for i, v in enumerate(found)]
         return found
@@ -73,14 +72,14 @@ class Writer(ABC):
 
     @abstractmethod
     def pieces(self) -> dict[str, tuple[list[str], str]]:
-        """The code for a lane under the names of `kernels`, and the number that each piece adds up."""
+        """The pieces of code for a lane, by their names in `kernels`, and the variable that each piece adds to."""
 
     def numbers(self) -> dict[str, Any]:
-        """The kernel's own constants."""
+        """The constants that only this kind of kernel has."""
         return {}
 
     def tables(self) -> list[str]:
-        """Lines of the kernel's arrays."""
+        """Lines that define the arrays of this kind of kernel."""
         return []
 
     def more_rows(self) -> dict[str, int]:
@@ -88,7 +87,7 @@ class Writer(ABC):
         return {}
 
     def start(self) -> list[str]:
-        """The invariants at the start."""
+        """Code of the invariants at the start of a path."""
         code = CodeBuilder(self.parameters)
         y = self.loaded(code, "Y", "y")
         code.lines.append(f"{self.at('H')} = {shown(self.problem.hamiltonian(code, y))}")
@@ -99,11 +98,11 @@ class Writer(ABC):
         return code.lines
 
     def scale(self, y: list[str]) -> str:
-        """The line of the size of the state."""
+        """The line that computes the size of the state y."""
         return f"scale = {' + '.join(f'abs({v})' for v in y)}"
 
     def random_step(self) -> list[str]:
-        """The lines that compute Δ and the other data of the step."""
+        """The lines that compute the random step Δ and the other data of the step."""
         lines = ["delta = h", "noise = 0.0"]
         lines += ["span = h"] if "span" in self.known else []
         for j in range(self.noises):
@@ -139,7 +138,7 @@ class Writer(ABC):
         for i in range(d):
             if self.compensated:
                 # The rounding of a sum is kept and added to the next increment: Kahan's summation with Knuth's
-                # two-sum, since a component next to zero is smaller than its increment.
+                # two-sum, because a component near zero may be smaller than its increment.
                 lost = self.at("E", i)
                 kept = f"select(ok, r{i}, {lost})" if masked else f"r{i}"
                 code.lines += [f"q{i} = {z[i]} + {lost}", f"y{i} = x{i} + q{i}", f"t{i} = y{i} - x{i}"]
@@ -157,7 +156,7 @@ class Writer(ABC):
         return code.lines
 
     def drift(self, value: Expression, start: str | tuple[str, int], worst: str) -> list[str]:
-        """The largest deviation so far from the value at the start."""
+        """Lines that update the largest deviation of an invariant from its value at the start."""
         before = self.at(start) if isinstance(start, str) else self.at(*start)
         largest = self.at(worst)
         return [
@@ -167,7 +166,7 @@ class Writer(ABC):
 
 
 class ExplicitWriter(Writer):
-    """Writer of the kernel of an explicit scheme: the increment, and a test that it is finite."""
+    """Writer of the kernel of an explicit scheme: the increment, and a test that the state is finite."""
 
     kernel = "explicit"
 
