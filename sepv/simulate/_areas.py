@@ -88,10 +88,7 @@ class RoughPath:
     def rows(self, steps: int, asks: str) -> Array:
         """The arguments (steps, m + k, M) of a scheme for `steps` steps: increments, then the areas or halves it takes.
 
-        Raises
-        ------
-        UsageError
-            If the scheme takes increments over half steps, and the path has no finer steps than `steps`.
+        Raises UsageError if a scheme takes increments over half steps, and the path cannot halve each of `steps` steps.
         """
         coarse = self.coarse(steps)
         further = {"areas": coarse.areas, "space-time": coarse.bridges}.get(asks, coarse.dW[:, :0])

@@ -59,8 +59,7 @@ def prepared(
 ) -> tuple[Scheme, int | None]:
     """The scheme with the chosen law of increments (None: the law that it declares), and the truncation's k.
 
-    A law of a few points is bounded: k is then None, and another truncation a UsageError. Warn if k lowers the
-    mean-square order of the scheme.
+    A law of a few points is bounded: its k is None, and another k a UsageError. Warns if k lowers the scheme's order.
     """
     if increments is not None:
         scheme = weakly(scheme, increments)

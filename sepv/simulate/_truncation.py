@@ -67,8 +67,7 @@ def seen(
     unit : float, optional
         As for `truncate`.
     increments : "normal", "two-point", "three-point" or PointLaw, optional
-        The scheme's law. A PointLaw replaces each increment by √h times its quantile at the increment's rank in N(0, h)
-        (`sepv.schemes._point_distributions`).
+        A PointLaw replaces each increment by √h times its own quantile at the increment's rank in the law N(0, h).
 
     Examples
     --------

@@ -23,8 +23,7 @@ D_I′(I). In terms of H, with dH = ω dI and the period T = 2π/ω,
 
     E[H(y_n)] − H(y0) = offset + t (1/T) d(T D)/dH.
 
-The offset is O(h), κ(H₂(y0) − ⟨H₂⟩) for the midpoint rule, and is reached once the phase is forgotten. The drift is
-O(h²).
+The offset is O(h), κ(H₂(y0) − ⟨H₂⟩) for the midpoint rule, reached once the phase is forgotten. The drift is O(h²).
 """
 
 from __future__ import annotations

@@ -241,8 +241,7 @@ def _count(seen: Seen, sample: Sample, lanes: Array, what: str) -> None:
 def _tilt(case: HardCase, scheme: Scheme, y0: Array, y1: Array, h: float, dW: Array) -> Array | float:
     """Bounds (M,) of the change |Δ| gᵀ|S|g of H in a step Δ that the symmetric part S of a nearly skew B causes.
 
-    g bounds |∇H| along the step. The averages of a scheme with several stages exceed |∇H| at most by the factor
-    `amplification`.
+    g bounds |∇H| along the step. The averages of a scheme with several stages exceed g at most by `amplification`.
     """
     if not case.skewness:
         return 0.0

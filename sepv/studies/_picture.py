@@ -1,8 +1,7 @@
 """Pictures: looks of schemes, curves on axes, and a figure's content as a file. Drawing needs the extra ``plots``.
 
-The look of a scheme (colours, marker and dashes) is on its record. A scheme without a look is given one that differs
-from the other schemes' in the picture. The colours are those of M. Okabe and K. Ito (2008), darker on light paper and
-lighter on a dark screen.
+The look of a scheme (colours, marker, dashes) is on its record. A scheme without a look is given one that no other has
+in the picture. The colours are those of M. Okabe and K. Ito (2008), darker on light paper, lighter on a dark screen.
 """
 
 from __future__ import annotations

@@ -48,8 +48,7 @@ def magnitude(c: Sequence[str], opened: str = "") -> str:
 def contraction(code: CodeBuilder, A: Table) -> str:
     """Write a test that each sweep at least halves the error: ‖K‖ ≤ ½ for K = 1 − A in the Frobenius norm.
 
-    The equation then has one solution near zero (Banach), which Newton's iteration finds from the sweeps' result. The
-    Frobenius norm bounds the Euclidean norm of the matrix.
+    The equation then has one solution near zero (Banach), which Newton's iteration finds from the sweeps' result.
     """
     K = [
         v if i != j else None if v == "(1.0)" else code.let(f"1.0 - {shown(v)}")
