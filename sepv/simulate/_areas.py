@@ -35,7 +35,7 @@ _SECOND = 2**40
 
 
 def points(xi: Array) -> tuple[Array, Array]:
-    """Areas (k, P, Q) and weights (Q,) with the moments up to the third of a step h = 1 with increments xi (m, P).
+    """Quadrature nodes (k, P, Q) and weights (Q,) of degree 3 for the areas of a step h = 1 with increments xi (m, P).
 
     The n = m + k numbers B_i and a_ij are uncorrelated; the formula of degree 3 takes ±√n e_i with equal weights.
     """

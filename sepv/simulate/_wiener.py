@@ -90,7 +90,7 @@ def grid(steps: int, refine: int | None = None) -> Grid:
 
 @lru_cache(maxsize=64)
 def spreads(T: float, grid: Grid) -> Array:
-    """Standard deviations by level: √h₀ at level 0, then ½√h with the step h of the level that is halved."""
+    """Standard deviations for each level: √h₀ for level 0, then ½√h with the step h of the level that is halved."""
     h = T / grid.base * 0.5 ** np.maximum(np.arange(grid.halvings + 1) - 1.0, 0.0)
     factors = 0.5 * np.sqrt(h)
     factors[0] *= 2

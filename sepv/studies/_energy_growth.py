@@ -6,8 +6,8 @@ than the walk until t is of the order 1/h² (`_energy_diffusion`). An explicit s
 
 All errors are of the same paths, at the times T/2^k. The growth is the exponent of the rms over the last DOUBLINGS
 doublings of t, by a jackknife over paths; the drift is the mean over paths of (H(T) − H(T/4))/(3T/4). Both have
-Student's interval of level 1 − LEVEL. The probability to take one kind of growth for another is then at most LEVEL,
-and so is that to see a drift if there is none, as far as means over many paths are normal.
+Student's interval of level 1 − LEVEL. The probability of taking one kind of growth for another is then at most LEVEL,
+and so is the probability of seeing a drift if there is none, as far as means over many paths are normal.
 
 This is a study and no law. Without noise there is the law *long-time-energy*; the laws *energy* and *rounding* check
 every step of schemes that keep H. Other schemes do not claim how their energy grows, and the drift of a symplectic
@@ -49,7 +49,7 @@ class Growth:
     times, mean, error, rms : (L,), E[H(y_n)] − H(y0) with its standard error, and the rms of H(y_n) − H(y0)
     exponent, drift : each a value and half the width of its interval; the drift is per unit of time
     rounding : the largest rms at T that rounding alone may cause
-    failed : the number of paths with a failed step or an infinite energy; if it is not 0, nothing is judged
+    failed : the number of paths with a failed step or an energy that is not finite; if not 0, nothing is judged
     derived : offset, drift and diffusion of the theory, or None if it does not apply to the scheme and up to T
     """
 

@@ -2,7 +2,7 @@
 
 A step ends well in one of two ways: a value within the derived bound of `sepv.verification._tolerance`, or a
 refusal that the case allows. Everything else is counted: a value that is not finite or outside the domain, a defect
-beyond the bound, a refusal where a solution exists.
+beyond the bound, a refusal although a solution exists.
 """
 
 from __future__ import annotations
@@ -199,7 +199,7 @@ def long_steps(problem: Problem, text: str = "") -> HardCase:
 
 
 def energy_defects(data: Description, y0: Array, y1: Array) -> Array:
-    """|H(y1) − H(y0)| of each of M steps, (M,), with H evaluated at the binary64 states in extended precision."""
+    """The defects |H(y1) − H(y0)| of M steps, (M,), with H evaluated in extended precision at the binary64 states."""
     H = exact_energy(data)
     return np.array([abs(float(H(b) - H(a))) for a, b in zip(y0.T, y1.T, strict=True)])
 
@@ -241,7 +241,7 @@ def _count(seen: Seen, sample: Sample, lanes: Array, what: str) -> None:
 def _tilt(case: HardCase, scheme: Scheme, y0: Array, y1: Array, h: float, dW: Array) -> Array | float:
     """Bounds (M,) of the change |Δ| gᵀ|S|g of H in a step Δ that the symmetric part S of a nearly skew B causes.
 
-    g bounds |∇H| along the step. The averages of a scheme with several stages exceed g at most by `amplification`.
+    g bounds |∇H| along the step. Averages of a scheme with several stages exceed g at most by the `amplification`.
     """
     if not case.skewness:
         return 0.0

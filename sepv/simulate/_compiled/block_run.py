@@ -71,7 +71,7 @@ class Chunk:
         self.given = np.empty((0, m, 0)) if task.dW is None else np.ascontiguousarray(task.dW)
 
     def _solve(self, S: int, I: int, increments: int, width: int) -> int:
-        """Solve a step in Python, by the scheme's own solver, for the lanes that compiled code has not solved.
+        """Solve a step by the scheme's own solver in Python, for the lanes (paths) that compiled code has not solved.
 
         S, I : addresses of the block's floats and integers
         increments : address of the step's increments (m, width), of which the first columns are the block's lanes

@@ -31,7 +31,7 @@ from sepv.simulate._compiled.schemes import Collocation, Formula, formula_of
 from sepv.simulate._compiled.stages import StagesWriter
 from sepv.simulate._compiled.writer import ExplicitWriter, Writer
 
-# Up to this number, paths run one by one: they would leave a block of lanes mostly empty. The bits are the same.
+# Up to this number, paths run one by one, because a block of lanes would be mostly empty. The bits are the same.
 FEW = 8
 # The largest d and the most unknowns of a step: code is written out for each, and long code takes long to compile.
 LARGEST_DIMENSION = 16

@@ -1,8 +1,8 @@
 """Sine, cosine and logarithm without branches or calls, so that a loop over lanes becomes SIMD code.
 
 The polynomials are those of fdlibm (k_sin.c, k_cos.c, e_log.c; errors below 1 ulp of their reduced argument). Only
-generated code imports this module, which needs numba. Its functions call none of other modules of sepv, because numba
-compiles a function anew only if the function's own file has changed.
+generated code imports this module, which needs numba. Its functions call no functions of other modules of sepv, because
+numba compiles a function anew only if the function's own file has changed.
 """
 
 from __future__ import annotations
@@ -174,7 +174,7 @@ raise_row = _on_rows(2, _raise)
 
 
 def _vectors(context: Any, builder: Any, kind: Any, array: Any, lanes: int) -> Iterator[tuple[int, Any]]:
-    """Loop over the last axis of an array (n, m, L), by vectors and then one by one: number of lanes, first lane."""
+    """Loop over the last axis of an array (n, m, L), by vectors of lanes, then one by one; yield number and first."""
     width = cgutils.unpack_tuple(builder, make_array(kind)(context, builder, array).shape)[2]
     whole = builder.and_(width, _INT(-lanes))
     for size, first, last in ((lanes, _INT(0), whole), (1, whole, width)):
@@ -254,10 +254,10 @@ def draw(typingctx: Any, rng: Any, s: Any, k: Any) -> Any:  # noqa: ARG001 - num
 
 @intrinsic
 def eight_normals(typingctx: Any, rng: Any, s: Any, k: Any, table: Any, out: Any, i: Any, j: Any) -> Any:  # noqa: ARG001 - numba's
-    """Draw normals for eight lanes from lane k on by the ziggurat's first test; return a bit for each lane it fails.
+    """Draw normals for eight lanes from lane k on by the ziggurat's first test; return a bit for each lane that fails.
 
-    A lane of out[i, j] gets its normal or, if it fails the test, the 64 bits drawn from stream s. The width and the
-    limit of a layer in `table` are loaded together, which takes half as long as first all widths and then all limits.
+    A lane (path) of out[i, j] gets its normal or, if it fails the test, the 64 bits drawn from stream s. The width and
+    the limit of a layer in `table` are loaded together: first all widths, then all limits would take twice as long.
     """
     bits, doubles = ir.VectorType(_INT, 8), ir.VectorType(_DOUBLE, 8)
 
@@ -401,7 +401,7 @@ def log1p_ratio(x: float) -> tuple[float, float]:
 
 @_inline
 def expm1_ratio(x: float) -> tuple[float, float]:
-    """expm1(x)/x (1 for x = 0) and its derivative, which for small x has only digits enough for Newton's matrix."""
+    """expm1(x)/x (1 for x = 0) and its derivative, of few digits for small x, which are enough for Newton's matrix."""
     flat = abs(x) < 1e-3
     safe = select(x == 0.0, 1.0, x)
     value = select(x == 0.0, 1.0, math.expm1(x) / safe)

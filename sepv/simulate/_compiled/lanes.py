@@ -77,7 +77,7 @@ def _ziggurat(rng: Any, s: int, k: int, r: Any) -> float:
 
 @njit(NORMALS, **OPTIONS)
 def normals(rng: Any, s: int, out: Any, first: int, apart: int, count: int) -> None:
-    """Draw standard normals from stream s of rng (streams, 4, L), for each lane and noise.
+    """Draw standard normals from stream s of rng (streams, 4, L), for each of L lanes (paths) and each noise.
 
     The normals fill the `count` rows first, first + apart, and so on of out (n, m, L).
     """

@@ -146,7 +146,7 @@ class NewtonWriter(Writer):
 
         If the correction before is below FIRST, FIRST is taken in its place, because m may then be mere rounding. With
         the constant C of Newton's iteration, relative to the state, the error left is C³·2⁻¹²⁴, below LEFT for every C
-        up to 2²⁰. `compared` says that there surely was a correction before: if it were infinite, m would be NaN.
+        up to 2²⁰. `compared` says that there surely was a correction before; if that were infinite, m would be NaN.
         """
         later = [] if compared else ["later = (before < INF) | (m <= FIRST * scale)"]
         others = ["next", "near", *["later"] * (not compared), *["inside"] * self.has_domain()]
@@ -169,7 +169,7 @@ class NewtonWriter(Writer):
         return self.problem.residual(code, formula, y, z, self.known, states), _matrix(code, self.P, states)
 
     def iteration(self) -> list[str]:
-        """Code of a Newton step and its test; a lane stays busy if it fails the test, in the end for `sepv.solve`."""
+        """Code of a Newton step and its test; a lane (path) that fails the test stays busy, last for `sepv.solve`."""
         n = self.unknowns
         code = CodeBuilder(self.parameters)
         code.lines += self.random_step()

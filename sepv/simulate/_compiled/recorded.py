@@ -212,9 +212,9 @@ class RecordedProblem(Recorded):
 
     @cached_property
     def directions(self) -> tuple[list[Symbol], list[Symbol], Any]:
-        """The directions of a projection at y, symbols for them in the same order, and the correction of z by symbols.
+        """The directions of a projection at y, symbols for them in the same order, and the correction in these symbols.
 
-        See `sepv.schemes._projected` for the directions and the correction.
+        See `sepv.schemes._projected` for the directions and the correction of z.
         """
         casimirs = self.problem.casimirs, self.problem.linear_casimirs
         orthogonal = projections(self.B, self.slope, casimir_gradients(*casimirs, 2.0 * self.y))

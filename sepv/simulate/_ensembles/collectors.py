@@ -192,7 +192,7 @@ class OnDisk(Total):
         self.there = np.zeros(self.store.chunks, dtype=bool)
 
     def missing(self, numbers: range) -> Sequence[int]:
-        """The numbers of chunks that are not complete in the store; none if those there reach the errors `until`."""
+        """The numbers of chunks that are not complete in the store; none if stored chunks reach the errors `until`."""
         for number in numbers:
             found = self.store.load(number)
             if found is not None and self._take(number, self._chunk(found)):

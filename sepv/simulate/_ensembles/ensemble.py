@@ -65,7 +65,7 @@ def ensemble(
     """Run many paths to T. Memory grows only with the number of paths, and with `store` or `reduce` it does not grow.
 
     Path number p has the same Wiener increments for any number of paths, any workers and both engines, and is the same
-    Wiener path for every h = T/(n·2^l) with the same odd n. With one engine, workers do not change a bit of a path.
+    Wiener path for every h = T/(n·2^l) with the same odd n. Its bits depend on the engine, and not on the workers.
 
     Parameters
     ----------

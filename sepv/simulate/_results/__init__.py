@@ -1,1 +1,1 @@
-"""Results of many paths: reduced chunk by chunk, kept on disk, or labelled. Plain arrays in, plain records out."""
+"""Results of many paths: moments and quantiles of functionals, computed chunk by chunk, and a store on disk."""

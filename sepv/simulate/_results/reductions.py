@@ -82,7 +82,7 @@ class Summary:
         return min(max(self.sketch.quantile(p), self.minimum), self.maximum)
 
     def merge(self, other: Summary) -> Summary:
-        """The summary of both samples together."""
+        """The summary of the values of this summary and the other one together."""
         left = {"failed": self.failed + other.failed, "not_finite": self.not_finite + other.not_finite}
         if not self.count or not other.count:
             whole = self if self.count else other

@@ -39,7 +39,7 @@ class Sketch:
     counts: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
 
     def merge(self, other: Sketch) -> Sketch:
-        """The sketch of both samples together."""
+        """The sketch of the numbers of this sketch and the other one together."""
         keys, place = np.unique(np.concatenate([self.keys, other.keys]), return_inverse=True)
         counts = np.zeros(keys.size, dtype=np.int64)
         np.add.at(counts, place, np.concatenate([self.counts, other.counts]))

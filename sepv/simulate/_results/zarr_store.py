@@ -1,8 +1,8 @@
 """A store on disk of the ends of paths, with a Zarr chunk for each chunk of paths (Zarr format 3, read by xarray).
 
-The array `work` has a row for each chunk of paths, with a checksum of the chunk's data. It is written last, and marks
-the chunk as complete. If a chunk was deleted, changed or left incomplete by a crash, its checksum does not fit, and the
-chunk is computed again.
+The array `work` has a row for each chunk of paths, with a checksum of the chunk's data. The row is written last, and
+marks the chunk as complete. If a chunk was deleted, changed or left incomplete by a crash, its checksum does not fit,
+and the chunk is computed again.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""Regression benchmarks: exact work counters, error with its standard error, time as a paired ratio."""
+"""Regression benchmarks: exact counts of work, errors with jackknife intervals, and ratios of paired times."""

@@ -31,7 +31,7 @@ class Ends(NamedTuple):
 
 
 class Followed(NamedTuple):
-    """The results of a run that is observed and not timed.
+    """The results of a run that measures defects and counts evaluations, and is not timed.
 
     energy_defect, casimir_defect : (M,), the largest |H(y_n) − H(y_0)| over the steps of each path, and the largest
         |C(y_n) − C(y_0)| over steps and Casimirs C

@@ -134,7 +134,7 @@ class _Cell(NamedTuple):
 
     job : runs all paths, to be timed
     first : processor seconds of the first call of the job
-    watched : the method's `follow` and its arguments, for an observed run that is not timed
+    watched : the method's `follow` and its arguments, for the run that measures defects and is not timed
     """
 
     method: Method

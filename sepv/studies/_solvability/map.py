@@ -1,4 +1,4 @@
-"""The map of solvability: the solutions of a step from each state of an exact orbit with each Δ, and chances of Δ."""
+"""The map of solvability: the solutions of steps Δ from the states of an exact orbit, and probabilities of Δ."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Shortest:
 
 @dataclass(frozen=True)
 class Map:
-    """Solvability along an orbit.
+    """The solvability of a scheme's steps Δ from states along an exact orbit.
 
     Attributes
     ----------
