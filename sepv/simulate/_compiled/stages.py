@@ -207,7 +207,7 @@ def rules(stages: int, ladder: Sequence[int]) -> tuple[np.ndarray, np.ndarray, A
 
     counts, firsts : (2 R,), the number of nodes of each rule, and the number of its first node
     nodes : (N, 2s), for each node its weights in the sums g_i, and the weights of the z_j in the state at the node
-        (`sepv.schemes._tableaux.moments`); for a rule of s nodes, the former are the identity
+        (`sepv.schemes._tableaux.moments`); for a rule of s nodes, the weights in the sums are the identity
     """
     counts = [n for nodes in ladder for n in (nodes, nodes + nodes // 2)]
     found = [moments(stages, n) for n in counts]

@@ -31,7 +31,7 @@ from sepv.studies._bench.gate import ALPHA, Change
 READING = 0.02
 PAIRS = 8
 FEWEST_BATCHES = 4
-# A case needs no further batch if both bounds are so close to its ratio, relatively.
+# A case needs no further batch if both bounds are within this fraction of its ratio.
 HALF_WIDTH = 0.02
 # Head is slower if the lower bound of the ratio is above this, and faster if the upper bound is below the inverse. Two
 # per cent allow for an effect that no pairing removes: other code lies in another place of memory.

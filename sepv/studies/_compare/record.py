@@ -65,7 +65,7 @@ class Point:
 
     @property
     def error(self) -> float:
-        """The strong error, with the error of truncation added in squares, because no sample shows the latter."""
+        """The strong error, with the error of truncation (which no sample shows) added in squares."""
         return math.hypot(self.strong.value, self.clipping)
 
     @property
