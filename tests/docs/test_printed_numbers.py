@@ -122,8 +122,8 @@ def test_a_refused_step_counts_as_solvable_where_continuation_solves_it() -> Non
 def test_the_midpoint_rule_keeps_the_impulse_of_vortices_and_two_one_their_energy() -> None:
     printed(
         "vortices.md",
-        "The midpoint rule keeps the quadratic impulse and moves H by 2e-06.",
-        "The scheme (2.1) keeps H and moves the impulse by 8e-06. Both keep the linear impulse.",
+        "The midpoint rule keeps the angular impulse and changes H by 2e-06.",
+        "scheme (2.1) keeps H and changes the angular impulse by 8e-06. Both schemes keep the linear impulses.",
     )
     block = block_in(doc("vortices.md"), "python").partition("\nif __name__")[0]
     vortices: dict[str, Any] = {}

@@ -157,17 +157,17 @@ _in(
 _in(
     DIFFERENCE,
     ("one-sided-difference",
-     "Milstein's term of the Stratonovich form by a one-sided difference of width √h, whose mean is not zero",
+     "Milstein's term of the Stratonovich form is a one-sided difference of width √h, whose error has a nonzero mean",
      ("local-mean", "local-weak"), partial(_by_difference, sides=1),
      f"{_SCIML}/StochasticDiffEq.jl/issues/19: order ½ where Itô's form has 1; torchsde: docs/peers"),
-    ("drift-in-the-difference", "the same difference, taken along the drift as well",
+    ("drift-in-the-difference", "Milstein's term is a one-sided difference, taken along noise and drift",
      ("local-mean", "local-weak", "mean-square-order"), partial(_by_difference, sides=1, drift=True),
      f"{_SCIML}/StochasticDiffEq.jl/pull/650, its first fault"),
 )  # fmt: skip
 _in(
     euler_heun,
     ("matrix-noise-as-diagonal",
-     "the matrix of noise fields is read as diagonal: component i sees noise i and no other",
+     "the matrix of noise fields is read as diagonal: component i gets noise i alone",
      ("noise-sum", "equivariance", "local-mean-square", "right-limit", "mean-square-order"), _matrix_as_diagonal,
      f"{_SCIML}/DiffEqGPU.jl/issues/331, an error since pull 350"),
     ("friction-inverted", "the noise is scaled by 1/c_j and not by c_j",
@@ -186,7 +186,7 @@ _in(
 )  # fmt: skip
 _in(
     TAYLOR,
-    ("state-forgotten-without-drift", "where h = 0, y is left out of the sum", ("identity",),
+    ("state-forgotten-without-drift", "if h = 0, y is left out of the sum y + Δf + …", ("identity",),
      lambda problem, y, h, dW: _by_taylor(problem, y, h, dW) - (0.0 if h else y),
      "https://github.com/brian-team/brian2/issues/686: x = noise and not x + noise in equations without drift"),
 )  # fmt: skip
@@ -198,7 +198,7 @@ _in(
          problem, y, h, _noise(problem, dW), np.sum((problem.c[:, None] * dW) ** 2, axis=0)),
      "https://github.com/horchler/SDETools/issues/2: the formula of diagonal noise for every noise"),
     ("index-repeated",
-     "ΔW_i² stands for ΔW_iΔW_j in Milstein's term of the Itô form: the limit is right, the order ½",
+     "ΔW_i² replaces ΔW_iΔW_j in Milstein's term of the Itô form: the limit is right, the order ½",
      ("noise-sum", "local-mean-square", "mean-square-order"), _index_repeated,
      "https://github.com/qutip/qutip/pull/1283: an index in smesolve's milstein with two noises"),
     ("as-many-noises-as-components", "the loop over noises ends at the number of components",
@@ -214,7 +214,7 @@ _in(
 _in(
     milstein,
     ("transposed-derivative",
-     "(f′)ᵀf stands for f′f in Milstein's term: a vector-Jacobian product for a Jacobian-vector product",
+     "(f′)ᵀf replaces f′f in Milstein's term: a vector-Jacobian product for a Jacobian-vector product",
      ("local-mean-square", *_LOCAL), _transposed_derivative,
      "docs/peers/torchsde_milstein.py, torchsde 0.2.6 with scalar noise and several components"),
 )  # fmt: skip
