@@ -23,9 +23,9 @@ def to_markdown() -> str:
         "# What does not hold as printed",
         "",
         "These sentences of D. Cohen and G. Dujardin, *Energy-preserving integrators for stochastic Poisson systems*",
-        "(2014) are quoted with their neighbours; […] is quoted in an entry above. Computed evidence decides; its",
-        "brackets say how it satisfies what the passage assumes. `python -m benchmarks.errata` makes this page,",
-        "`sepv reproduce --errata` computes it on a terminal.",
+        "(2014) are quoted with their neighbours; […] replaces text quoted above. Each verdict rests on computed",
+        "evidence; the brackets after *evidence* say how it satisfies the passage's assumptions. This page is made by",
+        "`python -m benchmarks.errata`, and printed by `sepv reproduce --errata`.",
     ]
     quoted: set[str] = set()
     for entry, measured in errata():

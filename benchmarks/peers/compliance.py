@@ -45,7 +45,9 @@ PATHS = 256
 ENERGY_STEPS = 64
 # The columns of `kept`, and a sentence for the laws that they do not name.
 KEPT = ("claimed laws that hold", "hold, not claimed")
-UNNAMED = "A measured law that a line does not name is not claimed, and violated, open or not applicable."
+UNNAMED = (
+    "A measured law that a line does not name is not claimed, and violated, inconclusive or not applicable."
+)
 HOLDS = MARKS[Verdict.HOLDS]
 # Marks that are read as words.
 WORDS = {MARKS[Verdict.VIOLATED]: "violated", MARKS[Verdict.INCONCLUSIVE]: "open"}
@@ -171,18 +173,18 @@ def _introduction() -> str:
     setup = SETUPS[0]
     steps = ", ".join(map(str, setup.steps))
     return f"""\
-The laws were measured on dy = B(y)∇H(y)(dt + Σ_j c_j ∘dW_j). No solver is made to preserve energy or Casimirs, so a
-violated law that is not claimed is no fault. Two things are claimed for another library's solver: a step depends on its
-arguments alone (*contract*), and it has the order for commutative noise that the documentation or, where it is silent,
-theory states. The noise is commutative because all noises drive one field. Each solver runs through its own library's
-code in float64, with the increment given. [Orders by kind of noise](solvers.md) have a page.
+The laws were measured on dy = B(y)∇H(y)(dt + Σ_j c_j ∘dW_j). Other libraries' solvers are not made to preserve energy
+or Casimirs, so a violated law that they do not claim is no fault. They claim that a step depends on its arguments alone
+(the law *contract*), and the order for commutative noise that the documentation states, or theory if the documentation
+states none. The noise is commutative because all noises drive one field. Each solver runs through its own library's
+code in float64, with given increments. [Another page](solvers.md) has the orders by kind of noise.
 
 - Paths run over [0, {setup.T:g}] with {steps} steps; sepv's own scheme begins with {setup.steps[0] // 2}. Solvers of
-  one state at a time get {FIRST_LOOK} paths, which leaves more verdicts open. The nominal false-alarm rate of a run is
-  {FALSE_ALARM:g}. The files `results/LIBRARY/VERSION.json` have the measured orders.
+  one state at a time get {FIRST_LOOK} paths, so more of their verdicts are open (inconclusive). The nominal
+  false-alarm rate of a run is {FALSE_ALARM:g}. The files `results/LIBRARY/VERSION.json` have the measured orders.
 - If a solver carries a state from step to step, laws about paths carry it too. Laws about one step ask its first step.
 - A space-time Lévy area is a normal variable from a stream whose key is the increment. Other Lévy areas are zero,
-  because the brackets of the noise fields vanish here."""
+  because the brackets of these noise fields vanish."""
 
 
 @click.command()

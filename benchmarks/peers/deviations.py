@@ -119,8 +119,8 @@ TITLES = {
 def document(page: str, deviations: Sequence[Deviation]) -> str:
     """One of the two pages, in Markdown."""
     head = (
-        "Each section quotes a library, and shows the output of a script that does without sepv. "
-        "README, docstrings, source and issues were read first. "
+        "Each section quotes a library, and shows the output of a script without sepv. "
+        "The library's README, docstrings, source and issues were read first. "
         f"Made by `{COMMAND}`; not edited by hand."
     )
     sections = [d.text.removeprefix("#") for d in deviations if d.page == page]

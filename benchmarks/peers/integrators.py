@@ -90,7 +90,7 @@ def rounding(rounded: Sequence[Deviation], command: str) -> str:
     head = (
         "# Integrators that keep invariants, but not to rounding\n\n"
         "Nothing here differs from a library's documentation. Each section quotes the library, and shows the output of "
-        f"a script that does without sepv. Made by `{command}`; not edited by hand."
+        f"a script without sepv. Made by `{command}`; not edited by hand."
     )
     return "\n\n".join([head, *(d.text.removeprefix("#") for d in rounded)]) + "\n"
 
@@ -127,13 +127,14 @@ def _reasons(found: Sequence[Row], marked: Collection[str]) -> Iterator[str]:
 
 INTRODUCTION = """\
 Each integrator runs through its own library's code, in float64, on random systems H = ½pᵀM⁻¹p + V(q) with up to three
-degrees of freedom. Only the options in its name are set. Libraries of particles have one mass for each, so they get no
-full matrix M. All claim *contract*. The documentation or the method's name claims the rest: *symplecticity* and
-*volume*, *symmetry* and *reversibility*, *deterministic-order*. A violated law that is not claimed is no fault.
+degrees of freedom. Only the options in its name are set. Libraries of particles have one mass for each particle, so
+they get no full matrix M. All integrators claim the law *contract*. The documentation or the method's name makes the
+other claims: *symplecticity* and *volume*, *symmetry* and *reversibility*, *deterministic-order*. A violated law that
+is not claimed is no fault.
 
 Step sizes lie inside a proved contraction radius. In such short steps the error of an explicit method of order 8 is
-rounding, and laws hold that it violates in longer steps. REBOUND's integrators of planetary systems, WHFAST to EOS, run
-on the problem `planets`."""
+only rounding, so laws hold that the method violates in longer steps. REBOUND's integrators of planetary systems,
+WHFAST to EOS, run on the problem `planets`."""
 
 
 # Issues: as far as a search of public threads finds them.

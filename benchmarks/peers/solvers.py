@@ -57,7 +57,8 @@ def line(solver: Solver, kind: str, found: Mapping[tuple[str, str], Any]) -> Lin
     if paths is not None and strong is not None and paths["order"][2] < strong - MARGIN:
         short.append(f"strong order {_interval(paths)} over paths (documented: {strong:g})")
     if converges not in (documented, "both"):
-        short.append(f"the limit is {'neither solution' if converges == 'neither' else converges}")
+        neither = "neither Itô's nor Stratonovich's solution"
+        short.append(f"the limit is {neither if converges == 'neither' else converges}")
     return Line(
         (
             solver.name,
@@ -197,19 +198,20 @@ given increments. Noise is *commutative* if the brackets of its fields vanish, *
 
 {problems}
 
-A cell has the measured *strong order; weak order*, and in brackets the documented order where it differs by more than
-0.1. A weak order of 1.00 is left out where the documentation states no other. † marks less than documented. A cell is
-empty if the solver does not support the kind of noise. The mean of a short step tests the limit, which is the
-documented solution. Solvers of Itô equations got Itô's form of the same equation.
+A cell has the measured *strong order; weak order*, and in brackets the documented order if it differs by more than
+0.1. A weak order of 1.00 is left out if the documentation states no other. † marks less than documented. A cell is
+empty if the solver does not support the kind of noise. The mean of a short step tests which solution is the limit: the
+documented one, unless the last section says otherwise. Solvers of Itô equations got Itô's form of the same equation.
 
 - **Orders** follow from errors of one step by quadrature, as in the laws *local-mean*, *local-mean-square* and
   *local-weak*. The reference resolves strong orders up to 1, or up to 1.5 for a solver that uses space-time areas of
   commutative noise.
-- **Paths**: the rms error at T = {T:g} with {", ".join(map(str, STEPS))} steps was measured too. The last section has
-  the intervals below the documented order. They miss the true order with nominal probability {ALPHA:g}.
-- **§**: the solver carries a state from step to step; the strong order is that of paths.
-- **Areas** are those of the reference's path. Left alone, torchsde and sdeint draw approximations of A_ij, whose fixed
-  quality makes the order ½ again for small steps (P. Kloeden and E. Platen 1992, §5.8)."""
+- **Paths**: the rms error at T = {T:g} with {", ".join(map(str, STEPS))} steps was measured too. If the interval for
+  the order lies below the documented order, the last section has it. Intervals miss the true order with nominal
+  probability {ALPHA:g}.
+- **§** marks a solver that carries a state from step to step; its strong order is measured over paths.
+- **Lévy areas** A_ij are given, from the reference's path. Without this torchsde and sdeint draw approximate A_ij,
+  whose fixed accuracy makes the order ½ again for small steps (P. Kloeden and E. Platen 1992, §5.8)."""
 
 
 @click.command()

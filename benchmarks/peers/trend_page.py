@@ -13,10 +13,10 @@ from sepv.verification import Verdict
 # Half of the lowest order that a consistent scheme has, ½: an error that falls so has a limit of 0.
 LEAST_SLOPE = 0.25
 
-INTRODUCTION = """This page shows in which recorded version of a library a verdict changed. Its Stratonovich solvers ran
-through the library's own code, in a fresh environment. A solver claims the orders that its documentation states for
-noise that commutes, in *local-mean*, *local-mean-square*, *local-weak*, *mean-square-order* and *right-limit*. Where a
-verdict changed, a cell names those that are not found to hold. The records,
+INTRODUCTION = """This page shows in which recorded version of a library a verdict changed. The library's Stratonovich
+solvers ran through its own code, in a fresh environment. A solver claims the orders that its documentation states for
+commuting noise, in the laws *local-mean*, *local-mean-square*, *local-weak*, *mean-square-order* and *right-limit*. If
+a verdict changed, a cell names the claimed laws that are not found to hold. The records,
 `results/LIBRARY/VERSION.json`, have every verdict, defect, seed and package; none is ever overwritten.
 
 ```sh
@@ -66,7 +66,7 @@ def _library(records: Sequence[Record]) -> Iterator[str]:
         )  # fmt: skip
     shown = deviations(records)
     if shown:
-        yield "**Where a measurement differs from its documentation** ([its own notes](deviations.md))"
+        yield "**Measurements that differ from the library's documentation** ([its notes](deviations.md))"
         yield markdown(
             ["script", "seen in", "mended in"],
             [

@@ -2,8 +2,8 @@
 
 A step of h = 0.1 for V = q⁴/4 is followed by the step back. By default the fixed point is solved to max|x − f(x)| <
 1e-9, whatever the size of the state. So the step back misses the start by less than 1e-9, and with
-`convergence_tol=1e-15` by rounding. A step whose reverse misses by more than 2e-8 is an error: non-convergence is not
-silent.
+`convergence_tol=1e-15` by rounding. If a reverse step misses by more than 2e-8, mici raises an error, so
+non-convergence is not silent.
 
 Exit code 1 while this is so, 0 where the way back misses by rounding.
 """

@@ -1,9 +1,9 @@
 """openmm VerletIntegrator: rounding of positions goes into velocities, divided by the step.
 
 No force acts on a free particle, so its velocity should not change. After one step the velocity is (x1 − x0)/h, as the
-source says (bonds of fixed length need that). It is wrong by the unit of rounding of x, divided by h. That is far below
-what matters in a simulation. It is the reason why one step is symplectic to some 1e-10 here and not to rounding; at x =
-0 nothing is lost. All is in binary64, on the Reference platform.
+source says (bonds of fixed length need that). This velocity is wrong by the rounding of x, divided by h. The error is
+far below what matters in a simulation, but makes one step symplectic to some 1e-10 only. At x = 0 it vanishes. All is
+in binary64, on the Reference platform.
 
 Exit code 1 while this is so, 0 where the velocity stays.
 """

@@ -1,7 +1,7 @@
 """blackjax yoshida: of order 2, with three stages; its page describes an eleven-stage method.
 
-V = q⁴/4 over [0, 1] in 4 and 16 steps: an error of order 4 would fall by a factor of 256. The source is right; on the
-page the description of each integrator stands under the name of the one before it.
+The script solves V = q⁴/4 over [0, 1] in 4 and 16 steps: an error of order 4 would fall by a factor of 256. The source
+is right; on the page the description of each integrator stands under the name of the integrator before.
 
 Exit code 1 while the order is 2, 0 where it is 4.
 """

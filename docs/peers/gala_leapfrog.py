@@ -1,8 +1,8 @@
 """gala LeapfrogIntegrator: a linear system's energy is not conserved exactly, but within h²/4 of itself.
 
-The example of its own docstring is H = (p² + q²)/2 from (1, 0) with dt = h = 0.1. The leapfrog keeps q²(1 − h²/4) + p²
-to rounding, and H oscillates by a relative h²/4. No energy is gained or lost over long times. Only the word "exactly"
-is inaccurate.
+The example in the docstring is H = (p² + q²)/2 from (1, 0) with dt = h = 0.1. The leapfrog keeps q²(1 − h²/4) + p² to
+rounding, and H oscillates by a relative h²/4. No energy is gained or lost over long times. Only the word "exactly" is
+inaccurate.
 
 Exit code 1 while this is so, 0 where the energy is constant to rounding.
 """

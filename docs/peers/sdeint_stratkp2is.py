@@ -2,8 +2,9 @@
 
 dy = √(1 + y²) ∘dW from y = 0 has the solution sinh W; dy = ½y ∘dW from y = 1, where g″ = 0, has e^(W/2). With 4, 16,
 64, 256 steps an error of order 1 falls by a factor of 4 each time. The difference (G(y + fh + g√h) − G(y))/√h · ½ΔW² of
-(4.5), (4.7) contains ¼ g″(g, g) √h ΔW², whose mean is of order h^1.5 in each step. No slip in the code is known. In
-StochasticDiffEq.jl such a difference was mended (SciML/StochasticDiffEq.jl, issue 19, 2017-08-18).
+the cited (4.5), (4.7) contains ¼ g″(g, g) √h ΔW². The mean of this term is of order h^1.5 in each step, so the order is
+½. No mistake in the code is known. StochasticDiffEq.jl corrected such a difference (SciML/StochasticDiffEq.jl, issue
+19, 2017-08-18).
 
 Exit code 1 while this is so, 0 where the error falls as documented.
 """

@@ -127,7 +127,7 @@ def _third_moment() -> Evidence:
 def _ball() -> Evidence:
     x, p = np.array(problems.harmonic_oscillator().initial).tolist()
     radius, distance = (x * x + p * p) / 2, math.hypot(x, p)
-    measured = f"that radius is {radius:.4g}, and the start is at the distance {distance:.4g}"
+    measured = f"the printed radius is {radius:.4g}, the start's distance from the origin {distance:.4g}"
     return Evidence(radius >= distance, radius < distance, measured)
 
 
@@ -190,7 +190,7 @@ ENTRIES = (
         printed="0 ≤ E[ξ² − ζ_h²] = (1 + 2√(2k|ln h|)) h^k",
         criterion="both sides are equal; the left side is 2[(1 − A²)Q(A) + Aφ(A)], A = √(2k|ln h|)",
         hypotheses="k = 2, as in the paper, and h < 1",
-        right="“≤”; nothing that follows uses the equality",
+        right="“≤” for “=”; no later argument uses the equality",
         evidence=_moments,
     ),
     Erratum(
@@ -202,7 +202,7 @@ ENTRIES = (
         printed="B(ȳ) ∫₀¹ ((y_n + τ(y_{n+1} − y_n))ᵀD + eᵀ) dτ",
         criterion="the product of B and the row is defined, and a column",
         hypotheses="D symmetric, B skew and constant, d = 2",
-        right="D(y_n + τ(y_{n+1} − y_n)) + e, a column; the equality with the midpoint rule stands",
+        right="D(y_n + τ(y_{n+1} − y_n)) + e, a column; (2.1) is then the midpoint rule, as stated",
         evidence=_product,
     ),
     Erratum(
@@ -213,7 +213,7 @@ ENTRIES = (
         printed="E[(h + cΔŴ_n)³] = h³ + 3c²h²",
         criterion="both sides are equal",
         hypotheses="k = 2, c = 1, h < 1",
-        right="“≤”: the truncated increment has E[ΔŴ²] < h. The conclusion O(h²) stands",
+        right="“≤” for “=”, because the truncated increment has E[ΔŴ²] < h. The conclusion O(h²) is right",
         evidence=_third_moment,
     ),
     Erratum(
@@ -222,12 +222,12 @@ ENTRIES = (
         printed="the estimates in the proofs above extend straightforwardly, by preservation of the energy",
         criterion="the midpoint scheme, with which these proofs compare and whose order they take from a context of "
         "global bounds, stays in the smallest convex set that contains the energy level, as (2.1) does",
-        hypotheses="those of Theorem 3.4: H and B are smooth, and each level of H is in the compact convex set that it "
-        "bounds",
-        right="a step is left out: change H and B outside a neighbourhood of the convex set, where it is compact, so "
-        "that they are bounded with their derivatives. The change affects neither (2.1) nor the exact solution, and "
-        "Theorem 3.3 applies. The conclusion stands. §4 does not need the step: on the oscillator and the rigid body "
-        "(3.4) is (2.1), and the pendulum's f has bounded derivatives on ℝ² (Remark 3.4)",
+        hypotheses="as in Theorem 3.4, H and B are smooth, and each level set of H lies in the compact convex set that "
+        "it bounds",
+        right="a step of the proof is missing: if the convex set is compact, change H and B outside a neighbourhood of "
+        "it, so that they and their derivatives are bounded. The change affects neither (2.1) nor the exact solution, "
+        "so Theorem 3.3 applies, and the conclusion is right. §4 does not need this step: on the oscillator and the "
+        "rigid body (3.4) is (2.1), and the pendulum's f has bounded derivatives on ℝ² (Remark 3.4)",
         evidence=_comparison,
     ),
     Erratum(
@@ -239,7 +239,7 @@ ENTRIES = (
         "oscillator",
         criterion="the ball contains the start (x0, p0)",
         hypotheses="(x0, p0) = (0.1, 0.2), as in §4.1; y0 is read as x0",
-        right="radius √(x0² + p0²); the argument stands",
+        right="radius √(x0² + p0²); the argument is then right",
         evidence=_ball,
     ),
     Erratum(
@@ -251,10 +251,10 @@ ENTRIES = (
         "on which f is bounded",
         criterion="the energy level H(y) = H(y0) is bounded: energy is what the argument rests on",
         hypotheses="parameters and y0 of §4.4; the states satisfy y > 0 and H(y) = H(y0) to rounding",
-        right="the level is unbounded, and f is unbounded on it, so that neither this argument nor the assumption of "
-        "Theorem 3.4 covers §4.4. The Casimir y1² y2 y3 = K keeps the exact solution in a compact set: with it H is "
-        "2y1 − 2 ln y1 + 2y3 − 3 ln y3 + y2 + ln K. (2.1) does not keep that Casimir. Order 1 is observed all the same "
-        "(`sepv reproduce 4.6`), and `sepv reproduce theory` shows what becomes of long paths",
+        right="the level set of H is unbounded, and f is unbounded on it, so neither this argument nor the assumption "
+        "of Theorem 3.4 covers §4.4. The Casimir y1² y2 y3 = K keeps the exact solution in a compact set: with this "
+        "Casimir H is 2y1 − 2 ln y1 + 2y3 − 3 ln y3 + y2 + ln K. (2.1) does not keep that Casimir. Order 1 is "
+        "observed all the same (`sepv reproduce 4.6`), and `sepv reproduce theory` shows what becomes of long paths",
         evidence=_level,
     ),
 )  # fmt: skip

@@ -122,7 +122,7 @@ def _scheme(method: str, order: float = 1.0, note: str = "", name: str = "", **o
     )  # fmt: skip
 
 
-_SEVERAL = "; strong_order 0.5 for general noise, of which noises that commute have 1"
+_SEVERAL = "; strong_order 0.5 for general noise, and 1 if the noise commutes"
 
 euler_heun = _scheme("euler_heun", note=_SEVERAL)
 heun = _scheme("heun", note=_SEVERAL)
