@@ -103,7 +103,7 @@ def document(found: Sequence[Row], deviations: Sequence[Deviation], command: str
     sources = _grouped((r.source, r.name) for r in found if r.library != "sepv")
     parts = [
         "# Laws of other libraries' Stratonovich solvers",
-        f"Made by `{command}` with sepv {__version__}; not edited by hand. Releases: {', '.join(releases)}.",
+        f"Made by `{command}` with sepv {__version__}. Releases: {', '.join(releases)}.",
         _introduction(),
         "## Laws",
         _laws(found, contradicted),
@@ -177,11 +177,11 @@ The laws were measured on dy = B(y)∇H(y)(dt + Σ_j c_j ∘dW_j). Other librari
 or Casimirs, so a violated law that they do not claim is no fault. They claim that a step depends on its arguments alone
 (the law *contract*), and the order for commutative noise that the documentation states, or theory if the documentation
 states none. The noise is commutative because all noises drive one field. Each solver runs through its own library's
-code in float64, with given increments. [Another page](solvers.md) has the orders by kind of noise.
+code in float64, with given increments. See also [orders by kind of noise](solvers.md).
 
 - Paths run over [0, {setup.T:g}] with {steps} steps; sepv's own scheme begins with {setup.steps[0] // 2}. Solvers of
   one state at a time get {FIRST_LOOK} paths, so more of their verdicts are open (inconclusive). The nominal
-  false-alarm rate of a run is {FALSE_ALARM:g}. The files `results/LIBRARY/VERSION.json` have the measured orders.
+  false-alarm rate of a run is {FALSE_ALARM:g}.
 - If a solver carries a state from step to step, laws about paths carry it too. Laws about one step ask its first step.
 - A space-time Lévy area is a normal variable from a stream whose key is the increment. Other Lévy areas are zero,
   because the brackets of these noise fields vanish."""

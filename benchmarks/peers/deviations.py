@@ -121,7 +121,7 @@ def document(page: str, deviations: Sequence[Deviation]) -> str:
     head = (
         "Each section quotes a library, and shows the output of a script without sepv. "
         "The library's README, docstrings, source and issues were read first. "
-        f"Made by `{COMMAND}`; not edited by hand."
+        f"Made by `{COMMAND}`."
     )
     sections = [d.text.removeprefix("#") for d in deviations if d.page == page]
     return "\n\n".join([TITLES[page], head, *sections]) + "\n"

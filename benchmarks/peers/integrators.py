@@ -71,7 +71,7 @@ def document(
     versions = dict.fromkeys(f"{row.library} {row.release}" for row in found)
     parts = [
         "# What integrators of samplers and simulators keep",
-        f"Made by `{command}` with sepv {__version__} and {', '.join(versions)}; not edited by hand.",
+        f"Made by `{command}` with sepv {__version__} and {', '.join(versions)}.",
         INTRODUCTION,
         markdown(("integrators (claimed order)", *KEPT), lines),
         f"Measured: {', '.join(ASKED)}. {UNNAMED}",
@@ -90,7 +90,7 @@ def rounding(rounded: Sequence[Deviation], command: str) -> str:
     head = (
         "# Integrators that keep invariants, but not to rounding\n\n"
         "Nothing here differs from a library's documentation. Each section quotes the library, and shows the output of "
-        f"a script without sepv. Made by `{command}`; not edited by hand."
+        f"a script without sepv. Made by `{command}`."
     )
     return "\n\n".join([head, *(d.text.removeprefix("#") for d in rounded)]) + "\n"
 
@@ -140,11 +140,11 @@ WHFAST to EOS, run on the problem `planets`."""
 # Issues: as far as a search of public threads finds them.
 READ = """\
 - ASE, diffrax, numpyro, PyMC, SciPy, TorchSim: docstrings and source of the integrators.
-- blackjax: source, the page of its integrators, issues 15, 678, 925, pull requests 59, 538, 588, 589, 626.
+- blackjax: source, the page of its integrators, three issues and five pull requests.
 - JAX MD: README, source and history of `simulate`, its tests, pull request 73.
-- mici: source and tests of integrators and solvers, their history since 2018, issue 5; it has no changelog.
-- OpenMM: source of the Reference platform, issues 927, 1677, 2208, 2398.
-- REBOUND: the documentation of each integrator (`sim.integrator.__doc__`), the changelog, pull requests 804, 822."""
+- mici: source and tests of integrators and solvers, their history since 2018, issue 5; there is no changelog.
+- OpenMM: source of the Reference platform, four issues.
+- REBOUND: documentation of each integrator, the changelog, two pull requests."""
 
 
 @click.command()

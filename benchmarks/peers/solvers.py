@@ -113,7 +113,7 @@ def document(found: Mapping[str, Sequence[Line]], deviations: Sequence[Deviation
     """The page, in Markdown."""
     parts = [
         "# Orders of other libraries' solvers, by kind of noise",
-        f"Made by `{command}` with sepv {__version__}; not edited by hand.",
+        f"Made by `{command}` with sepv {__version__}.",
         _introduction(),
     ]
     for library, own in found.items():
@@ -206,9 +206,8 @@ documented one, unless the last section says otherwise. Solvers of Itô equation
 - **Orders** follow from errors of one step by quadrature, as in the laws *local-mean*, *local-mean-square* and
   *local-weak*. The reference resolves strong orders up to 1, or up to 1.5 for a solver that uses space-time areas of
   commutative noise.
-- **Paths**: the rms error at T = {T:g} with {", ".join(map(str, STEPS))} steps was measured too. If the interval for
-  the order lies below the documented order, the last section has it. Intervals miss the true order with nominal
-  probability {ALPHA:g}.
+- **Paths**: the rms error at T = {T:g} with {", ".join(map(str, STEPS))} steps was measured too. The last section
+  has intervals that lie below the documented order. Intervals miss the true order with nominal probability {ALPHA:g}.
 - **§** marks a solver that carries a state from step to step; its strong order is measured over paths.
 - **Lévy areas** A_ij are given, from the reference's path. Without this torchsde and sdeint draw approximate A_ij,
   whose fixed accuracy makes the order ½ again for small steps (P. Kloeden and E. Platen 1992, §5.8)."""

@@ -3,8 +3,7 @@
 dy = √(1 + y²) ∘dW from y = 0 has the solution sinh W; dy = ½y ∘dW from y = 1, where g″ = 0, has e^(W/2). With 4, 16,
 64, 256 steps an error of order 1 falls by a factor of 4 each time. The difference (G(y + fh + g√h) − G(y))/√h · ½ΔW² of
 the cited (4.5), (4.7) contains ¼ g″(g, g) √h ΔW². The mean of this term is of order h^1.5 in each step, so the order is
-½. No mistake in the code is known. StochasticDiffEq.jl corrected such a difference (SciML/StochasticDiffEq.jl, issue
-19, 2017-08-18).
+½. No mistake in the code is known.
 
 Exit code 1 while this is so, 0 where the error falls as documented.
 """
