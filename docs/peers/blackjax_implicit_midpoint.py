@@ -1,4 +1,4 @@
-"""blackjax implicit_midpoint: where its solver has not converged the state comes back unmarked.
+"""blackjax implicit_midpoint: if its solver does not converge, the state comes back unmarked.
 
 The script makes one step of size 1 for V = q⁴/4 from q = 2, p = 0. The fixed-point iteration does not converge, and its
 last iterate is returned as the next state. Its energy is 32 instead of 4, so a sampler rejects it. A caller of the

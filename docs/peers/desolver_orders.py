@@ -1,4 +1,4 @@
-"""desolver ABAs5o6HSolver: of order 4, as its companion BABs9o7HSolver, where 6 and 7 are stated.
+"""desolver ABAs5o6HSolver: of order 4, not 6 as stated; BABs9o7HSolver: also of order 4, not 7.
 
 The script prints the errors at t = 2 with 4, 8 and 16 steps, against 512 steps. When h is halved the errors finally
 fall by a factor of 16 for V = q⁴/4, and by 64 and more for V = q²/2. The paper that both docstrings cite has the order

@@ -1,4 +1,4 @@
-"""gala LeapfrogIntegrator: a linear system's energy is not conserved exactly, but within h²/4 of itself.
+"""gala LeapfrogIntegrator: a linear system's energy is not conserved exactly, but to a relative h²/4.
 
 The example in the docstring is H = (p² + q²)/2 from (1, 0) with dt = h = 0.1. The leapfrog keeps q²(1 − h²/4) + p² to
 rounding, and H oscillates by a relative h²/4. No energy is gained or lost over long times. Only the word "exactly" is

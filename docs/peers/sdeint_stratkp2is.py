@@ -1,4 +1,4 @@
-"""sdeint stratKP2iS: strong order ½ where g″ ≠ 0; its README names order 1.0, and a likely bug.
+"""sdeint stratKP2iS: strong order ½ if g″ ≠ 0; its README names order 1.0, and a likely bug.
 
 dy = √(1 + y²) ∘dW from y = 0 has the solution sinh W; dy = ½y ∘dW from y = 1, where g″ = 0, has e^(W/2). With 4, 16,
 64, 256 steps an error of order 1 falls by a factor of 4 each time. The difference (G(y + fh + g√h) − G(y))/√h · ½ΔW² of

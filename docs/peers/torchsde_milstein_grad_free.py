@@ -1,4 +1,4 @@
-"""torchsde milstein grad_free: strong order ½, where the source declares 1.0.
+"""torchsde milstein grad_free: strong order ½; the source declares 1.0.
 
 dy = √(1 + y²) ∘dW from y = 0 has the solution sinh W. With 16, 64, 256 steps the error should fall by a factor of 4
 each time. The one-sided difference (g(y + g√h) − g(y))/(2√h) · ΔW² contains ¼ g″(g, g) √h ΔW². The mean of this term is

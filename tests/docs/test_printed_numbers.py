@@ -123,7 +123,7 @@ def test_the_midpoint_rule_keeps_the_impulse_of_vortices_and_two_one_their_energ
     printed(
         "vortices.md",
         "The midpoint rule keeps the angular impulse and changes H by 2e-06.",
-        "scheme (2.1) keeps H and changes the angular impulse by 8e-06. Both schemes keep the linear impulses.",
+        "The scheme `energy-preserving` keeps H and changes the angular impulse by 8e-06.",
     )
     block = block_in(doc("vortices.md"), "python").partition("\nif __name__")[0]
     vortices: dict[str, Any] = {}

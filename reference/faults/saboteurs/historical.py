@@ -186,7 +186,7 @@ _in(
 )  # fmt: skip
 _in(
     TAYLOR,
-    ("state-forgotten-without-drift", "if h = 0, y is left out of the sum y + Δf + …", ("identity",),
+    ("state-forgotten-without-drift", "if h = 0, the step gives y1 − y instead of y1", ("identity",),
      lambda problem, y, h, dW: _by_taylor(problem, y, h, dW) - (0.0 if h else y),
      "https://github.com/brian-team/brian2/issues/686: x = noise and not x + noise in equations without drift"),
 )  # fmt: skip
