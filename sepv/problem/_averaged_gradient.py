@@ -1,8 +1,8 @@
 """The averaged gradient ∫₀¹ ∇H(y0 + τ(y1 − y0)) dτ of (2.1), exact to rounding.
 
-Three ways, in this order: the problem's closed form; Gauss-Legendre quadrature with ⌈ν/2⌉ nodes for a
-polynomial H of degree ν (the integrand has degree ν − 1 in τ); adaptive quadrature with its error.
-A fixed rule is not among them: eight nodes leave 8e-5 in a logarithmic energy.
+The first of three ways that applies is taken: the problem's closed form; Gauss-Legendre quadrature with ⌈ν/2⌉ nodes for
+a polynomial H of degree ν (the integrand has degree ν − 1 in τ); adaptive quadrature with an estimate of its error.
+No fixed number of nodes would do for all H: eight nodes leave an error of 8e-5 in a logarithmic energy.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from sepv.problem._fields import summed
 from sepv.problem._problem import Array, Problem
 from sepv.record import EPS, gauss_legendre, mean_nodes
 
-# Nodes of the adaptive rule: the next is tried until two agree. 128 nodes resolve integrands that are analytic within
-# about a tenth of the segment's length; the error of rougher ones is reported.
+# Numbers of nodes of the adaptive quadrature: the next is tried until two results agree. 128 nodes resolve integrands
+# that are analytic within about a tenth of the segment's length. The error of rougher integrands is reported.
 _LADDER = (4, 8, 16, 32, 64, 128)
-# The largest y.size for which one call evaluates H″ at all nodes: beyond, memory grows and nothing is gained.
+# The largest y.size for which one call evaluates H″ at all nodes. For more states that takes memory and saves no time.
 FEW = 512
 
 
 class Average(NamedTuple):
-    """An averaged gradient (d, M), with the evaluations of ∇H that it took, and its error.
+    """An averaged gradient (d, M), with the number of evaluations of ∇H, and the error of the average.
 
-    `error` (M,) is 0 where the average is exact, else the difference of the last two rules. `reliable` (M,) is True
-    where that is rounding.
+    `error` (M,) is 0 where the average is exact, else the difference of the last two quadrature rules. `reliable` (M,)
+    is True where the error is of the size of rounding.
     """
 
     value: Array
@@ -52,8 +52,8 @@ def average_gradient(problem: Problem, y0: Array, y1: Array) -> Average:
 def average_hessian(problem: Problem, y0: Array, y1: Array) -> Array | None:
     """The derivative of the averaged gradient by y1, ∫₀¹ τ H″(y0 + τ(y1 − y0)) dτ, (d, d, ...); None without H″.
 
-    Only Newton's Jacobian uses it. Three nodes therefore suffice where H is not a polynomial: they change the speed of
-    convergence and not its limit.
+    Only Newton's Jacobian uses the result. If H is not a polynomial, three nodes therefore suffice: their error changes
+    the speed of Newton's iteration and not its limit.
     """
     if problem.hessian is None:
         return None
@@ -76,7 +76,7 @@ def _on_segment(y0: Array, y1: Array, points: Array) -> Array:
 
 
 def _quadratures(problem: Problem, y0: Array, y1: Array, *rules: int) -> list[tuple[Array, Array]]:
-    """The average by Gauss rules with these numbers of nodes: the value (d, ...) and the terms (d, nodes, ...) of each.
+    """The average of ∇H by each Gauss rule, given by its number of nodes: its value (d, ...) and terms (d, nodes, ...).
 
     One call evaluates ∇H at the nodes of all rules.
     """
@@ -97,10 +97,10 @@ def _size(terms: Array) -> Array:
 
 
 def argument_rounding(problem: Problem, *states: Array) -> Array:
-    """The change of ∇H(y) by one rounding of y, about eps |H″(y) y|: the largest of the given states, (M,).
+    """The change of ∇H(y) by one rounding of y, about eps |H″(y) y|: the largest at the given states, (M,).
 
-    Where ∇H varies fast beside |y|, as sin q does at q = 10⁸, two quadrature rules agree only to a few of these,
-    because each rounds its nodes differently.
+    If ∇H varies over lengths far below |y|, as sin q does at q = 10⁸, two quadrature rules agree only to a few such
+    changes, because each rounds its nodes differently.
     """
     worst = np.zeros(states[0].shape[1:])
     with np.errstate(all="ignore"):
@@ -111,7 +111,7 @@ def argument_rounding(problem: Problem, *states: Array) -> Array:
 
 
 def _adaptive(problem: Problem, y0: Array, y1: Array) -> Average:
-    """The average by Gauss rules of more and more nodes, until two of them agree to rounding."""
+    """The average of ∇H by Gauss rules of more and more nodes, until two results agree to rounding."""
     shape = y0.shape[1:]
     a, b = y0.reshape(y0.shape[0], -1), y1.reshape(y1.shape[0], -1)
     # The first two rules are always needed, so one call evaluates both.
@@ -137,6 +137,6 @@ def _adaptive(problem: Problem, y0: Array, y1: Array) -> Average:
 
 
 def _agree(difference: Array, terms: Array) -> NDArray[np.bool_]:
-    """True where two rules agree to the rounding errors of their sums."""
+    """True for each path for which two quadrature rules agree to the rounding errors of their sums."""
     agree: NDArray[np.bool_] = difference <= terms.shape[1] * EPS * _size(terms)
     return agree

@@ -15,8 +15,8 @@ from sepv.record import EPS, TINY, gauss_legendre, mean_nodes
 if TYPE_CHECKING:
     from sepv.problem._problem import Problem
 
-# A right gradient differs from the complex step by rounding alone: eps times the cancellation inside H. 1e-9 is a
-# heuristic: it leaves room for a loss of seven digits and still sees any wrong term.
+# A right gradient differs from the complex-step derivative by rounding alone: eps times the cancellation inside H. 1e-9
+# is a heuristic: it allows for a loss of seven digits and still detects any wrong term.
 GRADIENT_TOLERANCE = 1e-9
 # A defect of skewness enters the energy at its full size, so only a few eps are allowed.
 SKEW_TOLERANCE = 8 * EPS
@@ -45,7 +45,7 @@ def check_problem(problem: Problem) -> None:
 def sample_states(problem: Problem, length: float = 1.0) -> Iterator[Array]:
     """A few states of the domain around the problem's initial state, the same in every run.
 
-    Component i differs from the initial one by at most a quarter of |y_i| + `length`.
+    Component i of a state differs from that of the initial state by at most a quarter of |y_i| + `length`.
     """
     rng = np.random.default_rng(20140203)
     d = problem.dimension
@@ -64,7 +64,7 @@ def sample_states(problem: Problem, length: float = 1.0) -> Iterator[Array]:
 
 
 def inside(problem: Problem, y: Array) -> bool:
-    """True if a state (d,) lies in the domain, or there is none."""
+    """True if a state (d,) lies in the problem's domain, or the problem states no domain."""
     return problem.domain is None or bool(np.all(_call(problem, "domain", y)))
 
 
@@ -120,8 +120,8 @@ def _mistaken(
 def _check_mean_gradient(problem: Problem, y: Array) -> None:
     """Check that the averaged gradient ∇̄H by `mean_gradient` or `degree` has (y1 − y0)ᵀ∇̄H = H(y1) − H(y0).
 
-    Energy preservation rests on that. The tolerance is GRADIENT_TOLERANCE of the terms. Another rule, such as the
-    midpoint's, is off by the cube of the distance, about 1e-5 here.
+    Energy preservation needs this equation. The tolerance is GRADIENT_TOLERANCE of the terms. Another average, such as
+    ∇H at the midpoint, has an error of the order of |y1 − y0|³, about 1e-5 here.
     """
     end = y * (1 + 2.0**-4) + 2.0**-6
     if (problem.mean_gradient is None and problem.degree is None) or not inside(problem, end):
@@ -133,7 +133,7 @@ def _check_mean_gradient(problem: Problem, y: Array) -> None:
         average = problem.gradient(y[:, None] + points * (end - y)[:, None]) @ weights
     terms = (end - y) * np.asarray(average, dtype=np.float64)
     difference = float(problem.hamiltonian(end) - problem.hamiltonian(y))
-    # Two energies round once each, and each term ten times.
+    # Each of the two energies rounds once, and each term ten times.
     rounding = 2.0**-50 * (abs(float(problem.hamiltonian(end))) + abs(float(problem.hamiltonian(y))))
     if not abs(terms.sum() - difference) <= GRADIENT_TOLERANCE * np.abs(terms).sum() + rounding:
         if problem.mean_gradient is None:
@@ -186,7 +186,7 @@ def _check_derivatives(problem: Problem, y: Array) -> None:
 
 
 def closest_derivative(function: Callable[[Any], Any], y: Array, k: int, claimed: float) -> float:
-    """The derivative of a function by y_k at y, computed in two ways, of which the one closer to `claimed` is returned.
+    """The derivative of a function by y_k at y, computed in two ways; the value closer to `claimed` is returned.
 
     The complex step is exact to rounding, but wrong for code that is not analytic (abs, comparisons, conversions to
     float). Differences in extended precision work for any code, but lose digits.
@@ -225,7 +225,7 @@ def _extended_difference(function: Callable[[Any], Any], y: Array, k: int) -> fl
 
 
 def _call(problem: Problem, key: str, y: Array) -> Any:
-    """The value of a function of the problem at a copy of y; ProblemError if it raises, or changes its argument."""
+    """The value of the problem's function `key` at a copy of y; ProblemError if it raises or changes its argument."""
     copied = y.copy()
     try:
         value = getattr(problem, key)(copied)

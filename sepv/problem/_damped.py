@@ -1,15 +1,15 @@
 """Linear damping: dy = (B(y)∇H − γy) dt + Σ_j c_j B(y)∇H ∘dW_j, the conformal systems of arXiv 2503.01540 with one H.
 
-Stratonovich's rule is the chain rule. The terms with B∇H leave H and every Casimir C alone, so that, along each path,
+In Stratonovich's form the chain rule holds. The terms with B∇H do not change H or a Casimir C. So, along each path,
 
     dH = −γ yᵀ∇H dt,    dC = −γ yᵀ∇C dt:    a homogeneous F of degree p decays as F(y(t)) = e^{−pγt}F(y(0)).
 
-Of a quadratic Casimir that is e^{−2γt}, of a linear one e^{−γt} (Euler's theorem on homogeneous functions). With B
-homogeneous of degree β, H of degree p and κ = β + p − 2, y = e^{−γt}u has du = e^{−κγt}f(u)(dt + Σ c_j ∘dW_j):
+A quadratic Casimir decays as e^{−2γt}, a linear one as e^{−γt} (Euler's theorem on homogeneous functions). If B is
+homogeneous of degree β, H of degree p and κ = β + p − 2, u = e^{γt}y has du = e^{−κγt}f(u)(dt + Σ c_j ∘dW_j):
 
     y(t) = e^{−γt} φ_{θ(t)}(y(0)),    θ(t) = ∫₀ᵗ e^{−κγs}(ds + Σ_j c_j dW_j(s)),
 
-φ the flow of f = B∇H: a solution that needs the whole path.
+where φ is the flow of f = B∇H. This solution depends on the whole Wiener path, and not on its end alone.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class DampedProblem(Problem):
     Raises
     ------
     ProblemError
-        As for `Problem`, and where γ is not a finite number.
+        As for `Problem`, and if γ is not a finite number.
     """
 
     damping: float = 0.0
@@ -48,7 +48,7 @@ class DampedProblem(Problem):
             )
 
     def random_step(self, h: float, dW: Array) -> Array:  # noqa: ARG002  (the signature of `Problem`)
-        """Raise SystemsError: with damping a step is not one of a random length alone."""
+        """Raise SystemsError: a damped step depends on h, and not on Δ = h + Σ c_jΔW_j alone."""
         raise SystemsError(
             expected="a scheme for damped systems, such as conformal",
             received=f"a scheme for (1.1), which would leave out the damping of {self.name}",

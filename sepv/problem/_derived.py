@@ -1,4 +1,4 @@
-"""Parts of a problem that are derived from records of H and B: ∇H, H″, B′, the mean of ∇H, flows."""
+"""Parts of a problem that are derived from the recorded operations of H and B: ∇H, H″, B′, the mean of ∇H, flows."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def to_be_derived(y: Array) -> Array:
 
 @dataclass(frozen=True)
 class MeanGradient:
-    """The averaged gradient as a function (y0, y1) -> ∫₀¹∇H(y0 + τ(y1 − y0))dτ, computed from its record."""
+    """The averaged gradient as a function (y0, y1) -> ∫₀¹∇H(y0 + τ(y1 − y0))dτ, from a record of its closed form."""
 
     of_segment: Evaluator
 
@@ -48,7 +48,7 @@ class MeanGradient:
 class Derivatives:
     """The derivatives of H as functions of arrays with the shapes of `sepv.Problem`, and the degree of a polynomial H.
 
-    `mean_gradient` is None for a polynomial, whose degree is enough, and where the average has no closed form.
+    `mean_gradient` is None for a polynomial, whose degree is enough, and if the average has no closed form.
     """
 
     gradient: Evaluator
@@ -65,7 +65,7 @@ class Derived(Derivatives):
 
 
 def derive(dimension: int, structure: Function, hamiltonian: Function) -> Derived:
-    """Derive all parts of a problem from B and H. Raises ProblemError, with the reason, if one cannot be recorded."""
+    """Derive all parts of a problem from B and H; a ProblemError gives the reason if B or H cannot be recorded."""
     tape = Tape()
     y = tape.vector(dimension)
     B = _recorded(tape, "structure", structure, y, (dimension, dimension))
@@ -97,7 +97,7 @@ def derivatives(dimension: int, hamiltonian: Function, name: str = "hamiltonian"
 class PartFlow:
     """The exact flow of B∇H_k for a part H_k of H, as a function (y, t) -> (d, ...) of states and times t (...).
 
-    A call raises NoClosedForm if that flow has no closed form (`sepv.record._flows`), and ProblemError if B∇H_k cannot
+    A call raises NoClosedForm if the flow has no closed form (`sepv.record._flows`), and ProblemError if B∇H_k cannot
     be recorded.
     """
 

@@ -9,15 +9,15 @@ import numpy as np
 
 from sepv.problem._fields import dot, matvec
 
-# A gradient adds nothing if its part orthogonal to those before it is below this share of its length.
+# A gradient gives no new direction if its part orthogonal to earlier gradients is below this fraction of its length.
 DEPENDENT = 2.0**-40
 
 
 class Directions(NamedTuple):
-    """Orthogonal vectors q_k (d, ...) for some gradients N_k, with N_jᵀq_k = 0 for j < k.
+    """Orthogonal vectors q_k (d, ...) for gradients N_k of invariants, with N_jᵀq_k = 0 for j < k.
 
-    `inverse` are the 1/(N_kᵀq_k), (...), or 0 where no q_k changes the invariant. `products` has a list of the
-    q_jᵀN_k, j < k, for each k.
+    `inverse` are the numbers 1/(N_kᵀq_k), (...), or 0 where q_k does not change invariant k. `products` has a list of
+    the numbers q_jᵀN_k, j < k, for each k.
     """
 
     q: list[Any]
@@ -27,7 +27,7 @@ class Directions(NamedTuple):
     def without(self, w: Any) -> Any:
         """The part of w (d, ...) that is orthogonal to all gradients.
 
-        The parts along the q_k are subtracted twice, because the first time leaves the rounding of a longer vector.
+        The parts along the q_k are subtracted twice, because the first subtraction leaves the rounding of a longer w.
         """
         for _ in range(2):
             for b, inverse in zip(self.q, self.inverse, strict=True):
@@ -44,7 +44,7 @@ class Directions(NamedTuple):
         return sum(q * w for q, w in zip(self.q, weights, strict=True))
 
     def of(self, lanes: Any) -> Directions:
-        """The directions at some of the states, given by their numbers or a mask."""
+        """The directions at some of the states of the batch, given by a list of their numbers or a mask."""
         parts = self.q, self.inverse, *self.products
         q, inverse, *products = ([v[..., lanes] for v in part] for part in parts)
         return Directions(q, inverse, products)
@@ -61,8 +61,8 @@ def directions(gradients: Sequence[Any]) -> Directions:
 def projections(B: Any, gradient: Any, casimirs: Sequence[Any]) -> Directions:
     """Make directions for Casimirs with these gradients, (d, ...) each, then one for H, at a state.
 
-    A Casimir is corrected along its gradient, and H along v = BᵀB∇H, which is ∇H for the canonical B: ∇Hᵀv = |B∇H|²,
-    and v is orthogonal to all gradients of Casimirs. Where Ay = 0, also BA = 0, so v keeps yᵀAy exactly.
+    A Casimir is corrected along its gradient, and H along v = BᵀB∇H, which is ∇H for the canonical B. Here ∇Hᵀv =
+    |B∇H|², and v is orthogonal to all gradients of Casimirs. If Ay = 0, also BA = 0, so that v keeps yᵀAy exactly.
     """
     basis, size = directions(casimirs), dot(B, B).sum(axis=0) * dot(gradient, gradient)
     _append(basis, basis.without(-matvec(B, matvec(B, gradient))), gradient, size)

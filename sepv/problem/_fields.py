@@ -1,7 +1,7 @@
 """The Poisson vector field f = B∇H, its derivative, and the small dense algebra of batches.
 
-Sums over components run in order, one vectorised operation each, never through BLAS: so the bits of one path do not
-depend on the number of paths computed beside it.
+Sums over components run in a fixed order, one vectorised operation for each component and never through BLAS, so that
+the bits of one path do not depend on the number of paths computed in the same batch.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from sepv.problem._problem import Array, Problem
 from sepv.record import EPS, TINY
 
 _ROOT = float(np.sqrt(EPS))
-# The largest number of states for one batch of differences: beyond, memory grows and nothing is gained.
+# The largest number of states for one batch of differences. Larger batches need more memory and are not faster.
 LANES = 256
-# A function of states (d, M) and of their numbers (M,).
+# A function of states (d, M) and of the numbers (M,) of their paths in the batch.
 OfLanes = Callable[[Array, NDArray[np.intp]], Any]
-# The largest size of a term for which one call adds all terms: measured, for speed alone.
+# The largest size of a term for which one NumPy call adds all terms. It was measured, and matters for speed alone.
 FEW = 96
 
 
@@ -33,7 +33,7 @@ def _is_small(A: Array, products: int) -> bool:
 
 
 def summed(terms: Array) -> Array:
-    """The sum of terms (n, d, ...) over their second axis, Σ_j terms[:, j], in the order of j, (n, ...)."""
+    """The sum Σ_j terms[:, j], (n, ...), of terms (n, d, ...) over their second axis, added in the order of j."""
     if _is_small(terms, terms.size):
         totals: Array = np.add.accumulate(terms, axis=1)
         return totals[:, -1]
@@ -46,7 +46,8 @@ def summed(terms: Array) -> Array:
 def matvec(A: Array, v: Array) -> Array:
     """The product A v for matrices A (n, d, ...) and vectors v (d, ...).
 
-    With the derivatives ∂B_ij/∂y_k (d, d, d, ...) as A it is Σ_j ∂B_ij/∂y_k v_j, the derivative of B(y)v with v fixed.
+    With the derivatives ∂B_ij/∂y_k (d, d, d, ...) as A the product is the derivative of B(y)v for fixed v,
+    Σ_j ∂B_ij/∂y_k v_j.
     """
     if _is_small(A, A.size):
         return summed(A * v.reshape(len(v), *(1,) * (A.ndim - 1 - v.ndim), *v.shape[1:]))
@@ -59,7 +60,7 @@ def matvec(A: Array, v: Array) -> Array:
 def dot(u: Array, v: Array) -> Array:
     """The product uᵀv of vectors (d, ...), summed in the order of the components for one state and for a batch.
 
-    `np.sum` adds eight and more components of a single state in another order.
+    `np.sum` would add eight or more components of a single state in another order than those of a batch.
     """
     return matvec(u[None], v)[0]
 
@@ -82,7 +83,7 @@ def vector_field(problem: Problem, y: Array) -> Array:
 def invariants(problem: Problem, y: Array) -> Array:
     """The invariants of a problem at y (d, ...), as rows (1 + n, ...): H, and its n quadratic and linear Casimirs.
 
-    Sums are written out, so that the bits of a state do not depend on the others.
+    Sums are written out, so that the bits for one state do not depend on the other states of a batch.
     """
     none = np.zeros(y.shape[1:])
     rows = [problem.hamiltonian(y)]
@@ -96,7 +97,7 @@ def invariants(problem: Problem, y: Array) -> Array:
 def casimir_gradients(quadratic: Sequence[Any], linear: Sequence[Any], ends: Array) -> list[Array]:
     """The averaged gradients of Casimirs yᵀAy and bᵀy along a segment from y0 to y1, (d, ...) each, for ends = y0 + y1.
 
-    For ends = 2y they are the gradients at y.
+    With ends = 2y the result is the gradients at y.
     """
     extra = (1,) * (ends.ndim - 1)
     return [
@@ -122,7 +123,7 @@ def field_jacobian(problem: Problem, y: Array) -> Array | None:
 
 
 def structure_slope(problem: Problem, y: Array, v: Array) -> Array:
-    """The derivative of B(y)v by y for fixed v, (d, d, ...): analytic, else by differences good for Newton's matrix."""
+    """The derivative of B(y)v by y for fixed v, (d, d, ...): analytic, or by rough differences for Newton's matrix."""
     if problem.structure_derivative is not None:
         return matvec(problem.structure_derivative(y), v)
     flat = v.reshape(len(v), -1)
@@ -149,10 +150,10 @@ def differences(problem: Problem, function: OfLanes, y: Array) -> Array:
 
 
 def forward_differences(R: OfLanes, inside: OfLanes | None, z: Array, base: Array, reach: Array) -> Array:
-    """The derivative ∂R/∂z (n, d, M) at z (d, M), where R is `base` (n, M), by forward differences.
+    """The derivative ∂R/∂z (n, d, M) by forward differences at z (d, M), at which R has the value `base` (n, M).
 
-    Where these leave the domain they are backward. `reach` (M,) is the size of z, which their width follows. R and
-    `inside` are called with states, and with the numbers of their lanes: several components are shifted in one call.
+    Where z + width leaves the domain the difference is backward. The width is proportional to `reach` (M,), the size of
+    z. R and `inside` get states and the numbers of their paths, because one call shifts several components.
     """
     n, M = z.shape
     width = _ROOT * np.maximum(reach, TINY)
@@ -172,18 +173,18 @@ def forward_differences(R: OfLanes, inside: OfLanes | None, z: Array, base: Arra
     return jacobian
 
 
-# Widths of differences, as powers of |y|: the scale of f near y may be |y| or 1, which only f can tell.
+# Powers of |y| as widths of differences: f may vary over a length |y| or 1, and only values of f show over which.
 _SCALES = (1.0, 2 / 3, 1 / 3, 0.0)
 
 
 def derivative_along(problem: Problem, y: Array, v: Array) -> Array:
     """The derivative of the field f = B∇H in the direction v, f′(y)v, (d, ...): analytic, else by differences.
 
-    The differences are central and of order six along v. Several widths are tried, and each state takes the one with
-    the smallest estimate of its error: the distance of orders four and six, and the rounding of f. Functions that keep
-    the type of their argument are differenced in long double, with an error below a rounding of f if that has 64 bits
-    of mantissa. Others are in binary64, with an error of about 1e-13 of the scale of f. The Itô correction and
-    Milstein's term can be larger than f times the step, so that such an error would show in y1.
+    The differences are central and of order six along v. Several widths are tried, and each state takes the width with
+    the smallest estimate of the error: the distance of orders four and six, and the rounding of f. Functions that keep
+    the type of their argument are differenced in long double. If long double has 64 bits of mantissa, the error is then
+    below a rounding of f. Other functions are differenced in binary64, with an error of about 1e-13 of the scale of f.
+    That error can show in y1, because the Itô correction and Milstein's term can be larger than f times the step.
     """
     jacobian = field_jacobian(problem, y)
     if jacobian is not None:
@@ -193,7 +194,7 @@ def derivative_along(problem: Problem, y: Array, v: Array) -> Array:
     at: NDArray[Any] = y
     if vector_field(problem, wide).dtype == np.longdouble:  # type: ignore[arg-type]  # a wider float
         at = wide
-    # 2⁻⁷ balances h⁶ against eps/h in binary64, 2⁻⁹ in long double.
+    # The width h = 2⁻⁷ balances the errors h⁶ and eps/h in binary64, 2⁻⁹ in long double.
     share = 2.0**-7 if at is y else 2.0**-9
     rounding = np.finfo(at.dtype).eps
     best, error = np.zeros_like(at), np.full(reach.shape, np.inf)
@@ -227,10 +228,10 @@ def linear_solve(A: Array, b: Array) -> Array:
     """The solutions x (d, M) of A x = b for M matrices A (d, d, M) and b (d, M); not finite where A is singular.
 
     Up to d = 3 Cramer's rule is used, elementwise, several times faster for batches than a LAPACK call for each matrix.
-    It is not backward stable. Newton's iteration does not need that, because it computes the next residual afresh.
+    Cramer's rule is not backward stable. Newton's iteration does not need that: it computes each residual afresh.
     """
     if len(b) <= 3:
-        if b.shape[1] == 1:  # over numbers: operations on arrays of a few elements take ten times as long
+        if b.shape[1] == 1:  # Python's numbers: NumPy would take ten times as long for a few elements
             numerators, determinant = cramer(A[..., 0].tolist(), b[:, 0].tolist())
             return np.array([[v / determinant if determinant else math.nan] for v in numerators])
         numerators, determinant = cramer(A, b)
@@ -258,11 +259,11 @@ def cramer(A: Any, b: Any) -> tuple[list[Any], Any]:
 class Algebra(NamedTuple):
     """The operations of Newton's iteration on its matrix K = ∂R/∂z, for one way to store K, such as dense or sparse."""
 
-    # (K, F) -> (1 − K)⁻¹F, (n, M), not finite where 1 − K is singular.
+    # The function (K, F) -> (1 − K)⁻¹F, (n, M), not finite where 1 − K is singular.
     correction: Callable[[Any, Array], Array]
-    # K -> (M,): True where all entries of a lane are finite.
+    # The function K -> (M,): True for each path of the batch for which all entries of K are finite.
     finite: Callable[[Any], Any]
-    # (K, size (n, M)) -> |K| size, (n, M).
+    # The function (K, size (n, M)) -> |K| size, (n, M).
     through: Callable[[Any, Array], Array]
 
 

@@ -6,19 +6,19 @@ methods for stochastic Poisson systems, Commun. Comput. Phys. 29, 2021). H_0 is 
 
     dy = (f_0 + ½ Σ_j c_j² f_j′f_j) dt + Σ_j c_j f_j dW_j,
 
-its mean changes at the rate LH_0 = ½ Σ_j c_j² {{H_0, H_j}, H_j}, {F, G} = ∇FᵀB∇G. Where all {H_0, H_j} = 0 it is
-kept, and the system is one of several structures too (`sepv.problem._structures`).
+the mean of H_0 changes at the rate LH_0 = ½ Σ_j c_j² {{H_0, H_j}, H_j}, {F, G} = ∇FᵀB∇G. If all {H_0, H_j} = 0, H_0 is
+kept, and the system can also be written with several structures (`sepv.problem._structures`).
 
 Additive noise may leave the image of B: dy = B(y)∇H_0 dt + Σ_j c_j g_j dW_j with any constant vectors g_j (D. Cohen and
 G. Vilmart, Drift-preserving numerical integrators for stochastic Poisson systems, arXiv 2005.13991). No Casimir is kept
-then. Because ∇FᵀB∇H_0 = 0 for F = H_0 and for every Casimir F of B, what is left of the generator is
+then. Because ∇FᵀB∇H_0 = 0 for F = H_0 and for every Casimir F of B, the generator L of the system reduces to
 
     LF = ½ Σ_j c_j² g_jᵀF″g_j,
 
 a constant where F is quadratic along the g_j: E[F] grows linearly in time (trace formula).
 
-How fast a scheme that sees increments alone can converge depends on the brackets of the noises (`column`): with order
-½ in general, with order 1 where [f_i, f_j] = f_j′f_i − f_i′f_j = 0 for all noises i, j, as for one noise.
+The order of a scheme that uses the increments of the noises alone depends on their brackets (`column`): order ½ in
+general, order 1 if [f_i, f_j] = f_j′f_i − f_i′f_j = 0 for all noises i, j, as for one noise.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ from sepv.problem._fields import differences, hessian, matmul, matvec, structure
 from sepv.problem._problem import Array, Flow, Function, Problem, constant, require_one_for_each_noise
 from sepv.problem._structures import ClosedForm, CommutingStructure, StructuresProblem, combined
 
-# The largest bracket that counts as zero, relative to its factors: differences may leave 1e-8 of a slope, and a bracket
-# that does not vanish is far larger at some sample state.
+# The largest bracket that counts as zero, relative to its factors. Differences may have an error of 1e-8 of a slope,
+# and a bracket that does not vanish is far larger at some sample state.
 VANISHES = 1e-6
 
 
@@ -50,15 +50,15 @@ class HamiltoniansProblem(Problem):
     Parameters
     ----------
     noise_hamiltonians : callables, (d, ...) -> (...)
-        H_1, …, H_m; as many as `noise` has coefficients.
+        H_1, …, H_m, one for each coefficient in `noise`.
     noise_gradients : callables, (d, ...) -> (d, ...), optional
-        ∇H_1, …, ∇H_m. Where they are not given they are derived, with the second derivatives.
+        ∇H_1, …, ∇H_m. If they are not given, they and the second derivatives are derived from the H_j.
     noise_hessians : callables, (d, ...) -> (d, d, ...), optional
         Without them Newton's Jacobian is formed from differences.
     noise_flows : callables (y, t) -> (d, ...), optional
         Exact flows of B∇H_1, …, B∇H_m at times t (...), for splitting methods.
     closed_form : callable (y0, T, W) -> (d, M), optional
-        The exact solution, where the flows commute.
+        The exact solution y(T) from y0 with W = W(T), (m, M), if the flows commute.
     noise_vectors : sequence of (d,) vectors, optional
         g_1, …, g_m of additive noise Σ c_j g_j dW_j, in the place of all B∇H_j. `casimirs` are then those of B.
 
@@ -130,17 +130,17 @@ class HamiltoniansProblem(Problem):
 
 
 def is_several(problem: Problem) -> bool:
-    """True if the noises are not those of (1.1), so that there is no random step."""
+    """True if the system is not dy = B∇H(dt + Σ c_j∘dW_j), so that a step has no random length Δ = h + Σ c_jΔW_j."""
     return isinstance(problem, (StructuresProblem, HamiltoniansProblem, DampedProblem))
 
 
 def noise_vectors(problem: Problem) -> Array:
-    """The constant vectors g_j of additive noise, as rows (m, d); (0, d) for noise that is not given by vectors."""
+    """The constant vectors g_j of additive noise, as rows (m, d); shape (0, d) if the noise is not given by vectors."""
     return np.reshape(getattr(problem, "noise_vectors", ()), (-1, problem.dimension))
 
 
 def noise_gradients(problem: Problem) -> Sequence[Function]:
-    """The gradients ∇H_1, …, ∇H_m of the noise Hamiltonians; for (1.1), m times ∇H.
+    """The gradients ∇H_1, …, ∇H_m of the noise Hamiltonians; ∇H for each noise of dy = B∇H(dt + Σ c_j∘dW_j).
 
     Raises Skipped for several structures that do not come from several Hamiltonians, and for noise vectors.
     """
@@ -159,7 +159,7 @@ def noise_gradients(problem: Problem) -> Sequence[Function]:
 def combined_field(problem: Problem, y: Array, parts: Array) -> Array:
     """The sum of drift and noises of a step, h f_0(y) + Σ_j c_j ΔW_j f_j(y), (d, M), for problems of any class.
 
-    `parts` (1 + m, M) holds h and the c_j ΔW_j. With damping f_0 is B∇H_0 − γy.
+    `parts` (1 + m, M) holds h and the c_j ΔW_j. For a problem with damping, f_0 = B∇H_0 − γy.
     """
     if len(vectors := noise_vectors(problem)):
         return parts[0] * vector_field(problem, y) + vectors.T @ parts[1:]
@@ -179,7 +179,7 @@ def hamiltonian_field(problem: Problem, y: Array, parts: Array) -> Array:
 
 
 def combined_gradient(problem: Problem, y: Array, parts: Array) -> Array:
-    """The gradient of a step's Hamiltonian, h∇H_0(y) + Σ_j c_j ΔW_j ∇H_j(y), (d, M).
+    """The gradient of the Hamiltonian hH_0 + Σ_j c_j ΔW_j H_j of a step at y, (d, M).
 
     `parts` (1 + m, M) holds h and the c_j ΔW_j.
     """
@@ -191,7 +191,10 @@ def combined_gradient(problem: Problem, y: Array, parts: Array) -> Array:
 
 
 def combined_hessian(problem: Problem, y: Array, parts: Array) -> Array:
-    """The derivative of `combined_gradient` by y, (d, d, M); differences replace second derivatives not given."""
+    """The second derivatives of hH_0 + Σ_j c_j ΔW_j H_j at y, (d, d, M): as given, else by differences of gradients.
+
+    `parts` (1 + m, M) holds h and the c_j ΔW_j.
+    """
     total = parts[0] * hessian(problem, y)
     for j, part in enumerate(parts[1:]):
         total = total + part * noise_hessian(problem, j, y)
@@ -201,7 +204,7 @@ def combined_hessian(problem: Problem, y: Array, parts: Array) -> Array:
 def noise_hessian(problem: Problem, j: int, y: Array) -> Array:
     """The second derivatives of the Hamiltonian of noise number j = 0, …, m − 1 at y, (d, d, ...).
 
-    They are as given, else taken by differences of its gradient. They are 0 for noise given by vectors.
+    The result is as given by the problem, else from differences of the gradient, and 0 for noise given by vectors.
     """
     if len(noise_vectors(problem)):
         return np.zeros((problem.dimension, *y.shape))
@@ -220,7 +223,7 @@ def noise_field(problem: Problem, j: int, y: Array) -> Array:
 
 
 def noise_slope(problem: Problem, j: int, y: Array) -> Array:
-    """The derivative f_j′(y) of the field of noise number j, (d, d, ...)."""
+    """The derivative f_j′(y) of the field f_j = B∇H_j (or a constant vector) of noise number j, (d, d, ...)."""
     if len(noise_vectors(problem)):
         return np.zeros((problem.dimension, *y.shape))
     turned = structure_slope(problem, y, noise_gradients(problem)[j](y))
@@ -228,18 +231,18 @@ def noise_slope(problem: Problem, j: int, y: Array) -> Array:
 
 
 def bracket(problem: Problem, i: int, j: int, y: Array) -> Array:
-    """The Lie bracket [f_i, f_j] = f_j′f_i − f_i′f_j of two noise fields without their c, (d, ...).
+    """The Lie bracket [f_i, f_j] = f_j′f_i − f_i′f_j of two noise fields without their factors c, (d, ...).
 
-    It is the factor of the Lévy area A_ij in the expansion of the solution.
+    The bracket multiplies the Lévy area A_ij in the expansion of the solution.
     """
     first = matvec(noise_slope(problem, j, y), noise_field(problem, i, y))
     return first - matvec(noise_slope(problem, i, y), noise_field(problem, j, y))
 
 
 def drift_bracket(problem: Problem, j: int, y: Array) -> Array:
-    """The Lie bracket [f_0, f_j] of the drift and noise number j without its c, (d, ...).
+    """The Lie bracket [f_0, f_j] of the drift and the field of noise number j without its factor c_j, (d, ...).
 
-    It is the factor of A_0j = ½∫(s dW_j − W_j ds) in the expansion of the solution.
+    The bracket multiplies A_0j = ½∫(s dW_j − W_j ds) in the expansion of the solution.
     """
     turned = structure_slope(problem, y, problem.gradient(y))
     drift_slope = turned + matmul(problem.structure(y), hessian(problem, y))
@@ -256,10 +259,10 @@ def ito_drift(problem: Problem, y: Array) -> Array:
 
 
 def column(problem: Problem) -> str:
-    """The kind of noise, for claims of order: "one" (or equivalent to one), "additive", "commutative", "general".
+    """The kind of a noise, for claims of order: "one" (or equivalent to it), "additive", "commutative", "general".
 
-    Additive noises have constant fields, commutative ones vanishing brackets. Both are tested at the sample states,
-    which cannot detect an analytic function that vanishes at all of them but not between.
+    Additive noises have constant fields, and commutative noises have vanishing brackets. Both are tested at the sample
+    states only, so that a function that vanishes at these states and not between them goes undetected.
     """
     if not is_several(problem):
         return "one"
@@ -277,7 +280,7 @@ def column(problem: Problem) -> str:
 
 
 def commutes(problem: Problem) -> bool:
-    """True if all fields commute, f_0 included: y(T) is then the flow of T f_0 + Σ c_j W_j(T) f_j at time 1."""
+    """True if all fields commute, also with the drift: y(T) is then the flow of T f_0 + Σ c_j W_j(T) f_j at time 1."""
 
     def brackets(y: Array) -> list[Array]:
         return [drift_bracket(problem, int(j), y) for j in np.flatnonzero(problem.c)]
@@ -286,10 +289,10 @@ def commutes(problem: Problem) -> bool:
 
 
 def _vanish(problem: Problem, values: Callable[[Array], list[Any]], *, per_field: bool = False) -> bool:
-    """True if some vectors or matrices, `values(y)`, vanish at all sample states.
+    """True if the vectors or matrices `values(y)` vanish, to VANISHES, at all sample states y.
 
-    They are compared with the sizes of the noise fields and of their derivatives there: with products of both, or with
-    the fields alone (`per_field`).
+    They are compared with the largest noise field times the largest derivative of one at y. With `per_field` they are
+    compared with the largest noise field divided by the size of y.
     """
     acting = [int(j) for j in np.flatnonzero(problem.c)]
     for y in sample_states(problem):

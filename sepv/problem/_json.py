@@ -23,12 +23,12 @@ from sepv.record import poly
 
 
 def to_json(problem: Problem | PolynomialSystem | NamedProblem) -> dict[str, Any]:
-    """The JSON object of a problem file, with hex floats; that of a `Problem` includes its initial state.
+    """The JSON object of a problem file, with hex floats; the object of a `Problem` includes its initial state.
 
     Raises
     ------
     ProblemError
-        For a `Problem` given by Python functions only.
+        For a `Problem` given by Python functions only, which cannot be written.
     """
     if isinstance(problem, (PolynomialSystem, NamedProblem)):
         return problem_to_json(problem)
@@ -51,7 +51,7 @@ def from_json(data: Any) -> PolynomialSystem | NamedProblem:
     Raises
     ------
     ProblemError
-        For anything that does not obey the schema of problems, with the place and the reason.
+        For data that do not obey the schema of problems. The message gives the place and the reason.
     """
     if wrong := fault(data, schema("problem")):
         raise ProblemError(
@@ -66,8 +66,8 @@ def from_json(data: Any) -> PolynomialSystem | NamedProblem:
 def problem_to_json(data: Description) -> dict[str, Any]:
     """The JSON object of a description: {"name", "parameters"}, polynomial data, or {"given"} for functions.
 
-    Floats are in hex. "given" is the name on the command line of a problem made of functions, which stands with its
-    noise. Where it is empty, "object" is the problem's own name.
+    Floats are in hex. For a problem made of functions, "given" is its name on the command line, and "noise" its
+    coefficients. If it has no such name, "given" is empty and "object" is the problem's `name`.
     """
     if isinstance(data, GivenProblem):
         record = {"given": data.target, "noise": _row(data.problem.c)}

@@ -1,9 +1,9 @@
-"""Mechanical systems, H = ½ pᵀM⁻¹p + V(q) with a constant mass matrix M and B = J, taken apart for other libraries.
+"""Mechanical systems, H = ½ pᵀM⁻¹p + V(q) with a constant mass matrix M and B = J, split into M, V and derivatives.
 
     q̇ = M⁻¹p,  ṗ = −∇V(q);  with v = M⁻¹p:  q̇ = v,  Mv̇ = −∇V(q)
 
-The suite's random systems have y = (q, p), its older problems y = (p, q): B says which. `Mechanics.split` and `join`
-hide it.
+The suite's random systems have y = (q, p), its older problems y = (p, q). The sign of B shows the order, so that users
+of `Mechanics.split` and `join` need not know it.
 """
 
 from __future__ import annotations
@@ -98,8 +98,8 @@ def mechanics(problem: Problem) -> Mechanics:
     Raises
     ------
     UsageError
-        Where B is neither J nor −J, or H is not ½ pᵀM⁻¹p + V(q). Polynomial data are read, functions compared at a
-        few states.
+        If B is neither J nor −J, or H is not ½ pᵀM⁻¹p + V(q). For polynomial data the terms of H are read; all problems
+        are compared with this form at a few states.
     """
     d = problem.dimension
     n, states = d // 2, [np.asarray(y, dtype=np.float64) for y in sample_states(problem)]
@@ -135,7 +135,7 @@ def mechanics(problem: Problem) -> Mechanics:
         still[p_at] = 0.0
         with np.errstate(all="ignore"):
             moving, resting, size = problem.gradient(y), problem.gradient(still), np.abs(W) @ np.abs(y[p_at])
-        if not np.all(np.isfinite(moving)):  # a state far from the system's own size says nothing
+        if not np.all(np.isfinite(moving)):  # a sample state far from the system's usual ones
             continue
         apart = np.abs(moving[p_at] - W @ y[p_at]) - 64 * d * EPS * size
         apart_q = np.abs(moving[q_at] - resting[q_at]) - 64 * d * EPS * np.max(np.abs(resting[q_at]))
@@ -147,7 +147,7 @@ def mechanics(problem: Problem) -> Mechanics:
 
 
 def _inverted(W: Array) -> Array:
-    """The inverse of W, refined in long floats, so that entries of few bits are exact."""
+    """The inverse of the matrix W, refined in long double, so that entries with few bits are exact."""
     wide, inverse = W.astype(np.longdouble), np.linalg.inv(W).astype(np.longdouble)
     for _ in range(2):
         inverse = inverse + inverse @ (np.eye(len(W)) - wide @ inverse)

@@ -1,7 +1,7 @@
 """Systems in three dimensions given by two invariants: B(y)v = g(y) (v × ∇C(y)), so that f = g ∇H × ∇C.
 
-Every Poisson structure in dimension three has this form near a point where it does not vanish (Nambu's form): C is its
-Casimir. Any C and g will do here, quadratic or not.
+Every Poisson structure in dimension three has this form (Nambu's form) near a point where it does not vanish, and C is
+its Casimir. The functions C and g may be any functions, quadratic or not.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ class Nambu:
     factor : callable, (3, ...) -> (...)
         The factor g.
     casimir : callable
-        C, with the shapes of H. The parts below are derived from it if ∇C is not given, as for H.
+        C, (3, ...) -> (...). If ∇C is not given, the attributes below are derived from C.
     gradient, hessian : callable, optional
-        ∇C and C″, with the shapes of ∇H and H″.
+        ∇C and C″, (3, ...) -> (3, ...) and (3, ...) -> (3, 3, ...).
     mean_gradient : callable, optional
         (y0, y1) -> ∫₀¹∇C(y0 + τ(y1 − y0))dτ, exact to rounding.
     degree : int, optional
-        The degree of a polynomial C. With neither, the average is found by adaptive quadrature.
+        The degree of a polynomial C. With neither it nor `mean_gradient`, adaptive quadrature averages ∇C.
     """
 
     factor: Function

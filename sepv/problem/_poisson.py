@@ -11,12 +11,12 @@ stochastic system (1.1), whose noises are Hamiltonian vector fields too. For the
 
     D_j = Σ_k a_k (Φ(y + k w e_j) − Φ(y − k w e_j))/w,      a = (3/4, −3/20, 1/60).
 
-Where Φ is analytic for complex y_j in a disc of radius ρ and moves y by at most M there, Cauchy's estimate bounds the
-n-th derivative by n! M/ρⁿ. The first term that is left has n = 7: 2 Σ_k a_k k⁷ = 36, so that
+If the step Φ is analytic for complex y_j in a disc of radius ρ and moves y by at most M in that disc, Cauchy's estimate
+bounds its n-th derivative by n! M/ρⁿ. The first term of the error has n = 7 and the factor 2 Σ_k a_k k⁷ = 36, so that
 
     |D_j − ∂Φ/∂y_j| ≤ 37 (w/ρ)⁶ M/ρ + 11/6 δ/w,
 
-δ the error of one step, with 37 for 36 and all further terms while w ≤ ρ/64, and 2 Σ|a_k| = 11/6.
+where δ is the error of one step, 37 bounds 36 and all further terms while w ≤ ρ/64, and 2 Σ|a_k| = 11/6.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ import numpy as np
 from sepv.problem._problem import Array, Problem
 
 _WEIGHTS = (3 / 4, -3 / 20, 1 / 60)
-# The formula of order four on the same points: its distance from order six bounds the error of order six.
+# The formula of order four on the points of _WEIGHTS: the distance of both bounds the error of order six.
 _FOURTH = (2 / 3, -1 / 12, 0.0)
 POINTS = len(_WEIGHTS)
 TRUNCATION, ROUNDING = 37.0, 2 * sum(abs(a) for a in _WEIGHTS)
-# w/ρ, with a truncation error of 37 · 2⁻⁴² of M/ρ: below that of rounding for most ρ.
+# The ratio w/ρ. It gives a truncation error of 37 · 2⁻⁴² of M/ρ, below the error of rounding for most ρ.
 WIDTH = 2.0**-7
-# Width relative to the scale of y where no ρ is known.
+# The width of differences relative to the scale of y, if no radius ρ is known.
 BLIND_WIDTH = 2.0**-9
 
 
@@ -53,7 +53,7 @@ def derivative(answers: Array, widths: Array) -> tuple[Array, Array]:
 
     `answers` (n, …) are the values of Φ at the states of `shifted`.
     """
-    # Columns of direction j: k = 1, 2, 3, each with both signs.
+    # The columns of direction j: shifts k = 1, 2, 3, each with both signs.
     sides = answers[:, 1:].reshape(-1, widths.size, POINTS, 2)
     rises = sides[..., 0] - sides[..., 1]
     sixth, fourth = (rises @ np.array(weights) / widths for weights in (_WEIGHTS, _FOURTH))
@@ -73,7 +73,7 @@ def derivative_of_structure(problem: Problem, y: Array) -> Array:
 def scales(problem: Problem, y: Array) -> Array:
     """The lengths (d,) over which B and H change at y, for the widths of differences.
 
-    They are |y_j| where there is a domain to leave, else the largest |y_j|.
+    They are |y_j| if the problem has a domain, which a larger width might leave, else the largest |y_j|.
     """
     largest = max(float(np.max(np.abs(y))), 2.0**-40)
     if problem.domain is None:
@@ -87,8 +87,8 @@ def jacobi_defect(problem: Problem, y: Array) -> Array:
     Returns
     -------
     (d, d, d) array
-        Σ_l (B_il ∂_lB_jk + B_jl ∂_lB_ki + B_kl ∂_lB_ij) at [i, j, k]; to about 1e-11 of its largest term where the
-        problem gives no `structure_derivative`.
+        Σ_l (B_il ∂_lB_jk + B_jl ∂_lB_ki + B_kl ∂_lB_ij) at [i, j, k]. If the problem gives no `structure_derivative`,
+        the error is about 1e-11 of the largest term.
 
     Examples
     --------

@@ -1,7 +1,7 @@
 """The problem record: dy = B(y)∇H(y)(dt + Σ_j c_j ∘dW_j), equation (1.1) with m noises (§1).
 
-Component first, everywhere: a state is an array `(d,)`, a batch of M states `(d, M)`; B(y) is
-`(d, d)` or `(d, d, M)`. A function written with indexing and NumPy's elementwise functions serves both.
+The first axis of every array is that of components: a state is an array `(d,)`, a batch of M states `(d, M)`, and B(y)
+is `(d, d)` or `(d, d, M)`. A function of indexing and NumPy's elementwise functions takes both a state and a batch.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from sepv.record import Polynomial
 Array = NDArray[np.float64]
 Function = Callable[[Array], Array]
 Flow = Callable[[Array, Array], Array]
-# The functions that make up a problem; the first three are always set, `gradient` to a mark where it is derived.
+# The functions that make up a problem. The first three are always set: a `gradient` to be derived is set to a mark.
 _FUNCTIONS = (
     "structure", "hamiltonian", "gradient", "hessian", "structure_derivative", "mean_gradient", "domain",
 )  # fmt: skip
@@ -41,11 +41,11 @@ class Systems(StrEnum):
     nambu
         (1.1) in dimension three with a Casimir and a factor, B(y)v = g(y)(v × ∇C(y)): `Problem.nambu`.
     several
-        A structure G_j for each noise, or Hamiltonians H_j with {H_0, H_j} = 0: H is kept.
+        A structure G_j for each noise, or Hamiltonians H_j with {H_0, H_j} = 0. The flow keeps H.
     hamiltonians
         A Hamiltonian H_j for each noise, whether or not {H_0, H_j} = 0.
 
-    Narrower classes, of which laws draw random systems (`sepv.verification._cases.families`):
+    Laws draw random systems from narrower classes too (`sepv.verification._cases.families`):
 
     canonical-separable
         (1.1) with H = T(p) + V(q), y = (p, q) and B = J⁻¹.
@@ -92,17 +92,17 @@ class PolynomialSystem:
     linear_casimirs : tuple of vectors b
         C(y) = bᵀy is a Casimir.
     polynomial_casimirs : tuple of polynomials
-        Casimirs of B of any degree; a linear or quadratic one listed above need not stand here too.
+        Casimirs of B of any degree. A Casimir in `casimirs` or `linear_casimirs` need not be listed here again.
     nambu : (g, C), optional
         For d = 3, B(y)v = g(y)(v × ∇C(y)); `structure` must say the same. See `sepv.problems.nambu_system`.
     noise_structures : tuple of structures, optional
-        G_1, …, G_m, each like `structure`: several structures. The Casimirs are then those common to all.
+        G_1, …, G_m of several structures, each like `structure`. Casimirs are then those common to B and all G_j.
     noise_hamiltonians : tuple of polynomials, optional
         H_1, …, H_m: several Hamiltonians (`sepv.problem._hamiltonians`), whether or not {H, H_j} = 0.
     noise_vectors : tuple of d numbers each, optional
-        g_1, …, g_m: additive noise Σ c_j g_j dW_j. At most one of the three.
+        g_1, …, g_m: additive noise Σ c_j g_j dW_j. Give at most one of the three attributes `noise_…`.
     damping : float
-        γ of −γy dt, with none of the three (`sepv.problem.DampedProblem`).
+        The rate γ of a damping −γy dt (`sepv.problem.DampedProblem`), for systems with none of the three `noise_…`.
     """
 
     dimension: int
@@ -121,7 +121,7 @@ class PolynomialSystem:
 
 @dataclass(frozen=True)
 class NamedProblem:
-    """A problem given by its name and parameters, such as the paper's four."""
+    """A built-in problem given by its name and parameters, such as each of the paper's four."""
 
     name: str
     parameters: tuple[tuple[str, tuple[float, ...]], ...] = ()
@@ -134,31 +134,30 @@ class Problem:
     Parameters
     ----------
     dimension : int
-        d ≥ 1.
+        The dimension d ≥ 1 of states.
     structure : callable, (d, ...) -> (d, d, ...)
         The structure matrix B(y), skew-symmetric.
     hamiltonian : callable, (d, ...) -> (...)
-        H. Together with `structure` it is enough where both consist of arithmetic, indexing and NumPy's elementwise
-        functions: they are then called once with symbols, and what is not given below is derived
-        (`sepv.problem._derived`).
+        H. If H and B consist of arithmetic, indexing and NumPy's elementwise functions, nothing else is needed: both
+        are called once with symbols, and ∇H and other parts not given below are derived (`sepv.problem._derived`).
     gradient : callable, (d, ...) -> (d, ...), optional
-        ∇H. Where it is given nothing is derived, and it is compared with H.
+        ∇H. If it is given, no part is derived, and it is compared with H.
     noise : array_like, shape (m,)
-        The c_j ≥ 0; m = 0 is the deterministic problem.
+        The coefficients c_j ≥ 0 of the m noises; m = 0 is the deterministic problem.
     casimirs : sequence of (d, d) symmetric matrices A
         Quadratic Casimirs C(y) = yᵀAy: ∇Cᵀ B = 0 for all y.
     linear_casimirs : sequence of (d,) vectors b
         Linear Casimirs C(y) = bᵀy.
     hessian, structure_derivative : callable, optional
-        (d, ...) -> (d, d, ...) and (d, ...) -> (d, d, d, ...), the last with ∂B_ij/∂y_k at [i, j, k].
-        With both, Newton's Jacobian is analytic; without, it is formed from differences.
+        H″ and B′: (d, ...) -> (d, d, ...) and (d, ...) -> (d, d, d, ...), with ∂B_ij/∂y_k at [i, j, k].
+        With both, Newton's Jacobian is analytic. Otherwise it is formed from differences.
     mean_gradient : callable, optional
         (y0, y1) -> ∫₀¹∇H(y0 + τ(y1 − y0))dτ in closed form, exact to rounding also as y1 → y0.
     degree : int, optional
-        The degree of a polynomial H: Gauss-Legendre quadrature with ⌈degree/2⌉ nodes is then exact.
-        With neither, and none derived, the average is found by adaptive quadrature.
+        The degree of a polynomial H: Gauss-Legendre quadrature with ⌈degree/2⌉ nodes is then exact. If neither
+        `mean_gradient` nor `degree` is given or derived, the average of ∇H is found by adaptive quadrature.
     domain : callable, optional
-        (d, ...) -> (...) of bool: where H and B are defined.
+        (d, ...) -> (...) of bool: True for the states at which H and B are defined.
     initial : array_like, shape (d,), optional
         A typical initial state.
     name : str
@@ -169,12 +168,12 @@ class Problem:
         For d = 3: the Casimir C and the factor g with B(y)v = g(y)(v × ∇C(y)).
     longest_step : float, optional
         The largest |h| + Σ|c_jΔW_j| for which every scheme is known to have a solution, from states near the initial
-        one. Where it is stated, studies take their steps from it, and laws take no longer ones.
+        one. If it is given, studies choose their steps by it, and laws take no longer steps.
     flows : sequence of callables (y, t) -> (d, ...), optional
         Exact flows of B∇H_k at times t (...), for parts H_k with H = ΣH_k: splitting methods need them.
     check : bool
-        Whether to compare the parts with each other at a few states (default). Generated and built-in
-        problems are checked by tests instead.
+        True (default) compares the parts with each other at a few states. Generated and built-in problems leave this
+        check to tests.
 
     Raises
     ------
@@ -382,7 +381,7 @@ def constant(key: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
 
 @dataclass(frozen=True)
 class GivenProblem:
-    """A user's problem made of functions, where others have data; `target` is its name on the command line, if any."""
+    """A user's problem, made of functions instead of data; `target` is its name on the command line, if it has one."""
 
     problem: Problem
     target: str = ""

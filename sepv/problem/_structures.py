@@ -1,23 +1,23 @@
 """Several structures (paper §1): dy = B(y)∇H dt + Σ_j c_j G_j(y)∇H ∘dW_j with every G_j skew; and several Hamiltonians.
 
-H is kept, and every Casimir common to B and all G_j. With the increments of a step held fixed this is a system (1.1)
-with the structure h B + Σ_j c_j ΔW_j G_j and Δ = 1.
+The flow keeps H and every Casimir common to B and all G_j. With the increments of a step held fixed the system is
+dy = A(y)∇H dt over a time 1, with the structure A = h B + Σ_j c_j ΔW_j G_j.
 
-dy = B∇H_0 dt + Σ_j c_j B∇H_j ∘dW_j with {H_0, H_j} = 0 is of this form: B∇H_j = S_j∇H_0 with S_j = (v wᵀ − w vᵀ)/|w|²,
-v = B∇H_j and w = ∇H_0, because vᵀw = {H_0, H_j} = 0. Taking for w the part of ∇H_0 orthogonal to the gradients of the
-Casimirs changes nothing in S_j∇H_0 and makes S_j∇C = 0: the Casimirs of B are then common.
+A system dy = B∇H_0 dt + Σ_j c_j B∇H_j ∘dW_j with {H_0, H_j} = 0 has this form, because B∇H_j = S_j∇H_0 for
+S_j = (v wᵀ − w vᵀ)/|w|² with v = B∇H_j, w = ∇H_0 and vᵀw = {H_0, H_j} = 0. If w is only the part of ∇H_0 orthogonal to
+the gradients of the Casimirs C of B, S_j∇H_0 is the same and S_j∇C = 0: C is then a Casimir of B and of all S_j.
 
-**Critical points of H_0.** Where w = 0 and v ≠ 0 there is no such S_j. The flows of the H_j keep the set {w = 0}, so
-that the exact solution moves inside it, and a scheme that multiplies S_j by an average of ∇H_0 cannot follow. A step
-sees S_j(ȳ)m with an average m = w(ȳ) + e, and for vᵀw = 0
+**Critical points of H_0.** At a state with w = 0 and v ≠ 0 no such S_j exists. The flows of the H_j keep the set
+{w = 0}, so that an exact solution moves inside this set. A scheme that multiplies S_j by an average of ∇H_0 cannot
+follow it: a step uses S_j(ȳ)m with an average m = w(ȳ) + e, and for vᵀw = 0
 
     S_j m − v = (v (wᵀe) − w (vᵀe))/|w|²,      |S_j m − v| ≤ |v| |e|/|w|.
 
-For smooth H_0, |e| ≤ |H_0‴| |y1 − y0|²/24, or a rounding of ∇H_0 where H_0 is quadratic: S_j m stands for B∇H_j as
-long as |w| is larger than that. Near a curved set of critical points it is not, however small the step. In polar
-coordinates, H_0 = ½(I − 1)² and H_1 = I: along the chord, m is (I_0 − 1 − |y1 − y0|²/12)ȳ and w is (I_0 − 1 −
+For smooth H_0, |e| ≤ |H_0‴| |y1 − y0|²/24; for quadratic H_0, |e| is a rounding of ∇H_0. S_j m approximates B∇H_j if
+|w| is larger than |e|. Near a curved set of critical points both have the same size, however small the step. An example
+in polar coordinates is H_0 = ½(I − 1)², H_1 = I: along the chord, m is (I_0 − 1 − |y1 − y0|²/12)ȳ and w is (I_0 − 1 −
 |y1 − y0|²/8)ȳ, so that with I_0 = 1 the step turns by two thirds of its angle for every h. So each solved step measures
-the distance of S_j m from v (`CommutingStructure.missed`) and is refused if that is a quarter of |v| or more.
+the distance |S_j m − v| (`CommutingStructure.missed`) and is refused if the distance is a quarter of |v| or more.
 """
 
 from __future__ import annotations
@@ -36,16 +36,16 @@ from sepv.problem._fields import casimir_gradients, dot, matvec
 from sepv.problem._problem import Array, Function, Problem, require_one_for_each_noise
 from sepv.record import EPS, TINY, majorant
 
-# The function of y0 (d,), T and W(T) (m, M) that gives y(T), where the flows commute.
+# The function of y0 (d,), T and W(T) (m, M) that gives y(T), for systems whose flows commute.
 ClosedForm = Callable[[Array, float, Array], Array]
 # The largest {H_0, H_j} relative to |∇H_0||B∇H_j| that counts as zero: a few hundred roundings.
 BRACKET_TOLERANCE = 1e-12
-# S_j∇̄H_0 may miss B∇H_j by this share. Next to a curved set of nondegenerate critical points it misses by a third for
-# every h: m and w are then the mean of a parabola over a chord and its value in the middle, 1/12 and 1/8. Elsewhere the
-# share is of the order of |y1 − y0|², and a step with a quarter is useless anyway.
+# The largest error |S_j∇̄H_0 − B∇H_j| that a step may have, relative to |B∇H_j|. Next to a curved set of nondegenerate
+# critical points it is a third for every h, because ∇̄H_0 and w are the mean of a parabola over a chord and its value
+# in the middle, 1/12 and 1/8. Elsewhere it is of the order of |y1 − y0|², and a step with a quarter is useless anyway.
 MISSED = 0.25
-# S_j is undefined where w is below the first share of its terms, its own rounding, and v is above the second. The
-# margin is wide because both vanish alike next to an isolated critical point.
+# S_j is undefined if w is below its own rounding, the first factor times its terms, and v is above the second factor
+# times its terms. The margin is wide because both w and v vanish next to an isolated critical point.
 ROUNDING_OF_W, ROUNDING_OF_V = 16 * EPS, 1024 * EPS
 
 
@@ -56,11 +56,11 @@ class StructuresProblem(Problem):
     Parameters
     ----------
     noise_structures : callables, (d, ...) -> (d, d, ...)
-        G_1, …, G_m; as many as `noise` has coefficients.
+        G_1, …, G_m, one for each coefficient in `noise`.
     noise_structure_derivatives : callables, optional
-        ∂G_ij/∂y_k at [i, j, k] of each; without them Newton's Jacobian is formed from differences.
+        ∂G_ij/∂y_k at [i, j, k] for each G. Without them Newton's Jacobian is formed from differences.
     closed_form : callable (y0, T, W) -> (d, M), optional
-        The exact solution, where the flows commute.
+        The exact solution y(T) from y0 with W = W(T), (m, M), if the flows commute.
     casimirs, linear_casimirs
         Casimirs common to B and all G_j.
 
@@ -94,7 +94,7 @@ class StructuresProblem(Problem):
         return tuple(gradients)
 
     def random_step(self, h: float, dW: Array) -> Array:  # noqa: ARG002  (the signature of `Problem`)
-        """Raise UsageError: Δ = h + Σ c_j ΔW_j exists for a single structure only."""
+        """Raise UsageError: a step has the random length Δ = h + Σ c_j ΔW_j for a single structure only."""
         raise UsageError(
             expected="a scheme for several structures, such as several-structures",
             received=f"a scheme that reduces the noise of {self.name} to one random step",
@@ -118,23 +118,23 @@ def combined(problem: Problem, y: Array, parts: Array) -> Array:
 
 
 def undefined(problem: Problem, y0: Array, y1: Array, mean: Array, parts: Array) -> np.ndarray:
-    """True where S_j∇̄H_0, which stands for B∇H_j, misses it in the step from y0 to y1, (M,).
+    """True for each path whose step from y0 to y1 has a noise with S_j∇̄H_0 far from B∇H_j, (M,).
 
-    `mean` (d, M) is the averaged gradient ∇̄H_0 of the step, `parts` (1 + m, M) are h and the c_j ΔW_j.
+    "Far" is more than MISSED times |B∇H_j|. `mean` (d, M) is ∇̄H_0, and `parts` (1 + m, M) are h and the c_j ΔW_j.
     """
     outside = np.zeros(y0.shape[1], dtype=bool)
     size = np.maximum(np.abs(y0), np.abs(y1)).max(axis=0)
     for part, G in zip(parts[1:], noise_structures(problem), strict=True):
         if isinstance(G, CommutingStructure):
             missed, field, rounding = G.missed(y0 + 0.5 * (y1 - y0), mean)
-            # A contribution below a rounding of y does not move y.
+            # A noise term below a rounding of y does not move y.
             allowed = np.abs(part) * (MISSED * field + rounding) + EPS * size
             outside |= (part != 0) & ~(np.abs(part) * missed <= allowed)
     return outside
 
 
 def combined_slope(problem: Problem, y: Array, parts: Array) -> Array | None:
-    """The derivative of `combined` by y, (d, d, d, M); None if the problem does not give those of its structures."""
+    """The derivative of h B + Σ_j c_j ΔW_j G_j by y, (d, d, d, M); None if a structure's derivative is not given."""
     if problem.structure_derivative is None:
         return None
     if isinstance(problem, StructuresProblem):
@@ -150,9 +150,9 @@ def combined_slope(problem: Problem, y: Array, parts: Array) -> Array | None:
 
 
 def noise_structures(problem: Problem) -> Sequence[Function]:
-    """The structures G_1, …, G_m of the noises; for a single structure, m times B.
+    """The structures G_1, …, G_m of the m noises; for a problem with a single structure, each is B.
 
-    Raises UsageError for several Hamiltonians that do not commute with H_0: they have no such structures.
+    Raises UsageError for several Hamiltonians that do not commute with H_0, because they have no such structures.
     """
     if isinstance(problem, StructuresProblem):
         return problem.noise_structures
@@ -170,7 +170,7 @@ class CommutingStructure:
     """The structure S_j(y) = (v wᵀ − w vᵀ)/|w|², with S_j∇H_0 = B∇H_j, of a Hamiltonian H_j that commutes with H_0.
 
     Here v = B∇H_j, and w is the part of ∇H_0 orthogonal to the Casimirs' gradients. S_j is NaN where w is zero to
-    rounding and v is not. It is zero where both are, at a rest point of all flows.
+    rounding and v is not. S_j is zero where both v and w are zero to rounding, at a rest point of all flows.
     """
 
     structure: Function
@@ -182,7 +182,7 @@ class CommutingStructure:
     def __call__(self, y: Array) -> Array:
         v, slope = self.field(y), self.gradient(y)
         w = self.tangent(y, slope)
-        # Scaled by the largest component: the square of w itself may underflow.
+        # w is scaled by its largest component, because its square may underflow.
         size = np.abs(w).max(axis=0)
         unit = w / np.where(size > 0, size, 1.0)
         square = dot(unit, unit)
@@ -199,13 +199,13 @@ class CommutingStructure:
         return matvec(self.structure(y), self.noise_gradient(y))
 
     def missed(self, y: Array, mean: Array) -> tuple[Array, Array, Array]:
-        """The distance |S_j(y) mean − v(y)|, |v(y)| and the rounding of v, each (M,), as largest components."""
+        """The error |S_j(y) mean − v(y)| for v = B∇H_j, |v(y)| and the rounding of v, as largest components, (M,)."""
         v = self.field(y)
         apart = np.abs(matvec(self(y), mean) - v).max(axis=0)
         return apart, np.abs(v).max(axis=0), ROUNDING_OF_V * self._terms(y).max(axis=0)
 
     def _terms(self, y: Array) -> Array:
-        """The sums of the absolute values of the terms of v, (d, ...)."""
+        """The sums of the absolute values of the terms of v = B∇H_j, (d, ...)."""
         return matvec(majorant(self.structure, y), majorant(self.noise_gradient, y))
 
     def tangent(self, y: Array, w: Array) -> Array:
@@ -214,7 +214,7 @@ class CommutingStructure:
         return tangent
 
     def majorant(self, y: Array) -> Array:
-        """The scale of rounding errors of S_j, (d, d): 2 M_v M_w/|w|² with sums of absolute values of terms."""
+        """The scale of rounding errors of S_j, (d, d): 2 M_v M_w/|w|², with M_v, M_w the sums of |terms| of v and w."""
         B, g, G = (majorant(f, y) for f in (self.structure, self.gradient, self.noise_gradient))
         w = self.tangent(y, self.gradient(y))
         square, v = dot(w, w), matvec(B, G)
@@ -239,15 +239,15 @@ def commuting_hamiltonians(
     gradients : callables, (d, ...) -> (d, ...)
         ∇H_1, …, ∇H_m with {H_0, H_j} = 0.
     closed_form : callable (y0, T, W), optional
-        As for `StructuresProblem`.
+        The exact solution, as for `StructuresProblem`.
     check : bool
-        False leaves out the check of the brackets, such as for polynomials, where the coefficients tell.
+        False leaves out the check of the brackets, for example if polynomial coefficients show that they vanish.
 
     Raises
     ------
     ProblemError
-        Where a bracket {H_0, H_j} = ∇H_0ᵀB∇H_j is not zero at the initial state or near it, with its value and the
-        state.
+        If a bracket {H_0, H_j} = ∇H_0ᵀB∇H_j is not zero at the initial state or a state near it. The message gives the
+        value and the state.
     """
     for j, gradient in enumerate(gradients if check else (), 1):
         _check_bracket(drift, gradient, j)
