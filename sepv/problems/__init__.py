@@ -58,7 +58,7 @@ def _listed(*factories: Callable[..., Problem]) -> dict[str, Callable[..., Probl
 
 
 PAPER = _listed(harmonic_oscillator, rigid_body, pendulum, lotka_volterra)
-# Problems beyond the paper; two of them serve the hard cases.
+# Problems that the paper does not have.
 EXTENSIONS = _listed(
     figure_eight, harmonic_trap, henon_heiles, kepler, lennard_jones, maxwell_bloch, pendulum_chain, planets, toda
 )  # fmt: skip
@@ -75,7 +75,7 @@ HAMILTONIANS = _listed(
 
 @lru_cache(maxsize=64)
 def by_name(name: str) -> Problem:
-    """The built-in problem of a name with its default parameters; hyphens and underscores are the same."""
+    """The built-in problem of a name with its default parameters; in names an underscore counts as a hyphen."""
     factories = PAPER | EXTENSIONS | SEVERAL | HAMILTONIANS
     factory = factories.get(str(name).replace("_", "-"))
     if factory is None:
@@ -98,7 +98,7 @@ def build(data: Description) -> Problem:
 
 @lru_cache(maxsize=128)
 def _named(data: NamedProblem) -> Problem:
-    """A named problem, built once for a name and parameters: recording takes as long as a few steps."""
+    """A named problem, built once for each name and parameters, because recording takes as long as a few steps."""
     factories = PAPER | EXTENSIONS | HAMILTONIANS
     require_one_of(
         "a problem's name", data.name, factories, "correct the name, or give the problem as polynomial data"
@@ -107,7 +107,7 @@ def _named(data: NamedProblem) -> Problem:
     given = {key: value[0] if len(value) == 1 else value for key, value in data.parameters}
     parameters = signature(factory).parameters.values()
     usual = {p.name: p.default for p in parameters if p.kind is not p.VAR_KEYWORD}
-    # A factory with **parameters passes them on to another.
+    # A factory with **parameters passes them on to another factory, which checks them.
     for key in given if len(usual) == len(parameters) else ():
         require_one_of(f"a parameter of {data.name}", key, usual)
     try:

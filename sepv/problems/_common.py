@@ -1,6 +1,6 @@
 """Parts that many problems share: structures, names and parameters, and H as a sum of parts with known flows.
 
-The structures are the canonical ones, equations (1.2) and (1.3), and those of so(3)*.
+The structures are the canonical ones, equations (1.2) and (1.3), and B(y)v = y × v of so(3)*.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from sepv.errors import ProblemError
 from sepv.problem import Array, Flow, Function, NamedProblem, PartFlow, Problem, Structure, coefficients
 from sepv.record import poly
 
-# Entries (i, j, k, sign) of hat(y), B_ij = sign · y_k: B(y)v = y × v.
+# Entries (i, j, k, sign) of B(y) = hat(y), the matrix with B(y)v = y × v: B_ij = sign · y_k.
 HAT = ((0, 1, 2, -1.0), (0, 2, 1, 1.0), (1, 2, 0, -1.0))
-# The identity of three dimensions, as data.
+# The identity matrix of size 3, as data.
 UNIT3 = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
@@ -37,20 +37,20 @@ def structure(y: Array) -> Array:
 
 
 def canonical(dimension: int, sign: float = -1.0) -> Structure:
-    """The canonical structure as polynomial data, for y = (p, q); with the sign 1 for y = (q, p)."""
+    """The canonical structure as polynomial data, for y = (p, q), or for y = (q, p) with `sign` = 1."""
     n = dimension // 2
     return tuple((k, n + k, poly.constant(dimension, sign)) for k in range(n))
 
 
 def planes(dimension: int) -> Structure:
-    """The constant B of (1.3) as polynomial data, with a block for each pair of components; an odd last one rests."""
+    """The constant B of (1.3) as polynomial data, with a block for each pair of components; an unpaired one is zero."""
     return tuple((2 * k, 2 * k + 1, poly.constant(dimension, -1.0)) for k in range(dimension // 2))
 
 
 def hat(factor: poly.Polynomial | None = None, spins: int = 1) -> Structure:
     """The structure B(y)v = y × v in each block of three components, times a factor, as polynomial data.
 
-    |y|² of each block is a Casimir.
+    The squared length |y|² of each block is a Casimir.
     """
     d = 3 * spins
     entries = [(n + i, n + j, n + k, s) for n in range(0, d, 3) for i, j, k, s in HAT]
@@ -78,7 +78,7 @@ def total(parts: Sequence[Function]) -> Function:
 
 
 def whole_number(name: str, value: float, least: int, most: int) -> int:
-    """A parameter of a problem as an int; a ProblemError unless it is a whole number from `least` to `most`."""
+    """The parameter `name` of a problem as an int; ProblemError unless it is a whole number from `least` to `most`."""
     if not (is_number(value) and value == int(value) and least <= value <= most):
         raise ProblemError(
             expected=f"{name}, a whole number from {least} to {most}",

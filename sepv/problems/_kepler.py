@@ -14,9 +14,9 @@ from sepv.problems._common import named, structure
 def kepler(eccentricity: float = 0.6, noise: ArrayLike = 1.0) -> Problem:
     """The planar Kepler problem, y = (p1, p2, q1, q2), from the pericentre of an orbit with semi-major axis 1; |q| > 0.
 
-    The averaged gradient is the field of a uniformly charged segment from q0 to q1, seen from the origin. It points
-    along the bisector u = q0/|q0| + q1/|q1|, and ∫₀¹ q/|q|³ dτ = 2u/(|q0||q1||u|²). Nothing cancels as q1 → q0. Near
-    the origin it grows like 1/|u|. There it is a part along the segment, which does all the work, and one across it.
+    The averaged gradient ∫₀¹ q/|q|³ dτ is, up to its sign, the field at the origin of a uniformly charged segment from
+    q0 to q1. It is 2u/(|q0||q1||u|²) with the bisector u = q0/|q0| + q1/|q1|, and no digits cancel as q1 → q0. Near the
+    origin it grows like 1/|u|, and is the sum of a part along the segment, which does all the work, and one across it.
     """
     if not is_number(eccentricity) or not 0 <= eccentricity < 1:
         raise ProblemError(
@@ -32,7 +32,7 @@ def kepler(eccentricity: float = 0.6, noise: ArrayLike = 1.0) -> Problem:
         dimension=4,
         structure=structure,
         hamiltonian=lambda y: 0.5 * (y[0] * y[0] + y[1] * y[1]) - 1 / _radius(y),
-        # |q| is not affine in y, so no rule derives the mean.
+        # |q| is not affine in y, so that no rule of `sepv.record` derives the averaged gradient.
         mean_gradient=_mean_gradient,
         domain=lambda y: _radius(y) > 0,
         initial=(0.0, np.sqrt((1 + e) / (1 - e)), 1 - e, 0.0),
@@ -54,8 +54,8 @@ def mean_attraction(q0: Array, q1: Array) -> Array:
     u = np.stack([q0[0] / r0 + q1[0] / r1, q0[1] / r0 + q1[1] / r1])
     opening = u[0] * u[0] + u[1] * u[1]  # 2(1 + cos φ) for the angle φ between q0 and q1
     force = 2 * u / (r0 * r1 * opening)
-    # Beyond a right angle and a half u cancels. The part along b = q1 − q0 then comes from 1/r0 − 1/r1, and the rest is
-    # perpendicular to b in every digit: it does no work however inaccurate it is.
+    # If φ exceeds 120°, digits of u cancel. The part along b = q1 − q0 is then computed from 1/r0 − 1/r1. The other
+    # part is perpendicular to b in every digit, so that it does no work, however inaccurate it is.
     b, middle = q1 - q0, q1 + q0
     square = np.where(opening < 1, b[0] * b[0] + b[1] * b[1], 1.0)
     along = (b[0] * middle[0] + b[1] * middle[1]) / (r0 * r1 * (r0 + r1)) / square

@@ -1,4 +1,4 @@
-"""Lotka-Volterra, with one noise as in §4.4 and with independent ones."""
+"""Lotka-Volterra systems in three species, with one noise as in §4.4 of the paper, and with independent noises."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ def lotka_volterra(
 ) -> Problem:
     """The stochastic Lotka-Volterra system in three species, §4.4.
 
-    B_12 = d y1y2, B_13 = bd y1y3, B_23 = −y2y3; H = ab y1 + y2 − a y3 + ν ln y2 − μ ln y3.
-    From y = (1, 1.9, 0.5), in the octant y > 0. Its Casimir ln y1 + bd ln y2 − d ln y3 is not
-    quadratic, so that (2.1) does not keep it. The defaults are those of §4.4: c = 0.5.
+    B_12 = d y1y2, B_13 = bd y1y3, B_23 = −y2y3; H = ab y1 + y2 − a y3 + ν ln y2 − μ ln y3, in the octant y > 0.
+    The initial state is (1, 1.9, 0.5). The Casimir ln y1 + bd ln y2 − d ln y3 is not quadratic, so that the paper's
+    scheme (2.1) does not keep it. The default parameters, with c = 0.5, are those of §4.4.
     """
     if not all(is_number(v) for v in (a, b, d, nu, mu)):
         raise ProblemError(
@@ -53,7 +53,7 @@ def lotka_volterra(
         domain=lambda y: np.all(y > 0, axis=0),
         initial=(1.0, 1.9, 0.5),
         flows=flows(3, structure, parts),
-        # From some states of the orbit solutions end at Δ = 0.267 (`sepv solvability`); this is an eighth of that.
+        # At some states of the orbit a step has no solution beyond Δ = 0.267 (`sepv solvability`): an eighth of it.
         longest_step=2.0**-5,
         # B(y)v = −y1y2y3 (v × ∇C).
         nambu=Nambu(
@@ -68,15 +68,15 @@ def random_lotka_volterra(
 ) -> Problem:
     """Lotka-Volterra in three species with independent noises: B and H_0 of §4.4, H_j = y_j + β_j ln y_j.
 
-    From (1, 1.9, 0.5), with a noise for each of the first species. dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j) keeps every
-    component positive, and the Casimir of B: a stochastic Poisson system as in Q. Liu and L. Wang, Structure-preserving
-    numerical method for a class of stochastic Poisson systems (J. Univ. Chin. Acad. Sci. 41, 2024). Each H_j has an
-    exact flow, exponentials.
+    The initial state is (1, 1.9, 0.5), and noise j belongs to species j. dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j) keeps
+    all components positive, and the Casimir of B: a stochastic Poisson system as in Q. Liu and L. Wang, Structure-
+    preserving numerical method for a class of stochastic Poisson systems (J. Univ. Chin. Acad. Sci. 41, 2024). The
+    exact flow of each H_j consists of exponentials.
 
     Parameters
     ----------
-    beta : β_j, for as many species at least as there are noises.
-    parameters : a, b, d, nu and mu of `lotka_volterra`; by default those of §4.4.
+    beta : β_j, at least one for each noise.
+    parameters : a, b, d, nu and mu of `lotka_volterra`, by default those of the paper's §4.4.
     """
     base = lotka_volterra(**parameters)
     c = tuple(float(v) for v in np.atleast_1d(noise))

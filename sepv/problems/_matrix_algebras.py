@@ -1,10 +1,11 @@
 """Lie algebras of matrices, so(n) and su(n), with coordinates in which B is linear with whole numbers.
 
-W = Σ y_a E_a, ⟨A, B⟩ = −½ tr AB and y_a = ⟨E*_a, W⟩. With M = Σ ∂H/∂y_b E*_b the system y′ = B(y)∇H is W′ = [W, M],
-B_ab(y) = ⟨E*_a, [W, E*_b]⟩. Its flow keeps the eigenvalues of W, so that every tr Wᵏ is a Casimir: for so(3) and so(4)
-all are functions of quadratic ones (|y|², and the Pfaffian of so(4)); su(n) has n − 1, tr W², …, tr Wⁿ.
+A state y is the matrix W = Σ y_a E_a with a basis E_a, its dual basis E*_a for ⟨A, B⟩ = −½ tr AB, and y_a = ⟨E*_a, W⟩.
+With M = Σ ∂H/∂y_b E*_b the system y′ = B(y)∇H is W′ = [W, M], B_ab(y) = ⟨E*_a, [W, E*_b]⟩. Its flow keeps the
+eigenvalues of W, so that every tr Wᵏ is a Casimir. All Casimirs of so(3) and so(4) are functions of quadratic ones
+(|y|², and the Pfaffian of so(4)). The n − 1 Casimirs of su(n) are tr W², …, tr Wⁿ.
 
-- so(3), n times: a matrix hat(y) for each, so that B(y)v = y × v in blocks of three.
+- so(3), n times: a 3 × 3 matrix for each block of three components of y, in which B(y)v = y × v.
 - so(n): y_jk = W_jk, j < k.
 - su(n): W = iP, P = P† with trace zero; y holds P_11, …, P_{n−1,n−1}, then the Re P_jk, then the Im P_jk, j < k.
 """
@@ -26,7 +27,7 @@ from sepv.record import EPS, Polynomial, poly
 class MatrixAlgebra(NamedTuple):
     """A Lie algebra of n × n matrices, or the product of several `copies` of it.
 
-    `basis` and `dual` are the E_a and E*_a of one copy, (d, n, n).
+    `basis` and `dual` are the basis E_a of one copy and its dual basis E*_a for −½ tr AB, (d, n, n).
     """
 
     name: str
@@ -39,17 +40,17 @@ class MatrixAlgebra(NamedTuple):
         return _combined(self._lanes(y), self.basis)
 
     def dual_matrix(self, m: Array) -> Any:
-        """The matrices Σ m_b E*_b of gradients m (copies·d, M), of shape (M·copies, n, n)."""
+        """The matrices Σ_b m_b E*_b of gradients m (copies·d, M) in the dual basis, of shape (M·copies, n, n)."""
         return _combined(self._lanes(m), self.dual)
 
     def coordinates(self, W: Any) -> Array:
-        """The states y (copies·d, M) of matrices W (M·copies, n, n); a part of W outside the algebra is left out."""
+        """The states y (copies·d, M) of matrices W (M·copies, n, n), without a part of W outside the algebra."""
         d = len(self.dual)
         traces = _combined(W.reshape(len(W), -1), self.dual.swapaxes(1, 2).reshape(d, -1).T)
         return np.ascontiguousarray(-0.5 * traces.real.reshape(-1, self.copies * d).T)
 
     def _lanes(self, y: Array) -> Array:
-        """The coordinates of each matrix, (M·copies, d)."""
+        """The coordinates of the matrices of states y (copies·d, M), one row for each matrix, (M·copies, d)."""
         return y.T.reshape(-1, len(self.basis))
 
 
@@ -127,11 +128,11 @@ def candidates(d: int) -> list[str]:
 
 
 def algebra_of(problem: Problem, y: Array) -> MatrixAlgebra:
-    """The algebra whose B the problem has at the states y (d, M). Raises Skipped where it is none of them."""
+    """The algebra of matrices whose B the problem has at the states y (d, M). Raises Skipped if there is none."""
     B = problem.structure(y)
     for name in candidates(len(y)):
         c = constants(name)
-        # B may be summed in any order: equal to a few roundings of its terms.
+        # Both agree to a few roundings of terms, because a problem may sum B in any order.
         if np.all(np.abs(np.tensordot(c, y, 1) - B) <= 8 * EPS * np.tensordot(np.abs(c), np.abs(y), 1)):
             return named(name)
     raise Skipped(
@@ -152,7 +153,7 @@ def structure(name: str) -> Structure:
 def casimirs(name: str) -> tuple[tuple[Matrix, ...], tuple[Polynomial, ...]]:
     """The Casimirs of an algebra: the quadratic ones as matrices, and the others as polynomials.
 
-    They are −½ tr W² (of each block of so(3)), the Pfaffian of so(4), and tr Pᵏ, k = 3 … n, of su(n).
+    They are −½ tr W² (for each block of so(3)), the Pfaffian for so(4), and tr Pᵏ, k = 3 … n, for su(n), W = iP.
     """
     _, E, _, count = named(name)
     n = E.shape[1]

@@ -20,7 +20,7 @@ from sepv.record import poly
 def maxwell_bloch(noise: Sequence[float] = (0.5,)) -> Problem:
     """The Maxwell-Bloch equations of laser-matter dynamics for real fields, a polynomial system with two invariants.
 
-    From (1, 0.5, 0.5).
+    The initial state is (1, 0.5, 0.5).
     """
     H, C = poly.add(poly.squares((1, 0, 0)), poly.variable(3, 2)), poly.squares((0, 1, 1))
     data = nambu_system(H, poly.constant(3, -1.0), C, tuple(noise))
@@ -28,10 +28,10 @@ def maxwell_bloch(noise: Sequence[float] = (0.5,)) -> Problem:
 
 
 def random_maxwell_bloch(noise: Sequence[float] = (0.5,)) -> Problem:
-    """Maxwell-Bloch with a Hamiltonian for each noise; the fields of two such noises do not commute.
+    """The Maxwell-Bloch equations with a Hamiltonian for each noise; the fields of two such noises do not commute.
 
-    From (1, 0.5, 0.5), with one noise or two. H_1 = ½y_1² and H_2 = y_3 are the two parts of H_0: C.-E. Bréhier, D.
-    Cohen and T. Jahnke (Math. Comp. 92, 2023) disturb the system in this way. Their flows are linear.
+    The initial state is (1, 0.5, 0.5), and there are one or two noises. H_1 = ½y_1² and H_2 = y_3 are the two parts of
+    H_0, as in C.-E. Bréhier, D. Cohen and T. Jahnke (Math. Comp. 92, 2023). The flows of H_1 and H_2 are linear.
     """
     base = maxwell_bloch()
     assert isinstance(base.data, PolynomialSystem)

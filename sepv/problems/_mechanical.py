@@ -14,7 +14,7 @@ from sepv.problems._common import canonical, flows, named, skew, whole_number
 from sepv.problems._polynomial_system import started
 from sepv.record import poly
 
-# The largest number of degrees of freedom: B and H″ are dense.
+# The largest number of degrees of freedom. It is bounded because B and H″ are dense matrices.
 MOST = 32
 
 
@@ -27,7 +27,7 @@ def positions_first(y: Array) -> Array:
 def henon_heiles(coupling: float = 1.0, noise: ArrayLike = 1.0) -> Problem:
     """The system of Hénon and Heiles, H = ½|p|² + ½|q|² + κ(q_1²q_2 − q_2³/3), from q = (0, 0.2), p = (0.4, −0.1).
 
-    κ = 1 has bounded orbits below H = 1/6, chaotic ones from 1/12 on. Astron. J. 69 (1964).
+    The `coupling` κ = 1 has bounded orbits below H = 1/6, chaotic ones from H = 1/12 on. Astron. J. 69 (1964).
     """
     cubic = poly.polynomial(4, {(2, 1, 0, 0): coupling, (0, 3, 0, 0): -coupling / 3})
     parts = [poly.squares((0, 0, 1, 1)), poly.add(poly.squares((1, 1, 0, 0)), cubic)]
@@ -38,9 +38,9 @@ def henon_heiles(coupling: float = 1.0, noise: ArrayLike = 1.0) -> Problem:
 
 
 def harmonic_trap(frequencies: ArrayLike = (1.0, 10.0, 100.0), noise: ArrayLike = ()) -> Problem:
-    """A harmonic trap of mixed stiffness: H = ½Σ (p_k² + ω_k²q_k²), from q_k = 1/ω_k and p = 0.
+    """A harmonic trap with frequencies of different size: H = ½Σ (p_k² + ω_k²q_k²), from q_k = 1/ω_k and p = 0.
 
-    The solution is q_k = cos(ω_k t)/ω_k.
+    The solution without noise, the default, is q_k = cos(ω_k t)/ω_k.
     """
     w = np.atleast_1d(np.asarray(frequencies, dtype=np.float64))
     if w.ndim > 1 or not 1 <= w.size <= MOST or not np.all((w > 0) & np.isfinite(w)):
@@ -57,7 +57,7 @@ def harmonic_trap(frequencies: ArrayLike = (1.0, 10.0, 100.0), noise: ArrayLike 
 def pendulum_chain(links: float = 3, coupling: float = 0.5, noise: ArrayLike = 1.0) -> Problem:
     """Pendula coupled by springs: H = ½|p|² − Σ cos q_k + (κ/2) Σ (q_{k+1} − q_k)², from q_k = 1, −1, 1, … and p_k = ½.
 
-    A discrete sine-Gordon equation with free ends (Y. Frenkel and T. Kontorova, 1938).
+    This is a discrete sine-Gordon equation with free ends (Y. Frenkel and T. Kontorova, 1938).
     """
     n = whole_number("links", links, 1, MOST)
 
@@ -75,7 +75,8 @@ def pendulum_chain(links: float = 3, coupling: float = 0.5, noise: ArrayLike = 1
 def lennard_jones(atoms: float = 3, noise: ArrayLike = 1.0) -> Problem:
     """Atoms in the plane, H = ½|p|² + Σ_{i<j} 4(r⁻¹² − r⁻⁶), in the units of J. E. Lennard-Jones (1924); all r_ij > 0.
 
-    y = (x_1, y_1, x_2, …, p). The atoms start on a circle, neighbours 1.2 apart, with momenta that add up to zero.
+    The state is y = (x_1, y_1, x_2, …, p). The atoms start on a circle, neighbours at distance 1.2, with momenta that
+    add up to zero.
     """
     n = whole_number("atoms", atoms, 2, MOST)
     pairs = list(combinations(range(n), 2))

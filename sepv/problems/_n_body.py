@@ -1,7 +1,7 @@
 """Bodies that attract each other in the plane, H = Σ|p_i|²/2m_i − G Σ_{i<j} m_im_j/|q_i − q_j| with B = J.
 
-y = (x_1, y_1, x_2, …, p) in an inertial frame, positions first. The total momentum is zero and the centre of mass rests
-in the origin. The flow keeps both, and the angular momentum Σ q_i × p_i.
+The state is y = (x_1, y_1, x_2, …, p) in an inertial frame, positions first. The total momentum is zero and the centre
+of mass rests in the origin. The flow keeps the total momentum, the centre of mass and the angular momentum Σ q_i × p_i.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from sepv.problems._common import named
 from sepv.problems._kepler import mean_attraction
 from sepv.problems._mechanical import positions_first
 
-# Each body has two degrees of freedom; B and H″ are dense.
+# The largest number of bodies. Each body has two degrees of freedom, and B and H″ are dense matrices.
 MOST_BODIES = 16
 
 
@@ -28,11 +28,11 @@ def planets(
     eccentricities: ArrayLike = (0.05, 0.1),
     noise: ArrayLike = 1.0,
 ) -> Problem:
-    """A star, the first of the masses, and planets on ellipses about it with these semi-major axes.
+    """A star, with the first of the masses, and planets on ellipses about it with the given semi-major axes.
 
-    Gm_0 = 1: a light planet of axis 1 has the period 2π. Planet k starts at its pericentre, in the direction of 2k
-    radians. Masses are in units of a planet, so that momenta are of the order of positions, and those of the star are
-    not far larger, so that the roundings of its velocity are not either.
+    The gravitational constant times the star's mass is 1, so that a light planet of axis 1 has the period 2π. Planet k
+    starts at its pericentre, in the direction of 2k radians. The unit of mass is a planet's mass, so that momenta are
+    of the order of positions. The star's mass is not far larger, so that neither are the roundings of its velocity.
     """
     m, a, e = (np.atleast_1d(np.asarray(part, dtype=np.float64)) for part in (masses, axes, eccentricities))
     shapes = 2 <= m.size <= MOST_BODIES and m.ndim == 1 and a.shape == e.shape == (m.size - 1,)
@@ -73,7 +73,7 @@ def _bodies(
 ) -> Problem:  # fmt: skip
     """The problem of n bodies with masses m (n,), positions q (n, 2) and velocities v (n, 2).
 
-    They are shifted so that their centre of mass rests in the origin.
+    Positions and velocities are shifted so that the centre of mass rests in the origin.
     """
     n = m.size
     q, v = q - m @ q / m.sum(), v - m @ v / m.sum()

@@ -15,12 +15,12 @@ def nambu_system(
 ) -> PolynomialSystem:
     """The polynomial system dy = g ∇H × ∇C (dt + Σ c_j∘dW_j) in dimension three as data, with any Casimir C.
 
-    A homogeneous C of degree 2 is listed among the quadratic Casimirs too, of degree 1 among the linear ones.
+    A homogeneous C of degree 2 is also listed in `casimirs`, and one of degree 1 in `linear_casimirs`.
 
     Raises
     ------
     ProblemError
-        Where one of H, g, C is not a polynomial in three variables.
+        If one of H, g, C is not a polynomial in three variables.
     """
     for name, p in (("hamiltonian", hamiltonian), ("factor", factor), ("casimir", casimir)):
         if p.dimension != 3:

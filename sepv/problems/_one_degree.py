@@ -1,4 +1,4 @@
-"""The paper's problems of one degree of freedom, with a Hamiltonian of two parts."""
+"""The paper's problems of one degree of freedom, oscillator and pendulum, with a Hamiltonian of two parts."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ _PENDULUM = (lambda y: 0.5 * y[0] * y[0], lambda y: -np.cos(y[1]))
 def harmonic_oscillator(noise: ArrayLike = 1.0) -> Problem:
     """The stochastic harmonic oscillator, §4.1.
 
-    dp = −x(dt + c∘dW), dx = p(dt + c∘dW); y = (p, x), H = (p² + x²)/2, from (p, x) = (0.2, 0.1). The defaults are those
-    of Figure 4.1: c = 1.
+    dp = −x(dt + c∘dW), dx = p(dt + c∘dW), with y = (p, x), H = (p² + x²)/2 and the initial state (0.2, 0.1). The
+    default noise c = 1 is that of the paper's Figure 4.1.
     """
     return _of_parts("harmonic-oscillator", noise, _OSCILLATOR, (0.2, 0.1))
 
@@ -27,8 +27,8 @@ def harmonic_oscillator(noise: ArrayLike = 1.0) -> Problem:
 def pendulum(noise: ArrayLike = (1.0, 0.5)) -> Problem:
     """The stochastic mathematical pendulum with two noises, §4.3.
 
-    dp = −sin q (dt + Σ c_j∘dW_j), dq = p(…); y = (p, q), H = p²/2 − cos q, from (0.2, 1). The defaults are those of
-    Figure 4.4: c = (1, 0.5).
+    dp = −sin q (dt + Σ c_j∘dW_j), dq = p (dt + Σ c_j∘dW_j), with y = (p, q), H = p²/2 − cos q and the initial state
+    (0.2, 1). The default noise c = (1, 0.5) is that of the paper's Figure 4.4.
     """
     return _of_parts("pendulum", noise, _PENDULUM, (0.2, 1.0))
 
@@ -39,6 +39,6 @@ def _of_parts(
     return named(
         name, noise, {}, dimension=2, structure=structure, hamiltonian=total(parts), initial=initial,
         flows=flows(2, structure, parts),
-        # Steps of this size were solved from 10⁵ states near the initial one, and −Δ led back.
+        # Steps Δ of this size were solved from 10⁵ states near the initial one, and steps −Δ led back.
         longest_step=0.5,
     )  # fmt: skip

@@ -14,9 +14,9 @@ from sepv.problems._common import HAT, flows, named, skew, total
 
 
 def rigid_body(inertia: ArrayLike = (0.345, 0.653, 1.0), noise: ArrayLike = 1.0) -> Problem:
-    """The rigid body: B(y) = hat(y), H = ½ Σ y_i²/I_i, Casimir |y|², from y = (0.8, 0.6, 0).
+    """The rigid body: B(y)v = y × v, H = ½ Σ y_i²/I_i, Casimir |y|², with the initial state (0.8, 0.6, 0).
 
-    The defaults are those of §4.2: I = (0.345, 0.653, 1), c = 1.
+    The default moments of inertia I = (0.345, 0.653, 1) and the noise c = 1 are those of §4.2 of the paper.
     """
     moments = floats("inertia", inertia).copy()
     if moments.shape != (3,) or not np.all(np.isfinite(moments)) or np.any(moments <= 0):
@@ -37,7 +37,7 @@ def rigid_body(inertia: ArrayLike = (0.345, 0.653, 1.0), noise: ArrayLike = 1.0)
         casimirs=(np.eye(3),),
         initial=(0.8, 0.6, 0.0),
         flows=flows(3, _structure, parts),
-        # Steps of this size were solved from 10⁵ states near the initial one, and −Δ led back.
+        # Steps Δ of this size were solved from 10⁵ states near the initial one, and steps −Δ led back.
         longest_step=0.5,
         nambu=_NAMBU,
     )
@@ -48,7 +48,7 @@ def _about_axis(k: int, moment: float, y: Array) -> Array:
     return 0.5 * y[k] * y[k] / moment
 
 
-# hat(y)v = y × v = −(v × ∇C) with C = ½|y|².
+# The structure as B(y)v = y × v = −(v × ∇C) with C = ½|y|².
 _NAMBU = Nambu(
     factor=lambda y: np.full_like(y[0], -1.0),
     casimir=lambda y: 0.5 * (y[0] * y[0] + y[1] * y[1] + y[2] * y[2]),

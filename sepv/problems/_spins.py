@@ -1,14 +1,14 @@
 """Systems on n copies of so(3)*: the rigid body with random inertia, and two spins with noise at their sites.
 
-B is that of the rigid body in each block of three, B(y)v = y × v, so that every |y_k|² of a block is a Casimir.
+In each block of three components B(y)v = y × v, as for the rigid body, so that |y|² of each block is a Casimir.
 
 - Random inertia: H_0 = ½ Σ y_i²/I_i and H_j = ½ y_j²/Î_j for the first m axes, whose fields do not commute. C.-E.
   Bréhier, D. Cohen and T. Jahnke, Splitting integrators for stochastic Lie-Poisson systems (Math. Comp. 92, 2023).
 - A push: the free rigid body under additive noise in directions that leave the sphere |y| = const. This problem is of
   the kind that D. Cohen and G. Vilmart treat (arXiv 2005.13991); its numbers are not theirs.
-- Twists: the same H_0 with nonlinear noise, of one Hamiltonian or of two that commute.
+- Twists: the rigid body's H_0 with nonlinear noise of one Hamiltonian, or of two that commute.
 - Two spins: Heisenberg's H_0 = −J s_1·s_2 + ½ D (s_1z² + s_2z²), and a random field at each site, H_j = b_j·s_j. The
-  fields of the two noises commute, as they turn different spins; with the drift they do not.
+  fields of the two noises commute with each other, because they turn different spins, but not with the drift.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ def random_inertia(
     noise_inertia: Sequence[float] = (1.0, 0.5),
     noise: Sequence[float] = (0.5, 0.5),
 ) -> Problem:
-    """The rigid body with random inertia: a Hamiltonian H_j = ½y_j²/Î_j for each of the first axes.
+    """The rigid body with random inertia: noise j = 1, …, m has the Hamiltonian H_j = ½y_j²/Î_j.
 
-    From (0.8, 0.6, 0). The flow of each part is a rotation, at a rate that depends on y.
+    The initial state is (0.8, 0.6, 0). The flow of each H_j is a rotation at a rate that depends on y.
     """
     count = len(noise_inertia)
     weights = np.diag([1 / I for I in noise_inertia] + [0.0] * (3 - count))
@@ -57,9 +57,9 @@ def pushed_rigid_body(
     noise: Sequence[float] = (0.5, 0.25),
     vectors: Sequence[Sequence[float]] = ((1.0, 0.5, 0.0), (0.0, 0.5, 1.0)),
 ) -> Problem:
-    """The rigid body with additive noise Σ c_j g_j dW_j, whose g_j are not in the image of B.
+    """The rigid body with additive noise Σ c_j g_j dW_j, whose vectors g_j are not in the image of B.
 
-    From (0.8, 0.6, 0). E[H] grows at the rate ½ Σ c_j² Σ_i g_ji²/I_i, and E|y|² at the rate Σ c_j²|g_j|².
+    The initial state is (0.8, 0.6, 0). E[H] grows at the rate ½ Σ c_j² Σ_i g_ji²/I_i, E|y|² at the rate Σ c_j²|g_j|².
     """
     data = spin_system(1, poly.squares([1 / I for I in inertia]), noise, ())
     data = replace(data, noise_vectors=tuple(tuple(map(float, g)) for g in vectors))
@@ -72,9 +72,9 @@ def two_spins(
     fields: Sequence[Sequence[float]] = ((1.0, 0.0, 0.0), (0.0, 0.6, 0.8)),
     noise: Sequence[float] = (0.5, 0.25),
 ) -> Problem:
-    """Two coupled spins, each in a random field of its own.
+    """Two coupled spins, each driven by its own noise through a magnetic field at its site.
 
-    From (0.8, 0.6, 0) and (0, 0.6, −0.8).
+    The initial states are (0.8, 0.6, 0) and (0, 0.6, −0.8).
     """
     terms = [(tuple(int(n in (k, 3 + k)) for n in range(6)), -coupling) for k in range(3)]
     H = poly.add(poly.polynomial(6, terms), poly.squares((0, 0, anisotropy) * 2))
@@ -85,9 +85,8 @@ def two_spins(
 def twisted_top(noise: Sequence[float] = (0.5,)) -> Problem:
     """The rigid body with one noise, H_1 = ½y_1² + ½y_2y_3 + y_3, whose field g has g″(g, g) ≠ 0.
 
-    From (0.8, 0.6, 0.3).
-
-    Where noise fields are linear, as those of two spins, errors of differences over a length of √h vanish.
+    The initial state is (0.8, 0.6, 0.3). A linear noise field, such as each of `two_spins`, has g″ = 0, so that the
+    errors of schemes that difference g over a length of √h would not show.
     """
     twist = poly.polynomial(3, [((2, 0, 0), 0.5), ((0, 1, 1), 0.5), ((0, 0, 1), 1.0)])
     return _twisted((twist,), noise, "twisted-top")
@@ -96,9 +95,8 @@ def twisted_top(noise: Sequence[float] = (0.5,)) -> Problem:
 def commuting_twists(noise: Sequence[float] = (0.5, 0.5)) -> Problem:
     """The rigid body with two noises that commute, H_1 = ½y_3² and H_2 = y_3 + y_3³/6: rotations about one axis.
 
-    From (0.8, 0.6, 0.3). The rates of the rotations depend on y_3.
-
-    Here g_2′g_1 ≠ 0, unlike two spins, each of which has a noise of its own.
+    The initial state is (0.8, 0.6, 0.3). The rates of the rotations depend on y_3. The noise fields g_1, g_2 have
+    g_2′g_1 ≠ 0, which is 0 for `two_spins`, because there each noise turns another spin.
     """
     second = poly.polynomial(3, [((0, 0, 1), 1.0), ((0, 0, 3), 1 / 6)])
     return _twisted((poly.squares((0, 0, 1)), second), noise, "commuting-twists")

@@ -1,7 +1,7 @@
 """Views of problems for schemes: with their data, as functions, or as functions without derivatives.
 
-A scheme must not be able to tell the suite's problems from a user's. Laws keep the whole problem for their bounds and
-references. Steps get `shown(problem)`.
+A scheme must not be able to distinguish the suite's problems from a user's. Its steps therefore get the view
+`shown(problem)`, while laws use the whole problem for their bounds and references.
 """
 
 from __future__ import annotations
@@ -15,20 +15,20 @@ from weakref import WeakKeyDictionary
 from sepv import problems
 from sepv.problem import Description, Nambu, Problem
 
-# Kinds of views, with the words of reports for them.
+# Kinds of views, with the words by which reports describe them.
 GIVEN = {
     "data": "all that is known of it",
     "functions": "Python functions, with derivatives and the degree of H",
     "bare functions": "Python functions of B, H and ∇H, without derivatives, degree or closed forms",
 }
-# Attributes that no view has, and those that bare functions lack.
+# The attributes of a problem that no view has; below, those that the view "bare functions" lacks besides.
 _NEVER = {"data", "name", "closed_form"}
 _DERIVED = {
     "hessian", "structure_derivative", "mean_gradient", "degree", "flows",
     "noise_structure_derivatives", "noise_hessians", "noise_flows",
 }  # fmt: skip
 _DERIVED_OF_CASIMIR = {"mean_gradient", "degree"}
-# The view of each problem; a problem without an entry is its own view.
+# The view of each problem for schemes. A problem without an entry is shown unchanged.
 _VIEWS: WeakKeyDictionary[Problem, Problem] = WeakKeyDictionary()
 
 
@@ -39,7 +39,7 @@ def shown(problem: Problem) -> Problem:
 
 @lru_cache(maxsize=1024)
 def as_given(data: Description, given: str) -> Problem:
-    """The problem of a description, whose view for schemes is of the kind `given`, one of `GIVEN`."""
+    """The problem of a description, shown to schemes in the view `given`, one of `GIVEN`."""
     whole = problems.build(data)
     if given == "data":
         return whole
@@ -50,7 +50,7 @@ def as_given(data: Description, given: str) -> Problem:
 
 
 def _view(problem: Problem, *, bare: bool) -> Problem:
-    """The view of a problem with its functions wrapped and the name "system"; `bare` leaves out what can be derived."""
+    """The view of a problem with wrapped functions and the name "system"; `bare` leaves out what can be derived."""
     hidden = _NEVER | _DERIVED if bare else _NEVER
     names = [f.name for f in fields(problem) if f.init and f.name not in hidden]
     shown = {name: _plain(getattr(problem, name), bare) for name in names}
@@ -58,7 +58,7 @@ def _view(problem: Problem, *, bare: bool) -> Problem:
 
 
 def _plain(value: Any, bare: bool) -> Any:
-    """Wrap a function, or each function of a tuple or a record, in one without attributes; others stay unchanged."""
+    """Wrap a function, or each function in a tuple or `Nambu`, in one without attributes; keep other values."""
     if isinstance(value, tuple):
         return tuple(_plain(v, bare) for v in value)
     if isinstance(value, Nambu):
