@@ -7,12 +7,12 @@ Coordinates and Casimirs are those of `sepv.problems._matrix_algebras`; B is dat
 - A top on su(3)*, H_0 = ½ Σ w_a y_a². C_2 is quadratic, C_3 = tr P³ is not.
 - Euler's equations on the sphere after V. Zeitlin (Physica D 49, 1991; Phys. Rev. Lett. 93, 2004): the vorticity is
   W = iP in su(N), the stream function Δ_N⁻¹P, H_0 = ½⟨W, Δ_N⁻¹W⟩ with the Laplacian of J. Hoppe and S.-T. Yau,
-  Δ_N P = Σ_a [S_a, [S_a, P]], S the spin matrices of size N: it has the eigenvalues l(l + 1), l = 1, …, N − 1, of the
-  sphere. Its N − 1 Casimirs tr Pᵏ stand for the integrals of the powers of the vorticity.
+  Δ_N P = Σ_a [S_a, [S_a, P]], S the spin matrices of size N: Δ_N has the eigenvalues l(l + 1), l = 1, …, N − 1, of the
+  sphere. The N − 1 Casimirs tr Pᵏ approximate the integrals of the powers of the vorticity.
 
-The noises are Hamiltonians too: linear ones, transport by a fixed velocity, which do not commute with H_0. S. Ephrati,
-E. Jansson, A. Lang and E. Luesink (arXiv 2408.16701) treat the rigid body, its generalisation, and Euler's equations on
-the sphere; of their paper the abstract and the introduction were read, so the numbers here are not theirs.
+The noises have linear Hamiltonians, which describe transport by a fixed velocity and do not commute with H_0. S.
+Ephrati, E. Jansson, A. Lang and E. Luesink (arXiv 2408.16701) treat the rigid body, its generalisation, and Euler's
+equations on the sphere. Of their paper the abstract and the introduction were read, so the numbers here are not theirs.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ def matrix_system(
 def manakov_top(
     inertia: Sequence[float] = (1.0, 1.5, 2.5, 4.0), noise: Sequence[float] = (0.5, 0.25)
 ) -> Problem:
-    """The free rigid body in dimension four, with two linear noises, H_1 = y_12 + y_24 and H_2 = y_23.
+    """The free rigid body in dimension four, with two noises of linear Hamiltonians, H_1 = y_12 + y_24 and H_2 = y_23.
 
-    From y_12, …, y_34 = 0.6, −0.3, 0.2, 0.5, −0.4, 0.3.
+    The initial state is y_12, …, y_34 = 0.6, −0.3, 0.2, 0.5, −0.4, 0.3.
     """
     H = poly.squares([1 / (inertia[j] + inertia[k]) for j, k in combinations(range(4), 2)])
     others = [poly.linear((1, 0, 0, 0, 1, 0)), poly.linear((0, 0, 0, 1, 0, 0))]
@@ -55,9 +55,10 @@ def su3_top(
     weights: Sequence[float] = (1.0, 0.5, 0.75, 0.25, 1.25, 0.5, 1.0, 0.75),
     noise: Sequence[float] = (0.25, 0.25),
 ) -> Problem:
-    """A top on su(3)*, with two linear noises, H_1 = P_11 and H_2 = Re P_12 + Im P_23.
+    """A top on su(3)*, with two noises of linear Hamiltonians, H_1 = P_11 and H_2 = Re P_12 + Im P_23.
 
-    From P_11, P_22 = 0.5, −0.2, Re P = 0.3, −0.4, 0.2 and Im P = 0.1, 0.25, −0.3 at 12, 13, 23.
+    The initial state is P_11, P_22 = 0.5, −0.2; P_12, P_13, P_23 have real parts 0.3, −0.4, 0.2 and imaginary parts
+    0.1, 0.25, −0.3.
     """
     others = [poly.linear((1, *(0,) * 7)), poly.linear((0, 0, 1, 0, 0, 0, 0, 1))]
     data = matrix_system("su(3)", poly.squares(weights), noise, others)
@@ -67,7 +68,7 @@ def su3_top(
 def zeitlin(size: float = 4, noise: Sequence[float] = (0.25, 0.25)) -> Problem:
     """Euler's equations on the sphere, truncated to su(N)*, N = `size`, with two noises: H_1 = P_11, H_2 = Re P_12.
 
-    From a vorticity whose entries alternate, |P_jk| between 1/4 and 1. N from 3 to 8.
+    The entries of the initial state alternate in sign, with absolute values from 1/4 to 1. N is from 3 to 8.
     """
     n = int(size)
     d = n * n - 1
@@ -85,7 +86,7 @@ def zeitlin(size: float = 4, noise: Sequence[float] = (0.25, 0.25)) -> Problem:
 def _inverse_laplacian(n: int) -> Array:
     """The matrix A (d, d) of Zeitlin's Hamiltonian on su(N), N = n: ½⟨W, Δ_N⁻¹W⟩ = ½yᵀAy.
 
-    Entries are rounded to 2⁻⁴⁰, so that they are the same numbers wherever they are computed.
+    Entries are rounded to multiples of 2⁻⁴⁰, so that they are the same numbers on every machine.
     """
     algebra = algebras.unitary(n)
     z = 0.5 * (n - 1) - np.arange(n)

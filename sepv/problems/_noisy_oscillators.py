@@ -1,8 +1,8 @@
 """Additive noise: the separable Hamiltonian of Hénon and Heiles with noise in its momenta.
 
-H_0 = ½|p|² + ½|q|² + κ(q_1²q_2 − q_2³/3) with y = (p, q), and H_j = −q_j, so that c_j B∇H_j ∘dW_j is c_j dW_j in p_j.
-E[H_0] then grows at the constant rate ½Σc_j² (trace formula: D. Cohen and G. Vilmart, Int. J. Comput. Math. 99, 2022,
-for Poisson systems). M. Hénon and C. Heiles, Astron. J. 69 (1964).
+H_0 = ½|p|² + ½|q|² + κ(q_1²q_2 − q_2³/3) with y = (p, q) is that of M. Hénon and C. Heiles, Astron. J. 69 (1964). With
+H_j = −q_j the noise c_j B∇H_j ∘dW_j adds c_j dW_j to p_j. E[H_0] then grows at the constant rate ½Σc_j² (the trace
+formula: D. Cohen and G. Vilmart, Int. J. Comput. Math. 99, 2022, for Poisson systems).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from sepv.record import poly
 def noisy_henon_heiles(coupling: float = 0.5, noise: Sequence[float] = (0.5, 0.25)) -> Problem:
     """The system of Hénon and Heiles with additive noise in its momenta.
 
-    From p = (0.2, −0.1), q = (0.3, 0.2).
+    The initial state is p = (0.2, −0.1), q = (0.3, 0.2).
     """
     others = [poly.scale(-1.0, poly.variable(4, 2 + j)) for j in range(len(tuple(noise)))]
     return _oscillators(coupling, noise, others, "noisy-henon-heiles")
@@ -27,10 +27,9 @@ def noisy_henon_heiles(coupling: float = 0.5, noise: Sequence[float] = (0.5, 0.2
 def pushed_henon_heiles(coupling: float = 0.5, noise: Sequence[float] = (0.5, 0.5)) -> Problem:
     """The system of Hénon and Heiles with additive noise in momenta and positions.
 
-    H_1 = p_1 − ½q_1 and H_2 = ½p_2 − q_2.
-
-    With noise in the momenta alone, f″(g, g) vanishes for the drift f and a noise g. It does not here, and shows
-    errors of methods such as that of the explicit midpoint rule's weak order 2.
+    The noise Hamiltonians are H_1 = p_1 − ½q_1 and H_2 = ½p_2 − q_2. With noise in the momenta alone, f″(g, g) vanishes
+    for the drift f and a noise field g. In this problem it does not vanish, so that errors of methods show that are
+    otherwise hidden, such as the error of the explicit midpoint rule's weak order 2.
     """
     others = [poly.linear((1, 0, -0.5, 0)), poly.linear((0, 0.5, 0, -1))]
     return _oscillators(coupling, noise, others, "pushed-henon-heiles")

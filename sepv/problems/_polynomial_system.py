@@ -24,7 +24,7 @@ from sepv.problem import (
 from sepv.problems._nambu_system import check_nambu
 from sepv.record import EPS, Polynomial, PolynomialMap, poly
 
-# The derivatives of B are d³ polynomials.
+# The largest dimension d. It is bounded because the derivatives of B are d³ polynomials.
 MAX_DIMENSION = 64
 
 
@@ -35,7 +35,7 @@ def polynomial_problem(data: PolynomialSystem) -> Problem:
     Raises
     ------
     ProblemError
-        Where a matrix, vector or polynomial is not a Casimir of B: the coefficients of ∇CᵀB are computed.
+        If a Casimir C among the data is not one of B: some coefficient of ∇CᵀB is then not zero.
     """
     d = data.dimension
     if d > MAX_DIMENSION:
@@ -93,7 +93,7 @@ def _hessian(gradient: tuple[Polynomial, ...]) -> tuple[Polynomial, ...]:
 
 @lru_cache(maxsize=512)
 def _structure_maps(d: int, structure: Structure) -> tuple[PolynomialMap, PolynomialMap]:
-    """The functions B (d, d) and B′ (d, d, d) of a structure, as tables that systems with the same B share."""
+    """The functions B (d, d) and B′ (d, d, d) of a structure, cached for all systems with this structure."""
     zero = poly.polynomial(d, {})
     above = {(i, j): entry for i, j, entry in structure}
     below = {(j, i): poly.scale(-1.0, entry) for i, j, entry in structure}
@@ -107,9 +107,9 @@ def _structure_maps(d: int, structure: Structure) -> tuple[PolynomialMap, Polyno
 
 
 def _with_more_noise(drift: Problem, data: PolynomialSystem) -> Problem:
-    """The problem with the drift of `drift` and a structure, a Hamiltonian or a vector for each noise, from its data.
+    """The problem with the drift of `drift` and a structure, a Hamiltonian or a vector for each noise, from `data`.
 
-    Hamiltonians whose brackets {H, H_j} all vanish keep H, so they are posed as structures.
+    If the brackets {H, H_j} of all noise Hamiltonians vanish, the flow keeps H, and a `StructuresProblem` is made.
     """
     d = data.dimension
     counts = [len(data.noise_structures), len(data.noise_hamiltonians), len(data.noise_vectors)]
@@ -149,12 +149,12 @@ def _with_more_noise(drift: Problem, data: PolynomialSystem) -> Problem:
 
 
 def _shared(drift: Problem) -> dict[str, Any]:
-    """The attributes of the drift's problem, as arguments for the problem of a wider class."""
+    """The attributes of a problem `drift`, as arguments for a problem of a wider class with more noises."""
     return {f.name: getattr(drift, f.name) for f in fields(Problem) if f.init}
 
 
 def bracket(data: PolynomialSystem, F: Polynomial, G: Polynomial) -> tuple[Polynomial, list[Polynomial]]:
-    """The Poisson bracket {F, G} = ∇FᵀB∇G of two polynomials, and the products whose sum it is."""
+    """The Poisson bracket {F, G} = ∇FᵀB∇G of two polynomials, and the list of products that it is the sum of."""
     left, right = poly.gradient(F), poly.gradient(G)
     terms = []
     for i, j, entry in data.structure:
@@ -164,16 +164,16 @@ def bracket(data: PolynomialSystem, F: Polynomial, G: Polynomial) -> tuple[Polyn
 
 
 def vanishes(bracket: tuple[Polynomial, list[Polynomial]]) -> bool:
-    """True if a `bracket` is zero: every coefficient of it is rounding beside those of its products."""
+    """True if a `bracket` is zero: its coefficients have the size of roundings of the coefficients of its products."""
     total, terms = bracket
     size = max((abs(c) for p in terms for _, c in p.terms), default=0.0)
     return all(abs(c) <= 64 * EPS * size for _, c in total.terms)
 
 
 def drift_of_energy(data: PolynomialSystem) -> float | None:
-    """The constant rate at which the mean of H_0 changes; None where that rate depends on y.
+    """The constant rate at which the mean of H_0 changes; None if the rate depends on y.
 
-    It is LH_0 with the generator L: ½ Σ_j c_j² {{H_0, H_j}, H_j}, or ½ Σ_j c_j² g_jᵀH_0″g_j along vectors g_j.
+    The rate is LH_0 with the generator L: ½ Σ_j c_j² {{H_0, H_j}, H_j}, or ½ Σ_j c_j² g_jᵀH_0″g_j for vectors g_j.
     """
     noises: list[Callable[[Polynomial], Polynomial]]
     noises = [lambda p, H=H: bracket(data, p, H)[0] for H in data.noise_hamiltonians]  # type: ignore[misc]
@@ -190,7 +190,7 @@ def _along(p: Polynomial, g: Sequence[float]) -> Polynomial:
 
 
 def _nambu(factor: Polynomial, casimir: Polynomial) -> Nambu:
-    """The functions of g and C, with analytic derivatives of C."""
+    """The `Nambu` record of polynomials g and C for B(y)v = g(y)(v × ∇C(y)), with analytic derivatives of C."""
     slope = poly.gradient(casimir)
     return Nambu(
         factor=PolynomialMap((), (factor,)),
@@ -225,7 +225,7 @@ def _check_indices(data: PolynomialSystem) -> None:
 
 
 def _check_shapes(data: PolynomialSystem) -> None:
-    """Raise a ProblemError unless matrices, vectors and polynomials fit the dimension d."""
+    """Raise a ProblemError unless H and the Casimirs (matrices, vectors, polynomials) fit the dimension d."""
     d, H = data.dimension, data.hamiltonian
     parts: list[tuple[bool, str, str]] = []
     for n, A in enumerate(data.casimirs):
@@ -248,12 +248,12 @@ def _check_casimirs(
     d: int, structure: Structure, casimirs: tuple[Matrix, ...], linear_casimirs: Matrix,
     polynomial_casimirs: tuple[Polynomial, ...],
 ) -> None:  # fmt: skip
-    """Raise a ProblemError unless all coefficients of ∇CᵀB vanish, to the rounding of their own sums.
+    """Raise a ProblemError unless all coefficients of ∇CᵀB vanish for each Casimir C, to the rounding of their sums.
 
-    The result depends on B and the Casimirs alone, and is cached: systems that differ only in H share it.
+    The result depends on B and the Casimirs alone, and is cached, so that systems that differ only in H share it.
     """
     zero = poly.polynomial(d, {})
-    # ∇C up to a factor: Ay for yᵀAy, b for bᵀy.
+    # The gradient ∇C up to a factor: Ay for yᵀAy, b for bᵀy.
     slopes = {f"casimirs[{n}]": [poly.linear(row) for row in A] for n, A in enumerate(casimirs)}
     for n, b in enumerate(linear_casimirs):
         slopes[f"linear_casimirs[{n}]"] = [poly.constant(d, value) for value in b]

@@ -25,7 +25,7 @@ _IN_PLANES = (0.8, 0.3, 0.2, 0.5)
 
 
 def action(dimension: int, k: int) -> Polynomial:
-    """The action I_k = ½(y_{2k−1}² + y_{2k}²) for k = 0, 1, … as a polynomial."""
+    """The action ½(y_{2k+1}² + y_{2k+2}²) of plane k = 0, 1, … as a polynomial."""
     return poly.squares([int(i // 2 == k) for i in range(dimension)])
 
 
@@ -49,8 +49,8 @@ def rotating_planes(
 ) -> PolynomialSystem:
     """A system of n planes with H = H(I_1, …, I_n), B = J in each plane and G_j = α_jk(I) J in plane k.
 
-    Every I_k is kept, and plane k turns by the angle ∂H/∂I_k (T + Σ_j c_j α_jk W_j(T)). H is a polynomial in the
-    actions, and the frequencies α_jk are m rows of n such polynomials.
+    The flow keeps every action I_k (half the squared radius in plane k), and turns plane k by the angle
+    ∂H/∂I_k (T + Σ_j c_j α_jk W_j(T)). The frequencies α_jk are m rows of n polynomials in the actions.
     """
     d = 2 * hamiltonian.dimension
     structures = tuple(
@@ -66,7 +66,7 @@ def commuting_actions(
 ) -> PolynomialSystem:
     """A system of n planes with Hamiltonians H(I_1, …, I_n) and H_j(I_1, …, I_n), all of which commute.
 
-    Plane k turns by the angle ∂H/∂I_k T + Σ_j c_j ∂H_j/∂I_k W_j(T).
+    The flow turns plane k by the angle ∂H/∂I_k T + Σ_j c_j ∂H_j/∂I_k W_j(T).
     """
     d, c = 2 * hamiltonian.dimension, noise or (1.0,) * len(others)
     posed = tuple(in_actions(H) for H in others)
@@ -78,7 +78,7 @@ def closed_form(
 ) -> ClosedForm:
     """The exact solution as a function (y0, T, W): plane k turns by ∂H/∂I_k T + Σ_j c_j rate_jk W_j(T).
 
-    All rates are taken at the actions of y0, which are kept.
+    All rates are taken at the actions of y0, which do not change along the solution.
     """
     n = hamiltonian.dimension
     drift = PolynomialMap((n,), poly.gradient(hamiltonian))
@@ -123,9 +123,9 @@ def commuting_oscillators() -> StructuresProblem:
 def kubo_oscillator(a: float = 2.0, sigma: float = 0.5) -> Problem:
     """Kubo's oscillator: H_0 = ½a(p² + q²) and σH_1 = ½σ(p² + q²); the exact solution is a rotation by aT + σW(T).
 
-    From (1, 0). R. Kubo, M. Toda and N. Hashitsume, Statistical Physics II (1991),
-    §2.1; G. N. Milstein, Yu. M. Repin and M. V. Tretyakov (SIAM J. Numer. Anal. 40, 2002), §5.1, use it for symplectic
-    methods with multiplicative noise.
+    The initial state is (1, 0). R. Kubo, M. Toda and N. Hashitsume, Statistical Physics II (1991), §2.1. G. N.
+    Milstein, Yu. M. Repin and M. V. Tretyakov (SIAM J. Numer. Anal. 40, 2002), §5.1, use it for symplectic methods with
+    multiplicative noise.
     """
     H, one = poly.scale(a, poly.variable(1, 0)), poly.variable(1, 0)
     exact = closed_form(H, (sigma,), [list(poly.gradient(one))])
@@ -135,7 +135,7 @@ def kubo_oscillator(a: float = 2.0, sigma: float = 0.5) -> Problem:
 
 @lru_cache(maxsize=1)
 def kubo_by_hamiltonians() -> Problem:
-    """Kubo's oscillator posed by H_0 and H_1, which commute, for schemes that need ∇H_1."""
+    """Kubo's oscillator as a `HamiltoniansProblem` with H_0 and H_1, for schemes that need ∇H_1."""
     problem = kubo_oscillator()
     H = poly.polynomial(2, [((2, 0), 0.5), ((0, 2), 0.5)])
     assert isinstance(problem, StructuresProblem)
@@ -148,7 +148,7 @@ def kubo_by_hamiltonians() -> Problem:
 
 
 def noncommuting_tops() -> StructuresProblem:
-    """Noises that do not commute: H = ½(y1² + 2 y2² + 3 y3²) with B = hat(e3), G_1 = hat(e1) and G_2 = hat(e2)."""
+    """Noises that do not commute: H = ½(y1² + 2 y2² + 3 y3²), Bv = e3 × v, G_1 v = e1 × v and G_2 v = e2 × v."""
     H = poly.squares((1, 2, 3))
     B, G2, G1 = (((i, j, poly.constant(3, sign)),) for i, j, _, sign in HAT)
     system = PolynomialSystem(3, H, B, (0.5, 0.5), noise_structures=(G1, G2))
@@ -158,7 +158,8 @@ def noncommuting_tops() -> StructuresProblem:
 def noncommuting_drift() -> StructuresProblem:
     """Rotations of two planes as noises, which commute, with a drift that turns one plane into the other.
 
-    B has the entry −7/10 between the planes, so that B∇H keeps neither I1 nor I2 and commutes with neither noise.
+    B has the entry −7/10 between the planes. So B∇H keeps neither of the actions I1, I2 (half the squared radius in
+    each plane), and commutes with neither noise.
     """
     base = commuting_rotations().data
     assert isinstance(base, PolynomialSystem)

@@ -8,12 +8,12 @@ from numpy.typing import ArrayLike
 from sepv.problem import Array, Problem, dot
 from sepv.problems._common import named, structure, whole_number
 
-# The largest number of particles: B and H″ are dense.
+# The largest number of particles. It is bounded because B and H″ are dense matrices.
 MOST = 64
 
 
 def toda(particles: float = 3, noise: ArrayLike = 1.0) -> Problem:
-    """The open Toda chain, y = (p_1 … p_n, q_1 … q_n), from p = 0 and q = 0."""
+    """The open Toda chain, y = (p_1 … p_n, q_1 … q_n), with the initial state p = 0, q = 0."""
     n = whole_number("particles", particles, 2, MOST)
 
     def hamiltonian(y: Array) -> Array:

@@ -1,4 +1,4 @@
-"""The record of a scheme: a formula and facts. There is no base class; a bare function does as well."""
+"""The record of a scheme: its step and its claims. There is no base class, and a bare function is a scheme too."""
 
 from __future__ import annotations
 
@@ -21,27 +21,28 @@ from sepv.solve import Solution
 # Kinds of a step's fifth argument: none, Lévy areas, increments over the first half, or space-time Lévy areas.
 ASKS = ("", "areas", "halves", "space-time")
 DTYPES = ("float64", "float32")
-# Roundings of y that a step of single precision counts as, where errors are compared with a floor: of y, of the
-# increment, and of the two in the sum. The bounds of single steps count each operation.
+# The rounding error of a step in single precision, in roundings of y, for laws that compare errors with a floor: y,
+# the increment and their sum are rounded. Laws about single steps count each operation instead.
 SINGLE_STEP = 4.0
 
-# Laws about paths, which do not apply to increments that only match some moments.
+# Laws about paths, which do not apply to increments that match only some moments of the normal distribution.
 PATHWISE = frozenset(("mean-square-order", "right-limit", "local-mean", "local-mean-square", "commutation"))
-# Classes in which each noise has a field of its own.
+# The classes of systems in which different noises have different fields.
 OF_SEVERAL = frozenset((
     Systems.SEVERAL, Systems.HAMILTONIANS, Systems.MATRIX_HAMILTONIANS, Systems.SEPARABLE_HAMILTONIANS,
     Systems.ADDITIVE,
 ))  # fmt: skip
-# The contract (problem, y, h, dW) -> y_next, with a fifth argument for a scheme that asks for more.
+# A step (problem, y, h, dW) -> y_next, with a fifth argument for a scheme with `Scheme.asks`.
 Step = Callable[..., Array]
 Solve = Callable[[Problem, Array, float, Array], Solution]
 
 
 def truncation_for(order: float) -> int:
-    """The k of Remark 2.1 for a scheme of mean-square order p: the paper's 2 for p = 1, and 4p beyond.
+    """The k at which Remark 2.1 truncates increments, for mean-square order p: the paper's 2 for p ≤ 1, else 4p.
 
-    The order needs k ≥ 2p. With k = 2p clipping alone costs an error of order p, which for many stages exceeds the
-    scheme's own (`sepv.exact.clipping_error`); with 4p it costs h^{2p}. The price is a bound of |Δ| larger by √2.
+    An increment is clipped to |ΔW| ≤ √(2k h |ln h|). The order needs k ≥ 2p. With k = 2p clipping alone has an error of
+    order p, for many stages larger than the scheme's own error (`sepv.exact.clipping_error`). With k = 4p this error is
+    of order 2p, and the bound of |Δ| is larger by a factor √2.
     """
     return 2 if order <= 1 else round(4 * order)
 
