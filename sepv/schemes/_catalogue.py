@@ -1,4 +1,4 @@
-"""The schemes by name. A new scheme is a file beside this one, `_name.py` with `scheme` in it, and its line here."""
+"""The schemes by name. To add one, write a file `_name.py` in this folder that defines `scheme`, and list it below."""
 
 from __future__ import annotations
 
@@ -57,12 +57,12 @@ HAMILTONIANS = _listed(
 )
 # Schemes for damped systems.
 DAMPED = _listed("conformal")
-# Families: NAME-s is their member with s stages, s = 1 … MAX_STAGES.
+# Families of schemes: the name NAME-s is the member with s stages, s = 1 … MAX_STAGES.
 FAMILIES: dict[str, Callable[[int], Scheme]] = {"collocation": collocation, "gauss": gauss}
 
 
 def by_name(name: str) -> Scheme:
-    """A built-in scheme or a member of a family such as "collocation-3", else a UsageError; "_" is "-"."""
+    """A built-in scheme or a member of a family such as "collocation-3", else a UsageError; "_" counts as "-"."""
     wanted = name.replace("_", "-")
     for schemes in (PAPER, EXTENSIONS, HAMILTONIANS, DAMPED):
         if wanted in schemes:

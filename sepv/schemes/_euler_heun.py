@@ -13,7 +13,7 @@ from sepv.solve import Fields, Values
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:  # noqa: ARG001 - an explicit scheme
     """The increment y1 − y0 of an Euler-Heun step from y0 = y, for `step` = (h, S) with S = Σ c_j ΔŴ_j.
 
-    It is h f(y0) + ½(f(ŷ) + f(y0)) S, where ŷ = y0 + h f(y0) + f(y0) S is a step of Euler's method.
+    The increment is h f(y0) + ½(f(ŷ) + f(y0)) S, where ŷ = y0 + h f(y0) + f(y0) S is a step of Euler's method.
     """
     h, S = step
     f = fields.field(y)

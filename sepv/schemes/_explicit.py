@@ -1,8 +1,8 @@
 """Explicit Runge-Kutta methods of order 4 and 8 with the random step Δ = h + Σ_j c_j ΔŴ_j: no invariant is kept.
 
-y(t) is the deterministic flow at the random time t + Σ c_j W_j(t), so a method of order p for y′ = f(y), used with
-the step Δ, has a local error C(y)Δ^{p+1} of root mean square O(h^{(p+1)/2}) and mean O(h^{⌈(p+1)/2⌉}): for even p
-mean-square and weak order p/2 by Milstein's theorem. They keep neither H nor Casimirs.
+y(t) is the deterministic flow at the random time t + Σ c_j W_j(t). So a method of order p for y′ = f(y), used with
+the step Δ, has a local error C(y)Δ^{p+1} of root mean square O(h^{(p+1)/2}) and mean O(h^{⌈(p+1)/2⌉}). For even p
+Milstein's theorem gives mean-square and weak order p/2.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from sepv.solve import Fields, Values
 def end(tableau: ExplicitTableau, fields: Fields, y: Values, z: Values, step: Values) -> Values:  # noqa: ARG001 - explicit
     """The increment y1 − y of an explicit Runge-Kutta step with Δ = step[0].
 
-    It is Δ Σ b_i f(Y_i) with the stages Y_i = y + Δ Σ_{j<i} a_ij f(Y_j) and the field f = B∇H.
+    The increment is Δ Σ b_i f(Y_i) with the stages Y_i = y + Δ Σ_{j<i} a_ij f(Y_j) and the field f = B∇H.
     """
     slopes: list[Values] = []
     for row in tableau.A:
@@ -36,9 +36,9 @@ def end(tableau: ExplicitTableau, fields: Fields, y: Values, z: Values, step: Va
 
 @lru_cache(maxsize=4)
 def explicit(order: int) -> Scheme:
-    """The scheme of the classical method of order 4, or of Dormand and Prince's of order 8; else a UsageError.
+    """The scheme of the classical method of order 4 or of Dormand and Prince's of order 8; UsageError for other orders.
 
-    Its increments are truncated with k = 2·order.
+    Increments are truncated as in Remark 2.1 with k = 2·order.
     """
     require_one_of("an order", order, TABLEAUX, "take 8")
     return one_step(

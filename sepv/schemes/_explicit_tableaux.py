@@ -1,7 +1,7 @@
-"""Explicit Runge-Kutta tableaux: the classical method of order 4, and that of order 8 of Dormand and Prince.
+"""Explicit Runge-Kutta tableaux: the classical method of order 4, and Dormand and Prince's method of order 8.
 
-Order 8: E. Hairer, S. P. Nørsett and G. Wanner, Solving Ordinary Differential Equations I, §II.5, the twelve stages of
-their code DOP853, without its error estimates.
+The method of order 8 has the twelve stages of the code DOP853, without its error estimates: E. Hairer, S. P. Nørsett
+and G. Wanner, Solving Ordinary Differential Equations I, §II.5.
 """
 
 from __future__ import annotations

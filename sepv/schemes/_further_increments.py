@@ -25,11 +25,11 @@ def further_rows(asks: str, noises: int) -> int:
 def answer(
     scheme: Scheme, problem: Problem, y: Any, h: float, dW: Array, *, any_path: bool = False, step: Step | None = None
 ) -> Any:  # fmt: skip
-    """y1 of one step of the scheme, for dW (m, ...), or (m + k, ...) with the further rows that the scheme asks for.
+    """y1 of one step of the scheme, for dW (m, ...), or (m + k, ...) with the rows for the scheme's fifth argument.
 
-    A law that holds for every path may leave the rows out: with `any_path`, `rows_of_any_path` makes them. Otherwise
-    missing rows are a UsageError, because any others would have another distribution. `step` replaces the scheme's
-    step: a `StatefulStep` has one for states, and y is then a state of it.
+    A law that holds for every path may leave these rows out: with `any_path`, `rows_of_any_path` makes them. Otherwise
+    missing rows are a UsageError, because rows that are not drawn have another distribution. `step` replaces the
+    scheme's step: for the step of a `StatefulStep`, y is a state.
     """
     step = step or scheme.step
     if not scheme.asks:
@@ -54,8 +54,7 @@ def carry(
 ) -> tuple[Any, Any]:
     """One step of a path from y: y1, and the state that the scheme carries to its next step.
 
-    `state` is that of the step before, and None at the beginning of a path. Only schemes with a `StatefulStep` have
-    one.
+    `state` is the state after the step before, None at the beginning of a path or without a `StatefulStep`.
     """
     rule = scheme.step
     if not isinstance(rule, StatefulStep):
@@ -66,19 +65,16 @@ def carry(
 
 
 def joined(asks: str, dW: Array, further: Array) -> Array:
-    """The array (m + k, ...) of increments and further rows, from the two arguments of a step.
-
-    It is the inverse of `answer`, which takes such an array apart.
-    """
+    """The array (m + k, ...) of increments and further rows, as `answer` takes it, from the two arguments of a step."""
     return np.concatenate([dW, as_rows(further) if asks == "areas" else further])
 
 
 def rows_of_any_path(asks: str, h: float, dW: Array) -> Array:
     """Further rows (k, ...) of one possible path with the increments dW, for laws that hold for every path.
 
-    They are not random. With u_i = ΔW_i/(1 + ΔW_i²/|h|) the areas are an eighth of u ∧ ΔW. The space-time areas are an
+    The rows are not random. With u_i = ΔW_i/(1 + ΔW_i²/|h|) the areas are an eighth of u ∧ ΔW, the space-time areas an
     eighth of ±u, and the increments over the first half ½ΔW ± ¼u. Exchanging noises exchanges the rows. The reverse
-    step, with −h and −ΔW, has −A, the same H, and minus the second half first.
+    step, with −h and −ΔW, has areas −A, space-time areas H, and as first half the negative of the second half.
     """
     size = abs(h) if h else 1.0
     u = dW / (1 + dW * dW / size)

@@ -21,9 +21,9 @@ from sepv.schemes._stateful import REFUSALS, PathSolver, StatefulStep, whole
 
 
 class Refusal(StepFailure):
-    """An ArithmeticError or LinAlgError of the scheme, which counts as a step that it did not solve.
+    """An ArithmeticError or LinAlgError raised by the scheme, which counts as a step that it did not solve.
 
-    A scheme may refuse a step whose equation may have no solution. Elsewhere the law reports an error.
+    A scheme may refuse a step whose equation may have no solution. For other steps the law reports an error.
     """
 
     def __init__(self, error: BaseException, problem: Problem, y: Array, h: float, dW: Array) -> None:
@@ -47,19 +47,19 @@ _PACKAGE = str(Path(__file__).parents[1])
 
 
 def _where(error: BaseException) -> str:
-    """The file, line and function that raised the error, in parentheses; empty for an unknown place."""
+    """The file, line and function that raised an error, as a text in parentheses; empty if the place is unknown."""
     frames = traceback.extract_tb(error.__traceback__)[1:]  # without the frame that called the scheme
     # An error in a function of sepv that the scheme calls is the scheme's error.
     frames = [f for f in frames if not f.filename.startswith(_PACKAGE)] or frames
     return f" ({frames[-1].filename}, line {frames[-1].lineno}, in {frames[-1].name})" if frames else ""
 
 
-# JAX raises these where NumPy's functions are given its tracers.
+# The names of JAX's errors for NumPy functions that are called with JAX's tracers.
 _TRACED = {"TracerArrayConversionError", "ConcretizationTypeError", "TracerBoolConversionError"}
 
 
 class SchemeCrash(SepvError):
-    """An exception of the scheme that is no refusal of a step; `traceback` is its text, from the scheme on."""
+    """An exception of the scheme that does not refuse a step; `traceback` is the text of the exception's traceback."""
 
     def __init__(self, error: BaseException, shape: tuple[int, ...], given: str = "") -> None:
         self.traceback = "".join(traceback.format_exception(error))
@@ -88,15 +88,15 @@ def ask_next(
 ) -> tuple[Array, Any]:
     """y1 of one step of the scheme, checked against the contract, and the state that it carries to the next step.
 
-    The scheme gets copies of the arguments. `state` is that of the step before; None at the beginning of a path, and
-    for schemes without a `StatefulStep`.
+    The scheme gets copies of the arguments. `state` is the state after the step before. It is None at the beginning of
+    a path, and for schemes without a `StatefulStep`.
 
     Raises
     ------
     SchemeFault
-        Wrong type, shape or dtype, a value that is not finite, or an argument that was changed.
+        A result of wrong type, shape or dtype or with a value that is not finite, or an argument that was changed.
     StepFailure
-        A step that the scheme reports as not solved: its own, or `Refusal` for an ArithmeticError.
+        A step that the scheme did not solve: its own StepFailure, or a `Refusal` for an ArithmeticError.
     SchemeCrash
         Any other exception of the scheme.
     """
@@ -120,16 +120,16 @@ def require_unchanged(**arguments: tuple[Array, Array]) -> None:
 
 
 def raw_answer(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> Any:
-    """The scheme's result without any check; it is called with these arrays themselves, not with copies."""
+    """The scheme's result without any check; the scheme is called with the given arrays themselves, not with copies."""
     with translated(problem, y, h, dW):
         return answer(scheme, shown(problem), y, h, dW, any_path=True)
 
 
 @contextmanager
 def translated(problem: Problem, y: Array, h: float, dW: Array) -> Iterator[None]:
-    """A context for calls of a scheme that turns its exceptions into `Refusal` or `SchemeCrash`.
+    """A context for calls of a scheme that turns the scheme's exceptions into `Refusal` or `SchemeCrash`.
 
-    Their messages name the problem, y, h and dW.
+    The messages name the problem, y, h and dW.
     """
     try:
         with np.errstate(all="ignore"):
@@ -139,7 +139,7 @@ def translated(problem: Problem, y: Array, h: float, dW: Array) -> Iterator[None
     except REFUSALS as error:
         raise Refusal(error, problem, y, h, dW) from error
     except (Exception, SystemExit) as error:
-        # A function of sepv refused arguments that the scheme passed on: the error is the scheme's.
+        # A UsageError is the scheme's error: it gave wrong arguments to a function of sepv.
         if isinstance(error, SepvError) and type(error) is not UsageError:
             raise
         given = f"the problem {problem.name}, y of shape {y.shape}, h = {h:g}, dW of shape {dW.shape}"
@@ -147,9 +147,9 @@ def translated(problem: Problem, y: Array, h: float, dW: Array) -> Iterator[None
 
 
 def check_answer(answer: Any, y: Array, dtype: str = "float64", *, finite: bool = True) -> Array:
-    """The result of a step from y, if it obeys the contract: a finite NumPy array of y's shape and this dtype.
+    """The result of a step from y, if it obeys the contract: a finite NumPy array of y's shape and the given dtype.
 
-    Raises SchemeFault for anything else, but for NaN and infinity only if `finite`.
+    Raises SchemeFault for any other result. If `finite` is False, NaN and infinity are allowed.
     """
     if type(answer) is not np.ndarray:  # no subclass: masked arrays and matrices compute differently
         raise SchemeFault(
@@ -183,9 +183,9 @@ def check_answer(answer: Any, y: Array, dtype: str = "float64", *, finite: bool 
 
 
 def guarded(scheme: Scheme) -> Scheme:
-    """A copy of a scheme for long runs. Its exceptions become `Refusal` or `SchemeCrash`, and its results are checked.
+    """A copy of a scheme for long runs: exceptions become `Refusal` or `SchemeCrash`, and results are checked.
 
-    NaN and infinity pass, because a path may run away. The copy has no `solve`: `step` is under verification.
+    NaN and infinity are allowed, because a path may diverge. The copy has no `solve`, because `step` is verified.
     """
 
     def carried(
@@ -223,7 +223,7 @@ def _step_in_words(problem: Problem, y: Array, h: float, dW: Array) -> str:
 
 
 def ask_once(scheme: Scheme, problem: Problem, y: Array, h: float) -> None:
-    """Take one step without noise. Raises SchemeFault or SchemeCrash if it returns no state; it may refuse the step."""
+    """Check a scheme without `solve` by a step with dW = 0, which may be refused. Raises SchemeFault or SchemeCrash."""
     if scheme.solve is None:
         with suppress(StepFailure):
             guarded(scheme).step(problem, y, h, np.zeros(problem.noises))
@@ -232,8 +232,8 @@ def ask_once(scheme: Scheme, problem: Problem, y: Array, h: float) -> None:
 def takes_batches(scheme: Scheme, given: Iterable[Problem] = ()) -> bool:
     """True if a scheme's step takes batches: on a batch of five states it returns the same bits as on each state.
 
-    It is tried on the problems `given`, else on two of the paper's. On a user's problem the states follow from its
-    initial state by small steps. Other states may have no meaning there, and a failure would not be about batches.
+    The step is tried on the problems `given`, else on two of the paper's. For a user's problem the states are reached
+    from its initial state by small steps, because a step from an arbitrary state may fail for other reasons.
     """
     from sepv import problems
 
@@ -246,7 +246,7 @@ def takes_batches(scheme: Scheme, given: Iterable[Problem] = ()) -> bool:
         unit = 2.0**-6 if candidates else 1.0
         if not candidates:
             y = y * (1 + 0.1 * rng.standard_normal(y.shape))
-        # Lanes that start from one state differ from the second step on.
+        # The five paths start from one state, and their states differ from the second step on.
         for h in (unit / 16, unit / 32, unit / 64)[: 3 if candidates else 1]:
             dW = 0.1 * unit * rng.standard_normal((problem.noises, 5))
             try:

@@ -45,7 +45,7 @@ def load_scheme(
     Raises
     ------
     TargetError
-        For a target that cannot be loaded or is no scheme. The message says what it is instead.
+        For a target that cannot be loaded or is no scheme. The message says what the target is instead.
     """
     name = getattr(target, "__name__", "scheme")
     scheme = _named(target, problems) if isinstance(target, str) else as_scheme(target, name, problems)
@@ -119,7 +119,7 @@ def _named(target: str, problems: Iterable[Problem]) -> Scheme:
     try:
         return by_name(target)
     except UsageError as error:
-        # `peers` lies above this room: it is imported only for names that are not built in.
+        # `sepv.reference.peers` imports `sepv.schemes`: it is imported here, only for names that are not built in.
         peers = importlib.import_module("sepv.reference.peers.peer")
         if peers.library_of(target):
             solver: Scheme = peers.scheme(target)
@@ -143,7 +143,7 @@ def load_problem(target: Any) -> Problem:
     Raises
     ------
     UsageError
-        For anything else; the message says what it is instead.
+        For any other target. The message says what the target is instead.
     """
     from sepv import problems
 
@@ -219,9 +219,9 @@ def _from_file(path: Path) -> Problem:
 
 
 def require_trusted(targets: Iterable[Any], named: Iterable[str], scheme: Any) -> None:
-    """Refuse module:attribute from a file or a token unless the call names it: importing a module runs it.
+    """Refuse a target module:attribute from a file or a token, because importing a module runs its code.
 
-    Names in `named` are allowed, and those in the package of the scheme, which runs anyway.
+    Targets in `named`, which the call names, are allowed, and targets in the scheme's package, which runs anyway.
 
     Raises
     ------
@@ -285,7 +285,7 @@ def _no_attribute(module: Any, attribute: str) -> TargetError:
 def _as_module(target: str) -> str:
     """The remedy for a target that is the name of a file: ``mine:step`` for mine.py, ./mine.py:step or mine.
 
-    It is empty if there is no such file.
+    The text is empty if there is no such file.
     """
     name, _, attribute = target.partition(":")
     file = Path(name) if name.endswith(".py") else Path(name.replace(".", "/") + ".py")
@@ -308,7 +308,7 @@ def _likely_step(file: Path) -> str:
 
 
 def _module(name: str) -> Any:
-    """Import a module. Raises TargetError, with the reason, where that fails."""
+    """Import a module. Raises TargetError, with the reason, if the import fails."""
     # Modules of the current directory can be named, as for `python -m`.
     if os.getcwd() not in sys.path and "" not in sys.path:
         sys.path.insert(0, os.getcwd())

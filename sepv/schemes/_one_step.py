@@ -1,4 +1,4 @@
-"""One-step schemes from a formula and facts: their step, their solver and their record."""
+"""One-step schemes made of a formula of y1 − y0: their step, their solver and their `Scheme` record."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ from sepv.solve import (
 )
 from sepv.solve import solve as solve_implicit
 
-# A function (problem, h, dW, ...) -> (k, M): the numbers that a formula takes of a step, such as Δ.
+# A function (problem, h, dW, ...) -> (k, M): the numbers of each step that a formula uses, such as Δ = h + Σ c_j ΔW_j.
 Parts = Callable[..., Array]
 
-# Claims of all schemes here, of methods for y′ = f(y) with the step Δ, and of symmetric ones.
+# Claims of all built-in schemes; of methods for y′ = f(y) with step Δ; of symmetric ones; of energy-preserving ones.
 EVERY = frozenset(("contract", "reproducibility", "truncation"))
 RANDOM_STEP = EVERY | {"identity", "noise-sum", "random-step", "expansion", "equivariance"}
 SYMMETRIC = RANDOM_STEP | {"casimir", "midpoint", "symmetry", "reversibility"}
@@ -36,7 +36,7 @@ ENERGY_PRESERVING = SYMMETRIC | {"energy", "reduction", "reference", "rounding"}
 
 
 def random_step(problem: Problem, h: float, noise: Array) -> Array:
-    """The random step Δ = h + Σ c_j ΔW_j of M paths, as the one number that a formula takes of a step: (1, M)."""
+    """The random step Δ = h + Σ c_j ΔW_j of M paths, for formulas that use the noise through Δ alone: (1, M)."""
     return problem.random_step(h, noise)[None]
 
 
@@ -53,7 +53,7 @@ def noise_and_areas(problem: Problem, h: float, noise: Array, areas: Array) -> A
 
 
 def no_jacobian(*_: Any) -> None:
-    """None in the place of a Jacobian: the solver then forms it from differences of the right side."""
+    """Return None in the place of a Jacobian, so that the solver forms it from differences of the right side."""
 
 
 @dataclass(frozen=True)
@@ -65,9 +65,9 @@ class Implicit:
     increment, jacobian
         R and ∂R/∂y1, as in `sepv.solve.solve`.
     parts : (problem, h, dW) -> (k, M)
-        The numbers that R takes of a step, such as Δ.
+        The k numbers of each step that R uses, such as Δ = h + Σ c_j ΔW_j.
     formula
-        The formula of R, if there is one. The compiled engine records it.
+        The formula of R, if there is one, for the compiled engine, which records its operations.
     requires : (problem) -> anything
         A function that raises `Skipped` for a problem that the scheme does not take.
     examine : (problem, y0, step, solution) -> None
@@ -100,7 +100,7 @@ class Implicit:
     def __call__(self, problem: Problem, y: Array, h: float, dW: Array, *further: Array) -> Array:
         """y1 of one step for y (d,) or (d, M) and dW (m,) or (m, M), truncated by the caller.
 
-        Raises Skipped for a problem that the scheme does not take, StepFailure where the equation was not solved.
+        Raises Skipped for a problem that the scheme does not take, and StepFailure if the equation was not solved.
         """
         state, noise = as_lanes(problem, y, h, dW)
         solution = self._solved(problem, state, noise, h, None, *further)
@@ -140,12 +140,12 @@ class Explicit:
 
 
 def implicit(formula: Formula, jacobian: JacobianFunction = no_jacobian, **more: Any) -> Implicit:
-    """The implicit step y1 = y0 + R with this formula of R; `more` are further attributes of `Implicit`."""
+    """The implicit step y1 = y0 + R with the given formula of R; `more` are further attributes of `Implicit`."""
     return Implicit(partial(counted, formula), jacobian, formula=formula, **more)
 
 
 def resolved(scheme: Scheme, word: str, of_lanes: Solve, how: str) -> Scheme:
-    """A copy of a scheme with the solver `of_lanes`, and `word` and `how` in its name and source; it claims nothing."""
+    """A copy of a scheme with the solver `of_lanes`, without claims; `word` and `how` extend its name and source."""
     step = Solved(of_lanes)
     return replace(
         scheme, name=f"{scheme.name}, {word}", step=step, solve=step.solve, claims=(),
@@ -156,7 +156,7 @@ def resolved(scheme: Scheme, word: str, of_lanes: Solve, how: str) -> Scheme:
 def one_step(name: str, step: Any, claims: Any, source: str, order: float = 1.0, **facts: Any) -> Scheme:
     """The record of a scheme with a step of this module; `facts` are further attributes of `Scheme`.
 
-    Its mean-square and weak order is `order`, and its truncation follows from that, unless `facts` differ.
+    Mean-square and weak order are `order`, and `truncation_for` gives the truncation, unless `facts` say otherwise.
     """
     usual: dict[str, Any] = {"mean_square_order": order, "weak_order": order}
     usual |= {"truncation": truncation_for(order), "solve": getattr(step, "solve", None)}

@@ -1,8 +1,8 @@
-"""Claims of order that depend on the noise, for schemes of several Hamiltonians that see only increments.
+"""Claims of order that depend on the noise, for schemes of several Hamiltonians that use only increments.
 
-A number is a claim for every kind of noise. `Orders` claims more for noises that multiply fewer terms of the stochastic
-Taylor expansion (P. Kloeden and E. Platen, Numerical Solution of Stochastic Differential Equations, 1992, §10.3 and
-§11): brackets of the fields of two noises multiply the iterated integrals ∫W_i∘dW_j.
+A number is a claim for every kind of noise. `Orders` claims a higher order for noises with which terms of the
+stochastic Taylor expansion vanish (P. Kloeden and E. Platen, Numerical Solution of Stochastic Differential Equations,
+1992, §10.3 and §11): the iterated integrals ∫W_i∘dW_j are multiplied by brackets of the fields of two noises.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ class Orders(float):
     Parameters
     ----------
     general : float
-        For any noises: the value of the float.
+        The order for any noises, which is the value of the float.
     commutative, one, additive : float, optional
-        For noises whose fields commute, for one noise, and for constant fields. A value left out is that of the next
-        wider kind: one noise commutes with itself, and constant fields commute.
+        The orders for noises whose fields commute, for one noise, and for constant fields. An order left out is that of
+        the next wider kind: `general` for `commutative`, and `commutative` for `one` and `additive`.
 
     Examples
     --------
@@ -62,12 +62,12 @@ class Orders(float):
         return f"Orders({float(self):g}, " + ", ".join(f"{k}={getattr(self, k):g}" for k in COLUMNS[1:]) + ")"
 
     def __getnewargs_ex__(self) -> tuple[tuple[float], dict[str, float]]:
-        # Without it a pickle, such as one for another process, would hold the float alone.
+        # Without this method a pickle, such as one for another process, would hold the float alone.
         return (float(self),), {key: getattr(self, key) for key in COLUMNS[1:]}
 
 
 def order_of(claimed: float | None, column: str, unclaimed: float = 1.0) -> float:
-    """The order that a scheme claims for noises of the kind `column`, one of `COLUMNS`; `unclaimed` for no claim."""
+    """The order that a scheme claims for noises of the kind `column`, one of `COLUMNS`; `unclaimed` without a claim."""
     if claimed is None:
         return unclaimed
     return claimed.of(column) if isinstance(claimed, Orders) else float(claimed)

@@ -55,55 +55,54 @@ class Scheme:
     ----------
     name : str
     step : callable (problem, y, h, dW) -> y_next
-        y of shape (d,) with dW of shape (m,); a step that sets `batched` also takes a batch, (d, M) with
-        (m, M). Pure: the same bits for the same arguments, nothing changed in place.
+        One step, for y of shape (d,) and dW of shape (m,); with `batched` also for (d, M) and (m, M). A step returns
+        the same bits for the same arguments, and changes nothing in place.
     claims : iterable of law names
-        Laws that it claims to obey. Other laws are measured and printed too. A claim of
-        "reference" is one of "refusal" as well.
+        The laws that the scheme claims to obey. Other laws are measured and printed too. A scheme that claims
+        "reference" also claims "refusal".
     source : str
         The source of the formula.
     mean_square_order, weak_order : float or `sepv.schemes.Orders`, optional
-        Claimed orders, in general or for each kind of noise: with the first, the laws "local-mean",
-        "local-mean-square", "mean-square-order" and "right-limit" are claimed, with the second "local-weak" and
-        "weak-order".
+        Claimed orders, in general or for each kind of noise. A mean-square order also claims the laws "local-mean",
+        "local-mean-square", "mean-square-order" and "right-limit", a weak order "local-weak" and "weak-order".
     order : float, optional
-        Claimed order p without noise, y1 − φ_h(y0) = O(h^(p+1)) for c = (): the law "deterministic-order" is claimed.
+        Claimed order p without noise, y1 − φ_h(y0) = O(h^(p+1)) for c = (); also claims the law "deterministic-order".
     noise : bool, optional
-        False for a scheme without noise, c = (): laws ask it for steps of length h = Δ with ``dW`` of shape (0,), and
-        laws about noise do not apply. Left out, it is False where `order` is claimed and no other order is.
+        False for a scheme for systems without noise, c = (): laws then call the step with a ``dW`` of shape (0,), and
+        laws about noise do not apply. The default is False if `order` is the only order claimed, else True.
     solve : callable (problem, y, h, dW) -> Solution, optional
-        For implicit schemes: the same step for a batch, with residual, counts and status of each lane.
+        For implicit schemes: the step for a batch of paths, with the solver's residual, counts and status of each path.
     solver_tolerance : float
-        The relative tolerance of the scheme's own solver: the laws' bounds then follow it and say so.
-        0 means solved to rounding.
+        The relative tolerance of the scheme's own solver. The laws' bounds grow with it, and reports say so. 0 means
+        that the equation is solved to rounding.
     truncation : int, optional
-        k of Remark 2.1 for the scheme's increments; None for untruncated ones.
+        The k of Remark 2.1, by which the scheme's normal increments are truncated; None for no truncation.
     increments : "normal", "two-point", "three-point" or PointLaw, optional
-        The increments of the scheme (`sepv.schemes._point_distributions`). Those of a few points are bounded, so
-        `truncation` is None; such a scheme has a weak order only.
+        The distribution of the increments (`sepv.schemes._point_distributions`). Increments of a few values are
+        bounded, so that `truncation` is then None, and the scheme may claim a weak order only.
     batched : bool
         True if `step` takes batches.
     systems : Systems
-        The class of systems from which laws draw its cases: a `sepv.schemes.Systems`, or its text.
+        The class of systems from which laws draw the scheme's cases: a `sepv.schemes.Systems`, or its text.
     problems : sequence of problems or strategies
-        Its problems, if it serves fewer than its class: names, ``module:attribute``, `Problem` records, families,
-        Hypothesis strategies of `PolynomialSystem` or `Problem`. Laws draw their cases from them and nothing else.
+        The scheme's problems, if it is not for all of its class: names, ``module:attribute``, `Problem` records, names
+        of families, or Hypothesis strategies of `PolynomialSystem` or `Problem`. Laws draw their cases from these only.
     asks : str
-        The fifth argument of the step: "areas" for the Lévy areas A_ij = ½∫(W_i dW_j − W_j dW_i) of its
-        increments, (m, m) or (m, m, M), skew; "halves" for the increments over the first half of the step, (m,) or
+        The fifth argument of the step: "areas" for the Lévy areas A_ij = ½∫(W_i dW_j − W_j dW_i) over the step,
+        (m, m) or (m, m, M), skew; "halves" for the increments over the first half of the step, (m,) or
         (m, M); "space-time" for the space-time Lévy areas H_i = (1/h)∫(W_i(s) − (s/h)ΔW_i) ds, (m,) or (m, M), of
-        variance h/12. By default nothing.
+        variance h/12. By default a step has four arguments.
     stages : int
-        s of the collocation family: laws that compare with (2.1) compare with its s-stage method
-        (Cohen and Hairer), those that compare with the midpoint rule with the s-stage Gauss method.
+        The number s of stages of a collocation method. Laws that compare with (2.1) then compare with the s-stage
+        method of Cohen and Hairer, and laws that compare with the midpoint rule with the s-stage Gauss method.
     longest_step : float or callable (problem, y, h, dW) -> bool, optional
-        The steps that it takes: |h| + Σ|c_j ΔW_j| up to a number, or those of which a function says so. Laws about
-        single steps leave out the others. A law is inconclusive if less than a quarter of its cases are left.
+        The largest |h| + Σ|c_j ΔW_j| of a step that the scheme takes, or a function that is True for such a step. Laws
+        about single steps leave out other steps. A law is inconclusive if less than a quarter of its cases remain.
     dtype : "float64" or "float32"
-        The numbers of the step: y and dW come, and y_next is expected, in them. With float32 the laws' bounds are
-        those of its roundings, and defects and bounds are in units of 2⁻²³; what the suite evaluates stays in float64.
+        The type of y, dW and y_next of the step. With float32 the laws' bounds are for roundings in float32, and
+        defects and bounds are in units of 2⁻²³. The suite's own computations stay in float64.
     look : Look, optional
-        Colours, marker and dashes in pictures; by default a look that no other scheme has there.
+        Colours, marker and dashes in pictures; by default a look that no other scheme of the picture has.
 
     Examples
     --------
@@ -186,7 +185,7 @@ class Scheme:
         listed = isinstance(self.problems, Iterable) and not isinstance(self.problems, str)
         object.__setattr__(self, "problems", tuple(self.problems) if listed else (self.problems,))
         claims = {c.strip().replace("_", "-") for c in claims}
-        # Whoever solves (2.1) has nothing to return where it has no solution.
+        # A scheme that solves (2.1) must refuse a step for which (2.1) has no solution.
         object.__setattr__(
             self, "claims", frozenset(claims | ({"refusal"} if "reference" in claims else set()))
         )
@@ -199,7 +198,7 @@ class Scheme:
 
     @property
     def deterministic(self) -> bool:
-        """True if the scheme is for systems without noise, c = (), alone."""
+        """True if the scheme is for systems without noise, c = (), only."""
         if self.noise is not None:
             return not self.noise
         others = self.mean_square_order, self.weak_order
@@ -212,16 +211,16 @@ class Scheme:
 
     @property
     def precision(self) -> float:
-        """The relative error of one step that its solver or its arithmetic below binary64 leaves."""
+        """The relative error of one step by the tolerance of its solver and by arithmetic in single precision."""
         return self.solver_tolerance + (SINGLE_STEP * self.eps if self.eps > EPS else 0.0)
 
     def numbers(self, values: Array) -> Array:
-        """A copy of the values in the scheme's precision, as the step gets them."""
+        """A copy of values in the scheme's precision, for the arguments of its step."""
         return np.array(values, dtype=self.dtype)
 
 
 def _name_of_type(dtype: Any) -> Any:
-    """The name "float32" of np.float32, and so for other types of NumPy; anything else as a text."""
+    """The name of a type of NumPy, such as "float32" of np.float32; for any other value str(value)."""
     return dtype.__name__ if isinstance(dtype, type) and issubclass(dtype, np.generic) else str(dtype)
 
 
@@ -229,7 +228,7 @@ def _is_positive(value: Any) -> bool:
     return value is None or (is_number(value) and value > 0)
 
 
-# A test of each attribute that stands for itself, and words for the values that pass it.
+# A test of each attribute that can be tested alone, and a description of the values that pass the test.
 _ATTRIBUTES: dict[str, tuple[Callable[[Any], Any], str]] = {
     "name": (lambda v: isinstance(v, str) and v.strip(), "a text"),
     "source": (lambda v: isinstance(v, str), "a text"),
@@ -257,7 +256,7 @@ def _wrong(attribute: str, expected: str, value: Any) -> UsageError:
 
 
 def takes(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> bool:
-    """True if a step is not longer than the scheme says that it takes (`Scheme.longest_step`)."""
+    """True if a step is one that the scheme takes, according to its `Scheme.longest_step`."""
     limit = scheme.longest_step
     if limit is None:
         return True
@@ -267,7 +266,7 @@ def takes(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> bo
 
 
 def weakly(scheme: Scheme, increments: str | PointLaw | None) -> Scheme:
-    """A copy of a scheme with other increments; with those of a few points it claims nothing about paths."""
+    """A copy of a scheme with other increments; increments of a few values drop the claims about paths."""
     law = point_law(increments)
     if law is None:
         return scheme if scheme.increments is None else replace(scheme, increments=None)
@@ -276,7 +275,7 @@ def weakly(scheme: Scheme, increments: str | PointLaw | None) -> Scheme:
 
 
 def as_lanes(problem: Problem, y: ArrayLike, h: float, dW: ArrayLike) -> tuple[Array, Array]:
-    """The arguments y and dW of a step as a batch, (d, M) and (m, M); a single state is a batch of one path.
+    """The arguments y and dW of a step as arrays (d, M) and (m, M) of a batch; a single state is a batch of one path.
 
     Raises UsageError for a state, step or increment that does not fit the problem or is not finite.
     """
@@ -315,5 +314,5 @@ def as_lanes(problem: Problem, y: ArrayLike, h: float, dW: ArrayLike) -> tuple[A
 
 
 def _finite(values: Array) -> str:
-    """Words for messages: whether all values are finite."""
+    """The words "all finite" or "not all finite" about an array, for messages."""
     return "all finite" if np.all(np.isfinite(values)) else "not all finite"

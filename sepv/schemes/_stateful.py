@@ -1,6 +1,7 @@
-"""A step that carries more than y along a path: a kept force, a cached gradient, a second copy of y.
+"""A step that carries a state with more than y along a path: a stored force, a cached gradient, a second copy of y.
 
-Laws about one step begin each step anew, y1 = value(step(init(y0))); along a path the state is carried (`carry`).
+Laws about one step make a new state for each step, y1 = value(step(init(y0))). Along a path the state goes from step to
+step (`sepv.schemes.carry`).
 """
 
 from __future__ import annotations
@@ -27,14 +28,14 @@ class StatefulStep:
     Attributes
     ----------
     init : callable (problem, y) -> state
-        Begin a path at y, of shape (d,).
+        The state at the beginning of a path at y, of shape (d,).
     step : callable (problem, state, h, dW) -> state
-        One step. It changes nothing in place, the given state neither.
+        The state after one step. The function changes nothing in place, also not the given state.
     value : callable (state) -> y
-        y of a state, of shape (d,).
+        The y of a state, of shape (d,).
 
-    A state may be any object. Of a scheme with `batched` it is an array, or a tuple, list or dict of arrays, each with
-    the paths on its last axis; a number belongs to all paths.
+    A state may be any object. For a scheme with `batched` it is an array, or a tuple, list or dict of arrays, each with
+    the paths on its last axis. A number in it is the same for all paths.
 
     Examples
     --------
@@ -139,7 +140,7 @@ def whole(path: Callable[..., Array], problem: Problem, y0: Array, h: float, dW:
 def lanes(state: Any, index: Any) -> Any:
     """The state of some paths of a batch, chosen by a list of their numbers or a mask.
 
-    Raises UsageError for a state that is made of anything else than arrays with the paths on their last axis.
+    Raises UsageError for a state with parts other than numbers and arrays.
     """
     return _mapped(lambda a: a if np.ndim(a) == 0 else a[..., index], state)
 

@@ -2,12 +2,12 @@
 
 y1 = y0 + B(ȳ)(h∇H_0(ȳ) + Σ_j c_j ΔŴ_j ∇H_j(ȳ)), ȳ = (y0 + y1)/2.
 
-With the increments held fixed it is the midpoint rule for the Hamiltonian hH_0 + Σ c_j ΔŴ_j H_j: it keeps every
+With the increments held fixed a step is the midpoint rule for the Hamiltonian K = hH_0 + Σ c_j ΔŴ_j H_j: it keeps every
 quadratic and linear Casimir of B, is symplectic for constant B (G. N. Milstein, Yu. M. Repin and M. V. Tretyakov, SIAM
-J. Numer. Anal. 40, 2002), and is symmetric. It is not a Poisson map for other B.
+J. Numer. Anal. 40, 2002), and is symmetric. For other B the step is not a Poisson map.
 
-It agrees with the flow of that Hamiltonian up to its second power, and lacks the Lévy areas, which multiply the
-brackets of the noises: mean-square order ½ in general, 1 where the noises commute, weak order 1.
+A step agrees with the flow of B∇K up to second order in K. It lacks the Lévy areas, which multiply the brackets of the
+noises. So the mean-square order is ½ in general and 1 if the noises commute, and the weak order is 1.
 """
 
 from __future__ import annotations
