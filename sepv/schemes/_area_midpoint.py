@@ -1,11 +1,11 @@
-"""The stochastic midpoint rule with Lévy areas: mean-square order 1 for any several Hamiltonians.
+"""The stochastic midpoint rule with Lévy areas: mean-square order 1 for several Hamiltonians with any brackets.
 
 y1 = y0 + h f_0(ȳ) + Σ_j c_j ΔŴ_j f_j(ȳ) + Σ_{i<j} c_i c_j A_ij [f_i, f_j](ȳ),  ȳ = (y0 + y1)/2,  f_j = B∇H_j,
 
-with A_ij = ½∫(W_i dW_j − W_j dW_i) over the step and [f_i, f_j] = f_j′f_i − f_i′f_j: the terms of the order of h that
-`sepv.schemes.stochastic_midpoint` lacks (P. Kloeden and E. Platen, Numerical Solution of Stochastic Differential
-Equations, 1992, §10.3). A Lie bracket of two fields that keep C keeps C, so that quadratic and linear Casimirs are
-kept; where B is constant it is a Hamiltonian field again, of {H_i, H_j} up to its sign, and the rule is symplectic.
+with A_ij = ½∫(W_i dW_j − W_j dW_i) over the step and [f_i, f_j] = f_j′f_i − f_i′f_j. The area terms are the terms of
+the order of h that `sepv.schemes.stochastic_midpoint` lacks (P. Kloeden and E. Platen, Numerical Solution of Stochastic
+Differential Equations, 1992, §10.3). If two fields keep C, so does their bracket: quadratic and linear Casimirs are
+kept. If B is constant, the bracket is a Hamiltonian field, of ±{H_i, H_j}, and the rule is symplectic.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from sepv.solve import Increment, once
 def require_derivatives(problem: Problem) -> None:
     """Raise Skipped for a problem without the second derivatives of its Hamiltonians, or without those of B.
 
-    Differences of fields would cost half of the digits of brackets.
+    The scheme needs both for brackets [f_i, f_j], which differences of fields would give with half of the digits only.
     """
     second = problem.noise_hessians if isinstance(problem, HamiltoniansProblem) else problem.hessian
     if problem.noises > 1 and not (second and problem.structure_derivative):
@@ -34,7 +34,7 @@ def require_derivatives(problem: Problem) -> None:
 def increment(problem: Problem, y0: Array, y1: Array, known: Array) -> Increment:
     """R of the step y1 = y0 + R. `known` (k, M) holds h, the c_j ΔW_j, and the c_i c_j A_ij with i < j.
 
-    The gradients of all Hamiltonians count as one evaluation.
+    The gradients of all Hamiltonians together count as one evaluation.
     """
     middle, first = y0 + 0.5 * (y1 - y0), 1 + problem.noises
     value = hamiltonian_field(problem, middle, known[:first])

@@ -1,7 +1,7 @@
 """Energy-preserving collocation with s Gauss nodes and the random step: mean-square order s for (1.1).
 
 D. Cohen and E. Hairer, Linear energy-preserving integrators for Poisson systems, BIT Numerical Mathematics 51
-(2011), with their step size replaced by Δ = h + Σ_j c_j ΔŴ_j: u is the polynomial of degree s with u(0) = y0 and
+(2011), with the step size replaced by Δ = h + Σ_j c_j ΔŴ_j: u is the polynomial of degree s with u(0) = y0 and
 
     u̇(c_i) = Δ B(u(c_i)) b_i⁻¹ ∫₀¹ ℓ_i(τ) ∇H(u(τ)) dτ,  i = 1 … s,      y1 = u(1).
 
@@ -9,12 +9,12 @@ D. Cohen and E. Hairer, Linear energy-preserving integrators for Poisson systems
 = Δ Σ_i b_i g_iᵀ B(u(c_i)) g_i = 0 for every skew B.
 **Quadratic Casimirs.** d/dτ uᵀAu has degree 2s − 1, which Gauss nodes integrate exactly, and
 vanishes at each of them.
-**Quadratic H.** g_i = ∇H(u(c_i)): the s-stage Gauss method. One stage is (2.1).
+**Quadratic H.** Then g_i = ∇H(u(c_i)), and the method is the s-stage Gauss method. With s = 1 it is (2.1).
 
-**Order.** The deterministic order is 2s: a local error C(y)Δ^{2s+1} with E Δ^{2s+1} = O(h^{s+1}) and root mean square
-O(h^{s+1/2}), so that Milstein's theorem gives mean-square order s; the same for the weak order. The increments must
-be truncated with k ≥ 2s: with less, what Remark 2.1 cuts off costs the order. With k = 2s it has order s too, and is
-more than the method's own error from three stages on (`sepv.exact._truncation_error`): the default is k = 4s.
+**Order.** The deterministic order is 2s. The local error C(y)Δ^{2s+1} has the mean O(h^{s+1}) and the root mean square
+O(h^{s+1/2}), so that Milstein's theorem gives mean-square order s and weak order s. Truncating the increments as in
+Remark 2.1 adds an error of order k/2 in h, so that order s needs k ≥ 2s. With k = 2s this error is larger than the
+method's own from three stages on (`sepv.exact._truncation_error`). The default is therefore k = 4s.
 """
 
 from __future__ import annotations
@@ -42,16 +42,16 @@ from sepv.schemes._scheme import Scheme
 from sepv.schemes._tableaux import MAX_STAGES, exact_nodes, gauss_tableau, moments
 from sepv.solve import COUNTS, Equations, Evaluation, Increment, Solution, Status, into_domain, iterate, merge
 
-# Nodes of the first rule beyond s, and of the largest rule, for H that is not a polynomial; as in
-# `sepv.problem._averaged_gradient`.
+# For H that is not a polynomial: the first quadrature has s + FIRST_NODES nodes, and the largest at most MAX_NODES, as
+# in `sepv.problem._averaged_gradient`.
 FIRST_NODES, MAX_NODES = 4, 128
 
 
 class _Stages:
     """The equations of the stages z_i = Δ u̇(c_i) = Δ B(Y_i) g_i of a batch of M steps from y0, with Y_i = u(c_i).
 
-    The stages z are an array (d, s, M). The solver sees it as (d·s, M). `lanes` are the numbers of the paths in a call.
-    Without `averaged`, g_i = ∇H(Y_i), as in the Gauss method.
+    The stages z are an array (d, s, M), which the solver gets as (d·s, M). `lanes` are the numbers of the paths in a
+    call. If `averaged` is False, g_i = ∇H(Y_i), as in the Gauss method.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class _Stages:
         self.A, self.b = gauss_tableau(stages).A, gauss_tableau(stages).b
 
     def polynomial(self, z: Array, lanes: np.ndarray, integrals: Array) -> Array:
-        """The collocation polynomial u at N points τ_n, (d, N, M). `integrals` (N, s) holds ∫₀^{τ_n} ℓ_j."""
+        """The collocation polynomial u at N points τ_n, (d, N, M). `integrals` (N, s) holds the ∫₀^{τ_n} ℓ_j."""
         u = np.repeat(self.y0[:, None, lanes], integrals.shape[0], axis=1)
         for j in range(self.stages):
             u += integrals[:, j, None] * z[:, j, None]
@@ -81,7 +81,7 @@ class _Stages:
         return total, np.max(np.abs(gradients), axis=(0, 1)) * float(np.max(np.sum(np.abs(W), axis=1)))
 
     def evaluate(self, flat: Array, lanes: np.ndarray) -> Evaluation:
-        """The right side Δ B(Y_i) g_i at the stages `flat` (d·s, M), and on demand its derivative by them."""
+        """The right side Δ B(Y_i) g_i at the stages `flat` (d·s, M), and on demand its derivative by the stages."""
         d, s = self.problem.dimension, self.stages
         z = flat.reshape(d, s, -1)
         Y = self.polynomial(z, lanes, self.A)
@@ -97,10 +97,10 @@ class _Stages:
         return Evaluation(right, lambda: (self.jacobian(z, lanes, Y, g), 0))
 
     def jacobian(self, z: Array, lanes: np.ndarray, Y: Array, g: Array) -> Array:
-        """The derivative of the right sides Δ B(Y_i) g_i by z_j, as (d·s, d·s, M); Newton solves with 1 minus it.
+        """The derivative K of the right sides Δ B(Y_i) g_i by z_j, (d·s, d·s, M); Newton's matrix is 1 − K.
 
-        It is Δ(a_ij B′(Y_i)[·]g_i + B(Y_i) b_i⁻¹∫ℓ_i A_j H″(u)), where A_j is the integral of ℓ_j. The average of H″
-        takes a few nodes only, which changes the speed of convergence and not its limit.
+        K = Δ(a_ij B′(Y_i)[·]g_i + B(Y_i) b_i⁻¹∫ℓ_i A_j H″(u)), where A_j is the integral of ℓ_j. The average of H″
+        uses few nodes, which changes the speed of Newton's iteration and not its limit.
         """
         d, s = self.problem.dimension, self.stages
         few = s if not self.averaged else s + 4 if self.problem.degree is None else min(self.nodes, s + 2)
@@ -114,7 +114,7 @@ class _Stages:
         return np.asarray((self.delta[lanes] * K).swapaxes(1, 2).reshape(d * s, d * s, -1))
 
     def inside(self, flat: Array, lanes: np.ndarray) -> np.ndarray:
-        """True where y1, the stages and the points of the quadrature lie in the domain."""
+        """True for each path whose y1, stages and points of the quadrature lie in the domain."""
         assert self.problem.domain is not None
         z = flat.reshape(self.problem.dimension, self.stages, -1)
         points = np.concatenate([self.A, moments(self.stages, self.nodes)[1], self.b[None]])
@@ -122,9 +122,9 @@ class _Stages:
         return np.asarray(np.all(inside, axis=0), dtype=bool)
 
     def start(self, equations: Equations) -> Array:
-        """The start of the iteration, (d·s, M): Newton's step from z = 0.
+        """The start of the iteration, (d·s, M): Newton's step from z = 0, or 0 if it leaves the domain.
 
-        There u = y0, so that all nodes share one evaluation of ∇H and B. It is 0 where that step leaves the domain.
+        At z = 0 the polynomial u is y0, so that ∇H and B are evaluated once for all nodes.
         """
         d, s, problem = self.problem.dimension, self.stages, self.problem
         B, g = problem.structure(self.y0), problem.gradient(self.y0)
@@ -143,11 +143,11 @@ def solve_stages(
 ) -> Solution:
     """Solve one step of a batch of M paths from y0 (d, M) with random steps `delta` (M,).
 
-    Without `averaged` it is a step of the Gauss method, where g_i = ∇H(u(c_i)).
+    If `averaged` is False, the step is one of the Gauss method, with g_i = ∇H(u(c_i)).
 
-    For a polynomial H of degree ν, ⌈sν/2⌉ nodes are exact. Otherwise the averages with N nodes are compared with those
-    of 3N/2 nodes. Where they differ by more than rounding, the step is solved anew with 2N nodes. A path for which
-    MAX_NODES do not suffice gets the status QUADRATURE.
+    For a polynomial H of degree ν, ⌈sν/2⌉ nodes are exact. Otherwise the averages with N nodes are compared with
+    averages with 3N/2 nodes. If both differ by more than rounding, the step is solved again with 2N nodes. A path for
+    which MAX_NODES nodes are too few gets the status QUADRATURE.
     """
     exact = problem.degree is not None or stages == 1 or not averaged
     nodes = exact_nodes(stages, problem.degree or 2) if exact else stages + FIRST_NODES
@@ -177,7 +177,7 @@ def solve_stages(
 
 
 def _agrees(system: _Stages, solution: Solution, lanes: np.ndarray) -> np.ndarray:
-    """True for each of the given paths where half as many nodes more give the same averages to rounding, (M,)."""
+    """True for each of the given paths whose averages with 3N/2 nodes agree with those of N nodes to rounding, (M,)."""
     nodes = system.nodes + system.nodes // 2
     z = solution.value[:, lanes].reshape(system.problem.dimension, system.stages, -1)
     solution.gradient_evaluations[lanes] += nodes
@@ -190,9 +190,9 @@ def _agrees(system: _Stages, solution: Solution, lanes: np.ndarray) -> np.ndarra
 
 @lru_cache(maxsize=8)
 def collocation(stages: int) -> Scheme:
-    """The energy-preserving scheme with s stages, s = 1 … 6; any other number raises UsageError.
+    """The energy-preserving collocation scheme with s stages, s = 1 … 6; any other number raises UsageError.
 
-    Its increments are truncated with k = 4s, and with the paper's k = 2 for s = 1.
+    Increments are truncated as in Remark 2.1, with k = 4s for s > 1 and with the paper's k = 2 for s = 1.
     """
     source = "Cohen and Hairer (2011), with the random step"
     return staged("collocation", stages, ENERGY_PRESERVING, source, averaged=True)

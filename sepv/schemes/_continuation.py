@@ -1,9 +1,10 @@
-"""Continuation for steps that Newton's iteration does not solve: shares s of the step are solved one after the other.
+"""Continuation for steps that Newton's iteration does not solve: scaled steps (s·h, s·ΔW) are solved for growing s ≤ 1.
 
-For the steps (s·h, s·ΔW), 0 ≤ s ≤ 1, the solutions that start at y for s = 0 form a curve. It is followed from a small
-share on, where the iteration for the whole step fails. Each share starts from the secant's prediction. The curve
-reaches s = 1, or it ends before, in a fold or at the edge of the domain. A result solves the step's own equation to
-rounding and is the solution connected to y. The solved shares are counted for each path. Laws never use continuation.
+The solutions of the scaled steps, 0 ≤ s ≤ 1, that start at y for s = 0 form a curve. If the iteration for the whole
+step fails, this curve is followed from a small s on, and each solution is predicted from the secant of the two before.
+The curve reaches s = 1, or ends before at a fold or at the edge of the domain. A result solves the equation of the
+whole step to rounding and is connected to y. The solved values of s are counted for each path. Laws never use
+continuation.
 """
 
 from __future__ import annotations
@@ -20,29 +21,30 @@ from sepv.schemes._one_step import resolved
 from sepv.schemes._scheme import Scheme
 from sepv.solve import COUNTS, Solution, Status, merge
 
-# The first share, for which the iteration from y converges if it ever does, and the least growth of a share.
+# The first value of s, for which the iteration from y converges if it does for any, and the least increment of s.
 FIRST, LEAST = 2.0**-8, 2.0**-14
-# The number of shares tried before a curve is given up.
+# The number of values of s that are tried before a curve is given up.
 MOST = 200
 
 
 def continued(scheme: Scheme) -> Scheme:
-    """A copy of an implicit scheme that tries continuation where a step has not converged.
+    """A copy of an implicit scheme that tries continuation for each step that has not converged.
 
     Parameters
     ----------
     scheme : Scheme
-        An implicit scheme whose `solve(problem, y, h, dW, start)` takes a guess (d, M) of y1 − y0: all of one stage do.
+        An implicit scheme whose `solve(problem, y, h, dW, start)` takes a guess (d, M) of y1 − y0, such as every
+        built-in implicit scheme of one stage.
 
     Returns
     -------
     Scheme
-        Its solutions have `continuations`, the number of shares that were solved. It claims no laws.
+        A scheme without claims. Its solutions have `continuations`, the number of scaled steps that were solved.
 
     Raises
     ------
     UsageError
-        For a scheme whose solver takes no start.
+        For a scheme whose `solve` takes no start.
     """
     if scheme.solve is None or "start" not in inspect.signature(scheme.solve).parameters:
         raise UsageError(
@@ -64,7 +66,7 @@ def continued(scheme: Scheme) -> Scheme:
 
 
 def _follow(inner: Callable[..., Solution], problem: Problem, y: Array, h: float, dW: Array) -> Solution:
-    """Follow the curve of one path from s = 0 to 1: the solution at s = 1, else the failure at the curve's end."""
+    """Solve the scaled steps (s·h, s·ΔW) of one path from s = 0 to 1; return the solution at s = 1, or the failure."""
     share, growth, solved = 0.0, FIRST, 0
     z, slope = np.zeros_like(y), np.zeros_like(y)
     work = np.zeros(3, dtype=np.int64)
@@ -73,9 +75,9 @@ def _follow(inner: Callable[..., Solution], problem: Problem, y: Array, h: float
         guess = z + (trial - share) * slope
         solution = inner(problem, y, trial * h, trial * dW, start=guess)
         work += [int(getattr(solution, key)[0]) for key in COUNTS]
-        assert solution.change is not None  # schemes that take a start state it
+        assert solution.change is not None  # a scheme whose solver takes a start gives the change
         moved = np.abs(solution.change - z).max()
-        # A solution further from the prediction than the curve bends is another one; the first share has no prediction.
+        # A solution too far from the prediction lies on another curve. For the first s there is no prediction.
         near = share == 0.0 or np.abs(solution.change - guess).max() <= 0.5 * moved
         if solution.status[0] == Status.CONVERGED and near:
             slope = (solution.change - z) / (trial - share)

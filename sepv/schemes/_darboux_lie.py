@@ -1,15 +1,15 @@
 """A Poisson integrator for Lotka-Volterra structures by the coordinates of Darboux and Lie: midpoint in logarithms.
 
-Where B_ij(y) = b_ij y_i y_j, the logarithms x_i = ln y_i have the constant structure b and the Hamiltonians K(x) =
-H(exp x). Every linear Casimir of b, Σ γ_i ln y_i of B, and the structure are kept by a symplectic method in x, and all
-components of y stay positive:
+If B_ij(y) = b_ij y_i y_j, the logarithms x_i = ln y_i have the constant structure b and Hamiltonians K(x) = H(exp x).
+A symplectic method in x keeps the structure and every linear Casimir Σ γ_i x_i of b, which is the Casimir Σ γ_i ln y_i
+of B. All components of y stay positive:
 
     x1 = x0 + f(ȳ)/ȳ,  ȳ = exp((x0 + x1)/2),  f = B(h∇H_0 + Σ c_j ΔŴ_j ∇H_j),
 
 because b∇K(x) = B(y)∇H(y)/y, component by component. J. Hong, J. Ruan, L. Sun and L. Wang, Structure-preserving
-numerical methods for stochastic Poisson systems (Commun. Comput. Phys. 29, 2021), construct integrators so; Q. Liu and
-L. Wang (J. Univ. Chin. Acad. Sci. 41, 2024) do for stochastic Lotka-Volterra systems, with mean-square order 1. With
-increments alone, as here, that is the order where the noises commute, and ½ where they do not.
+numerical methods for stochastic Poisson systems (Commun. Comput. Phys. 29, 2021), construct such integrators, and so do
+Q. Liu and L. Wang (J. Univ. Chin. Acad. Sci. 41, 2024) for stochastic Lotka-Volterra systems, with mean-square
+order 1. This scheme uses increments alone, so that its order is 1 if the noises commute, and ½ otherwise.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def increment(problem: Problem, x0: Array, x1: Array, step: Array) -> Increment:
 
 
 def require_products(problem: Problem) -> None:
-    """Raise Skipped where B_ij(y)/(y_i y_j) is not constant."""
+    """Raise Skipped if B_ij(y)/(y_i y_j) is not constant over the sample states of a problem."""
     ratios = [problem.structure(y) / np.outer(y, y) for y in sample_states(problem) if np.all(y > 0)]
     if not ratios or np.ptp(ratios, axis=0).max() > 1e-12 * np.abs(ratios).max():
         raise Skipped(f"the structure of {problem.name} is not B_ij = b_ij y_i y_j")
@@ -47,7 +47,7 @@ def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
     free = replace(problem, domain=None, check=False)  # logarithms may have any sign
     solution = solve_implicit(free, np.log(y), each_noise(problem, h, dW), increment, no_jacobian)
     assert solution.change is not None
-    # A factor of y0: a step of length zero leaves y0 unchanged.
+    # y1 is y0 times a factor, so that a step of length zero leaves y0 unchanged.
     value = y * np.exp(solution.change)
     status = np.where(np.all(np.isfinite(value), axis=0), solution.status, Status.OVERFLOW)
     return replace(solution, value=value, change=value - y, status=status)

@@ -27,8 +27,8 @@ def corners(y: Values, z: Values) -> Values:
 def coordinate_increments(fields: Fields, y: Values, z: Values) -> Values:
     """The coordinate-increment discrete gradient ∇̄₁H(y, y + z): component i is (H(corner i+1) − H(corner i))/z_i.
 
-    The quotient equals the average of ∂_iH along that edge, and is computed as such. No digits are lost where a
-    component hardly moves.
+    It is computed as the average of ∂_iH along the edge from corner i to corner i+1, so that no digits are lost if z_i
+    is small.
     """
     return fields.edge_means(corners(y, z), z)
 

@@ -1,9 +1,9 @@
-"""Division of steps that have no solution: two halves (h/2, ΔW/2) in their place, divided again where they fail.
+"""Division of steps that have no solution: a step is replaced by two halves (h/2, ΔW/2), and each half likewise.
 
-For large Δ the implicit equation may have no solution near y. The exact solution of (1.1) is a flow at the time Δ, so
-that the two halves take it equally far. For several structures they are steps along the straight line between the
-increments. The halves keep the invariants that the scheme keeps, and a step with a solution is not changed. Divisions
-are counted for each path. Laws never use them.
+For large Δ the implicit equation may have no solution near y. The exact solution of (1.1) after a step is a flow at the
+time Δ, so that two halves lead to the state after the whole step. For several structures the halves follow the straight
+line between the increments. Halves keep the invariants that the scheme keeps, and a step with a solution is not
+changed. Divisions are counted for each path. Laws never divide steps.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ MAX_DEPTH = 20
 
 
 def divided(scheme: Scheme, depth: int = 8) -> Scheme:
-    """A copy of an implicit scheme that divides each failed step into two halves, and these again up to `depth` times.
+    """A copy of an implicit scheme that divides a failed step into two halves, and failed halves again, `depth` times.
 
     Parameters
     ----------
     scheme : Scheme
         An implicit scheme, with `solve`.
     depth : int, 1 to 20
-        The most divisions of one step: it has at most 2^depth parts.
+        The largest number of times that a part is halved, so that one step has at most 2^depth parts.
 
     Returns
     -------
     Scheme
-        Its solutions have `divisions`, the number of steps and parts that were divided. It claims no laws.
+        A scheme without claims. Its solutions have `divisions`, the number of steps and parts that were divided.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def _solve(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, dept
         return whole
     divisions[failed] += 1
     change = np.full_like(y, np.nan) if whole.change is None else whole.change.copy()
-    # The second half starts from the first one's end, in the lanes where that was solved.
+    # The second half starts from the end of the first half, for the paths whose first half was solved.
     first = _solve(scheme, problem, y[:, failed], h / 2, dW[:, failed] / 2, depth - 1)
     merge(whole, first, failed)
     arrived = failed[first.status == Status.CONVERGED]

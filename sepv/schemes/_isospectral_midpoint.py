@@ -2,20 +2,20 @@
 
 S. Ephrati, E. Jansson, A. Lang and E. Luesink, An exponential map free implicit midpoint method for stochastic
 Lie-Poisson systems (arXiv 2408.16701), after K. Modin and M. Viviani (Found. Comput. Math. 20, 2020). With the matrix W
-of y, W′ = [W, M] (`sepv.problems._matrix_algebras`), X of x and M of m = h∇H_0(x) + Σ c_j ΔŴ_j ∇H_j(x),
+of y, W′ = [W, M] (`sepv.problems._matrix_algebras`), X the matrix of x, M that of h∇H_0(x) + Σ c_j ΔŴ_j ∇H_j(x),
 
     W_0 = (1 + ½M)X(1 − ½M),  W_1 = (1 − ½M)X(1 + ½M),
 
-an equation for X and a formula for W_1. So W_1 = UW_0U⁻¹, U = (1 − ½M)(1 + ½M)⁻¹ unitary: all eigenvalues, and with
-them all Casimirs tr Wᵏ and the coadjoint orbit, are kept. Written for the solver,
+an equation for X and a formula for W_1. So W_1 = UW_0U⁻¹ with the unitary matrix U = (1 − ½M)(1 + ½M)⁻¹, and all
+eigenvalues are kept, and with them all Casimirs tr Wᵏ and the coadjoint orbit. The solver gets the form
 
     X = W_0 + ½[X, M] + ¼MXM,   W_1 = W_0 + [X, M].
 
-On su(n) MXM has a trace, so that X needs one too, iτ, of which ∇H knows nothing: tr W_0 = 0 gives
-iτ(n − ¼ tr M²) = ¼ tr MX′M for its part X′ with trace zero, where tr M² ≤ 0.
+On su(n) MXM has a trace. So X = X′ + iτ·1 with X′ of trace zero and a number τ on which ∇H does not depend: tr W_0 = 0
+gives iτ(n − ¼ tr M²) = ¼ tr MX′M, where tr M² ≤ 0.
 
-On so(3) hat(m)hat(x)hat(m) = −(mᵀx)hat(m). The paper proves that the rule is a Poisson map, mean-square order ½ and
-weak order 1; where the noises commute the mean-square order is 1, as y1 then lacks nothing of the order of h.
+The paper proves that the rule is a Poisson map of mean-square order ½ and weak order 1. If the noises commute, the
+mean-square order is 1, because y1 then has all terms of the order of h.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def parts(algebra: MatrixAlgebra, problem: Problem, x: Array, step: Array) -> tu
 def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
     """Solve one step of a batch y (d, M), dW (m, M); the residual of the solution is that of the equation for x.
 
-    Raises Skipped where the structure is that of none of these algebras.
+    Raises Skipped if the structure of the problem is not that of so(3), n times, so(n) or su(n).
     """
     algebra = algebra_of(problem, y)
 
@@ -63,7 +63,7 @@ def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
     step = each_noise(problem, h, dW)
     solution = solve_implicit(problem, y, step, increment, no_jacobian)
     f, _ = parts(algebra, problem, solution.value, step)
-    # y1 − y0 = f, without the cancellation of the parts that y0 and y1 share.
+    # The change is f itself, so that no digits of y1 − y0 cancel.
     return replace(solution, value=y + f, change=f)
 
 

@@ -4,8 +4,8 @@ y1 = y0 + Δ B(ȳ) ½(∇̄₁H(y0, y1) + ∇̄₁H(y1, y0)),  ȳ = (y0 + y1)/2,
 
 with the quotients of H along coordinate increments ∇̄₁H: T. Itoh and K. Abe, Hamiltonian-conserving discrete canonical
 equations based on variational difference quotients (J. Comput. Phys. 76, 1988). Cohen and Dujardin (2014) take B at y0
-in the drift (`discrete_gradient`); with B at ȳ the scheme sees the noise through Δ alone, is symmetric and keeps
-quadratic Casimirs. For quadratic H it is the midpoint rule. It goes along the coordinates: it is not equivariant.
+in the drift (`discrete_gradient`). With B at ȳ the scheme depends on the noise through Δ alone, is symmetric and keeps
+quadratic Casimirs. For quadratic H it is the midpoint rule. It is not equivariant, because ∇̄₁H depends on the axes.
 """
 
 from __future__ import annotations

@@ -2,10 +2,10 @@
 
     kick b_1, drift a_1, kick b_2, …, drift a_s, kick b_{s+1},   Σa = Σb = 1,   Δ = h + Σ_j c_j ΔŴ_j
 
-b = (½, ½), a = (1) is the leapfrog (L. Verlet, Phys. Rev. 159, 1967). Every kick and drift is the exact flow of a part
-of H, so that the map is symplectic; it is symmetric where the coefficients read the same from both ends. H is not kept:
-its error stays bounded where the step is small. With the random step a method of even order p has mean-square and weak
-order p/2 (`sepv.schemes._explicit`).
+The leapfrog has b = (½, ½), a = (1) (L. Verlet, Phys. Rev. 159, 1967). Every kick and drift is the exact flow of a part
+of H, so that the map is symplectic. It is symmetric if the coefficients read the same from both ends. H is not kept,
+but its error stays bounded if the step is small. With the random step Δ a method of even order p has mean-square and
+weak order p/2 (`sepv.schemes._explicit`).
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ CLAIMS = EVERY | {
 
 @dataclass(frozen=True)
 class KicksAndDrifts:
-    """The formula of a step of s + 1 kicks p −= bΔ∇V(q) and s drifts q += aΔM⁻¹p between them, with these b and a."""
+    """The formula of a step of s + 1 kicks p −= bΔ∇V(q) and s drifts q += aΔM⁻¹p, for given numbers b and a."""
 
     kicks: tuple[float, ...]
     drifts: tuple[float, ...]
@@ -55,7 +55,7 @@ class KicksAndDrifts:
 def composed(shares: Sequence[float]) -> KicksAndDrifts:
     """Leapfrog steps with the lengths share·Δ, one after the other, as one sequence of kicks and drifts.
 
-    The last kick of each and the first one of the next are joined.
+    The last kick of each leapfrog step and the first kick of the next are joined to one kick.
     """
     kicks = [0.5 * (a + b) for a, b in zip((0.0, *shares), (*shares, 0.0), strict=True)]
     return KicksAndDrifts(tuple(kicks), tuple(shares))
@@ -64,7 +64,7 @@ def composed(shares: Sequence[float]) -> KicksAndDrifts:
 def palindrome(kicks: Sequence[float], drifts: Sequence[float]) -> KicksAndDrifts:
     """The symmetric sequence of kicks and drifts whose first half is given.
 
-    The middle kick and the two middle drifts follow, because the sum of the kicks and that of the drifts are 1.
+    The middle kick and the two middle drifts follow, because the kicks b add up to 1, and so do the drifts a.
     """
     b, a = (*kicks, 1 - 2 * sum(kicks)), (*drifts, 0.5 - sum(drifts))
     return KicksAndDrifts((*b, *b[-2::-1]), (*a, *a[::-1]))

@@ -1,8 +1,8 @@
 """(2.1) with a modified structure matrix: one implicit equation a step, weak order two, H and quadratic Casimirs kept.
 
-The techniques of A. Abdulle, D. Cohen, G. Vilmart and K. C. Zygalakis, High weak order methods for stochastic
-differential equations based on modified equations (SIAM J. Sci. Comput. 34, 2012), which Cohen and Dujardin (2014), §5,
-name.
+The derivation follows A. Abdulle, D. Cohen, G. Vilmart and K. C. Zygalakis, High weak order methods for stochastic
+differential equations based on modified equations (SIAM J. Sci. Comput. 34, 2012), as Cohen and Dujardin (2014), §5,
+suggest.
 
 **Derivation.** (2.1) is symmetric in Δ, so that it is the flow at Δ of f + Δ²f₃ + O(Δ⁴). Comparing the coefficients of
 Δ³ of both expansions, with f = B∇H, g = ∇H and H″,
@@ -11,20 +11,20 @@ name.
 
 With F = f·∇, G = f₃·∇ a step's expectation is E exp(ΔF + Δ³G + …), which differs from the exact E exp(ΔF) by
 E[Δ³]G + ½E[Δ⁴](FG + GF) + O(h³), and E[Δ³] = 3c²h² + O(h³), E[Δ⁴] = 3c⁴h² + O(h³), c² = Σ c_j². With f − 3c²h f₃ in the
-place of f both vanish: E[Δ³ − 3c²hΔ] = O(h³), and E[Δ⁴ − 3c²hΔ²] = O(h³). So
+place of f both terms vanish: E[Δ³ − 3c²hΔ] = O(h³), and E[Δ⁴ − 3c²hΔ²] = O(h³). So
 
     y1 = y0 + Δ [B(ȳ) − 3c²h S₃(ȳ)] ∇̄H,   with ∇̄H in the place of g in S₃,
 
-has weak order 2, and mean-square order 1 as before. S₃ is skew where H″ is symmetric, which gives H; and
-∇C(ȳ)ᵀS₃∇̄H = 0 for C = yᵀAy, by ∇CᵀB = 0, ∇CᵀB′(w) = −2wᵀAB and ∇CᵀB″(w, w) = −4wᵀAB′(w), whatever symmetric matrix
-stands for H″ and whatever vector for g.
+has weak order 2, and like (2.1) mean-square order 1. S₃ is skew if H″ is symmetric, so that H is kept. And C = yᵀAy is
+kept because ∇C(ȳ)ᵀS₃∇̄H = 0, by ∇CᵀB = 0, ∇CᵀB′(w) = −2wᵀAB and ∇CᵀB″(w, w) = −4wᵀAB′(w), for any symmetric matrix
+in the place of H″ and any vector in the place of g.
 
-**Large steps.** Where 3c²h|S₃| exceeds |B| the correction is no longer small, and the equation may have no solution.
-The correction is therefore divided by 1 + θ², θ = 3c²h|S₃|/|B| in the Frobenius norm. It is then at most half of |B|;
-θ² = O(h²) changes no order, and a factor changes neither H nor a Casimir. A norm depends on the coordinates: the scheme
-is equivariant under rotations and translations, and not under every affine map.
+**Large steps.** If 3c²h|S₃| exceeds |B|, the correction is no longer small, and the equation may have no solution. The
+correction is therefore divided by 1 + θ², θ = 3c²h|S₃|/|B| in the Frobenius norm, so that it is at most half of |B|.
+The factor changes no order, because θ² = O(h²), and neither H nor a Casimir. Because a norm depends on the coordinates,
+the scheme is equivariant under rotations and translations, and not under every affine map.
 
-It sees h and c beside Δ: it is not symmetric, and not a function of Σ c_jΔW_j alone.
+A step depends on h and c besides Δ. The scheme is therefore not symmetric, and not a function of Σ c_jΔW_j alone.
 """
 
 from __future__ import annotations
@@ -38,15 +38,16 @@ from sepv.solve import Increment
 # Weights of central differences of order six, exact for polynomials of degree 7 at any width.
 SECOND = (270.0, -27.0, 2.0)
 MIDDLE = -490.0
-# The width of differences, relative to |y| or the length of a step, whichever is larger: it follows the scale of y in
-# any units, and near y = 0 roundings are of the order of one of the step.
+# The width of differences, relative to |y| or the length of a step, whichever is larger. So the width has the units of
+# y, and near y = 0 rounding errors are of the order of a rounding of the step.
 WIDTH = 2.0**-4
 
 
 def structure_slope(problem: Problem, y: Array, w: Array, length: Array | float = 1.0) -> Array:
     """The derivative of B at y in the direction w, B′(y)w, (d, d, M).
 
-    It is analytic, or taken by differences of order six along w. Their width follows the larger of |y| and `length`.
+    It is analytic if the problem gives B′, else from differences of order six along w. Their width is WIDTH times the
+    larger of |y| and `length` (1 if both are 0).
     """
     if problem.structure_derivative is not None:
         return turned_along(problem.structure_derivative(y), w)
@@ -57,7 +58,7 @@ def structure_slope(problem: Problem, y: Array, w: Array, length: Array | float 
 def gradient_slope(problem: Problem, y: Array, length: Array | float) -> Array:
     """The second derivatives H″(y), (d, d, M): as given, else by differences of ∇H of order six.
 
-    The differences of Newton's matrix are too rough for a right side. `length` is as in `structure_slope`.
+    Differences of low order, as in Newton's matrix, are too rough here. `length` is as in `structure_slope`.
     """
     if problem.hessian is not None:
         return problem.hessian(y)
@@ -91,7 +92,10 @@ def _along(y: Array, w: Array, length: Array | float) -> tuple[Array, Array, Arr
 
 
 def correction(problem: Problem, middle: Array, mean: Array, variance: Array) -> Array:
-    """The matrix S₃ of the module's docstring, (d, d, M), at ȳ = `middle`, for g = `mean` and 3c²h = `variance`."""
+    """The matrix S₃ of the modified equation (see the module), (d, d, M), at ȳ = `middle`, for g = `mean`.
+
+    `variance` is 3c²h, from which the width of differences follows.
+    """
     B = problem.structure(middle)
     f = matvec(B, mean)
     length = np.sqrt(np.abs(variance)) * np.max(np.abs(f), axis=0)
@@ -118,12 +122,12 @@ def limited(change: Array, structure: Array) -> Array:
 def increment(problem: Problem, y0: Array, y1: Array, step: Array) -> Increment:
     """R of the step y1 = y0 + R: Δ [B(ȳ) − 3c²h S₃/(1 + θ²)] ∇̄H. `step` (2, M) holds Δ and 3c²h.
 
-    Each value of B that its differences need counts as an evaluation.
+    Each value of B that the differences in S₃ need counts as an evaluation.
     """
     mean, middle = average_gradient(problem, y0, y1), y0 + 0.5 * (y1 - y0)
     structure = problem.structure(middle)
     structure = structure - limited(step[1] * correction(problem, middle, mean.value, step[1]), structure)
-    # S₃ evaluates B seven times for B″, once more for itself, and twelve times for B′ where it is not given.
+    # S₃ evaluates B seven times for B″, once for its own B, and twelve times for B′ if B′ is not given.
     evaluations = 9 if problem.structure_derivative is not None else 21
     counts = np.full_like(mean.evaluations, evaluations)
     return Increment(step[0] * matvec(structure, mean.value), mean.evaluations, counts, mean.reliable)
@@ -137,8 +141,8 @@ def parts(problem: Problem, h: float, noise: Array) -> Array:
 
 
 # Newton's matrix comes from differences, because S₃′ would need third derivatives of B and H. The matrix of (2.1) would
-# take fewer evaluations, but the iteration then converges linearly, with a residual of one sign: the energy of the
-# pendulum drifted like n^0.70 over 2048 steps.
+# take fewer evaluations. But the iteration would converge linearly, with residuals of one sign: over 2048
+# steps n of the pendulum the energy drifted like n^0.70.
 step = Implicit(increment, parts=parts)
 scheme = one_step(
     "modified-weak-2",

@@ -1,4 +1,4 @@
-"""The look of a scheme in pictures: markers and dashes differ as well as colours."""
+"""The look of a scheme in pictures: a colour, a marker and a dash pattern."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Look:
     Attributes
     ----------
     colour, dark : str
-        As #RRGGBB. Both are read best with a contrast of 3 or more against white and against #0F1419.
+        Colours as #RRGGBB, best with a contrast of 3 or more: `colour` against white, and `dark` against #0F1419.
     marker : str
         One of `MARKERS`.
     dash : str

@@ -6,9 +6,10 @@ Integration of Stochastic Differential Equations, 1995, §9; Kloeden and Platen 
     two points,   P(ΔW = ±√h) = ½:                       E ΔW^k as of N(0, h) for k ≤ 3, weak order 1;
     three points, P(ΔW = ±√(3h)) = 1/6, P(ΔW = 0) = 2/3: for k ≤ 5, weak order 2.
 
-They are bounded, so that an implicit step needs no truncation. They are no path of a Wiener process: nothing converges
-in mean square. Here each is the quantile of its law at the rank of the normal increment of the same step, so that a
-path number means the same stream whatever increments a scheme takes, and E ζξ is as large as it can be: 0.80 and 0.87.
+Such increments are bounded, so that an implicit step needs no truncation. They are not increments of a Wiener process,
+so that no scheme converges in mean square with them. Each increment √h ζ is made from the normal increment √h ξ of the
+step: ζ is the quantile of its law at the rank of ξ. So a path number means the same random stream for all schemes, and
+E ζξ is as large as possible: 0.80 for two points, 0.87 for three.
 """
 
 from __future__ import annotations
@@ -22,9 +23,9 @@ from itertools import accumulate
 from sepv._arguments import did_you_mean
 from sepv.errors import UsageError
 
-# The largest error of the sum of weights and of a moment: roundings of a few terms.
+# The largest error allowed in the sum of weights and in a moment: roundings of a few terms.
 _ROUNDING = 1e-12
-# The largest moment that is compared with that of N(0, 1); no law of a few points matches that many.
+# The order of the highest moment that is compared with that of N(0, 1). No law of a few points matches so many moments.
 _MOST = 24
 
 
@@ -36,13 +37,13 @@ class PointLaw:
     ----------
     name : str
     values : increasing finite numbers, in units of √h
-    weights : as many positive numbers of sum 1
+    weights : positive numbers of sum 1, one for each value
 
     Raises
     ------
     UsageError
-        For values and weights that are not a distribution. Moments are not checked: the laws about weak orders judge
-        them.
+        For values and weights that are not a distribution. Moments are not checked here: wrong moments make the laws
+        about weak orders fail.
     """
 
     name: str
@@ -69,9 +70,9 @@ class PointLaw:
 
     @cached_property
     def thresholds(self) -> tuple[float, ...]:
-        """The normal numbers at which ζ passes to its next value: Φ⁻¹ of the sums of weights.
+        """The values of a normal variable at which ζ changes to its next value: Φ⁻¹ of the sums of weights.
 
-        Sums are taken from the nearer end, where Φ⁻¹ loses fewer digits.
+        Sums are taken from the nearer end of the distribution, because Φ⁻¹ then loses fewer digits.
         """
         from statistics import NormalDist
 
@@ -87,9 +88,9 @@ class PointLaw:
 
     @property
     def degree(self) -> int:
-        """The largest k such that E ζ^i = E ξ^i for all i ≤ k: enough for a weak order (k − 1)/2."""
+        """The largest k such that E ζ^i = E ξ^i for all i ≤ k, ξ normal: enough for a weak order (k − 1)/2."""
         for k in range(1, _MOST):
-            # E ξ^k = (k − 1)!! for even k
+            # For even k, E ξ^k = (k − 1)!!.
             wanted = 0.0 if k % 2 else float(math.prod(range(k - 1, 0, -2)))
             terms = [w * v**k for v, w in zip(self.values, self.weights, strict=True)]
             if abs(math.fsum(terms) - wanted) > _ROUNDING * max(1.0, math.fsum(map(abs, terms))):

@@ -1,16 +1,16 @@
-"""Explicit Runge-Kutta methods projected on the invariants: the strongest rival where steps are not stiff.
+"""Explicit Runge-Kutta methods projected on the invariants: the strongest rival for problems that are not stiff.
 
-From the end y* of the explicit step of order p one goes along a direction v_k for each invariant,
+The end y* of the explicit step of order p is corrected along a direction v_k for each invariant I_k,
 
     y1 = y* − Σ_k λ_k v_k   with   I_k(y1) = I_k(y0)
 
 for H and every quadratic or linear Casimir: E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration (2006),
-IV.4. The directions are `sepv.problem.projections` at y*. The λ are found by the simplified Newton iteration with the
-products ∇I_jᵀv_k at y*. The differences I_k(y) − I_k(y0) are computed as g_kᵀ(y − y0) with
-g_k = ∫₀¹∇I_k(y0 + τ(y − y0))dτ, which is the same number without cancellation: a large constant in H costs nothing.
+IV.4. The directions are `sepv.problem.projections` at y*. The numbers λ are found by the simplified Newton iteration
+with the products ∇I_jᵀv_k at y*. The differences I_k(y) − I_k(y0) are computed as g_kᵀ(y − y0) with
+g_k = ∫₀¹∇I_k(y0 + τ(y − y0))dτ, so that no digits cancel, even with a large constant in H.
 
-**Order.** y1 differs from y* by O(Δ^{p+1}): the orders are those of the explicit method. It is neither symmetric nor
-the midpoint rule for quadratic H.
+**Order.** y1 differs from y* by O(Δ^{p+1}), so that the orders are those of the explicit method. The method is not
+symmetric, and for quadratic H it is not the midpoint rule.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from sepv.schemes._one_step import Solved, one_step
 from sepv.schemes._scheme import Scheme
 from sepv.solve import CountedFields, Equations, Evaluation, Increment, Lanes, Solution, Status, newton
 
-# The operations of Newton's iteration for R with the simplified matrix in it: the correction is z − R itself.
+# The operations of Newton's iteration if R contains the inverse of the simplified matrix: the correction is z − R.
 SIMPLIFIED = Algebra(lambda _, F: F, lambda K: np.ones(K.shape[-1], dtype=bool), lambda _, size: 0 * size)
 
 
@@ -39,7 +39,7 @@ def solve_projection(problem: Problem, order: int, y0: Array, delta: Array) -> S
     casimirs = problem.casimirs, problem.linear_casimirs
 
     def evaluate(z: Array, lanes: Lanes) -> Evaluation:
-        """The right side R of z = R(z): z less a correction along the v_k for the invariants' change."""
+        """The right side R of z = R(z): z minus a correction along the v_k for the change of the invariants."""
         start = y0[:, lanes]
         mean = average_gradient(problem, start, start + z)
         averages = [*casimir_gradients(*casimirs, 2.0 * start + z), mean.value]
@@ -66,9 +66,9 @@ def solve_projection(problem: Problem, order: int, y0: Array, delta: Array) -> S
 
 @lru_cache(maxsize=4)
 def projected(order: int) -> Scheme:
-    """The scheme of the projected method of order 4 or 8, else a UsageError; increments are truncated with k = 2·order.
+    """The scheme of the projected method of order 4 or 8; any other order raises UsageError.
 
-    The residual of its solutions is that of the projection.
+    Increments are truncated as in Remark 2.1 with k = 2·order. Residuals of solutions are those of the projection.
     """
     plain = explicit(order)
 

@@ -2,12 +2,12 @@
 
 y1 = y0 + [h B(ȳ) + Σ_j c_j ΔŴ_j G_j(ȳ)] ∫₀¹ ∇H(y0 + τ(y1 − y0)) dτ,  ȳ = (y0 + y1)/2.
 
-**Energy** for all skew B and G_j, as in Proposition 3.1: H(y1) − H(y0) = ∇̄Hᵀ[…]∇̄H = 0. **Quadratic Casimirs** common to
-B and all G_j, as in Proposition 3.2. **Mean-square order** 1 for one noise, and for several whose fields G_j∇H commute;
-½ otherwise: the scheme sees no iterated integrals ∫W_i∘dW_j, which are of the order of h where fields do not commute.
-Where G_j = B it is (2.1). Several Hamiltonians with {H_0, H_j} = 0 are posed in this form by
-`sepv.problem.commuting_hamiltonians`; a step at or next to a critical point of H_0, where
-S_j∇̄H_0 does not stand for B∇H_j, has the status UNDEFINED.
+The scheme keeps the energy for all skew B and G_j, as in Proposition 3.1: H(y1) − H(y0) = ∇̄Hᵀ[…]∇̄H = 0. It keeps
+quadratic Casimirs common to B and all G_j, as in Proposition 3.2. Its mean-square order is 1 for one noise, and for
+noises whose fields G_j∇H commute. Otherwise it is ½, because the scheme does not use the iterated integrals ∫W_i∘dW_j,
+whose terms are then of the order of h. If all G_j = B, it is (2.1). `sepv.problem.commuting_hamiltonians` gives several
+Hamiltonians with {H_0, H_j} = 0 structures S_j. At or next to a critical point of H_0, S_j∇̄H_0 may not approximate
+B∇H_j. Such a step has the status UNDEFINED.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:
 
 
 def mark_undefined(problem: Problem, y0: Array, step: Array, solution: Solution) -> None:
-    """Set the status UNDEFINED in the solution where a structure S_j that stands for B∇H_j fails to do so.
+    """Set the status UNDEFINED for each path with a structure S_j whose S_j∇̄H_0 does not approximate B∇H_j.
 
-    Either it is undefined at y0 and the step was not solved, or it misses B∇H_j in the solved step.
+    Either S_j is undefined at y0 and the step was not solved, or S_j∇̄H_0 is far from B∇H_j in the solved step.
     """
     if not any(isinstance(G, CommutingStructure) for G in noise_structures(problem)):
         return

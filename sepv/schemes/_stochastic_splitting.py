@@ -3,11 +3,11 @@
 y1 = φ⁰_{h/2} ∘ φ¹_{c_1ΔŴ_1/2} ∘ … ∘ φᵐ_{c_mΔŴ_m} ∘ … ∘ φ¹_{c_1ΔŴ_1/2} ∘ φ⁰_{h/2} (y0)
 
 C.-E. Bréhier, D. Cohen and T. Jahnke, Splitting integrators for stochastic Lie-Poisson systems (Math. Comp. 92, 2023),
-take the composition of Lie and Trotter; this one is G. Strang's, which is symmetric. Every φ is a Poisson map and keeps
-all Casimirs and the domain, and so does their composition.
+use the composition of Lie and Trotter. This scheme uses G. Strang's, which is symmetric. Every φ is a Poisson map and
+keeps all Casimirs and the domain, and so does the composition.
 
-With the increments held fixed it agrees with the flow of hH_0 + Σ c_j ΔŴ_j H_j up to its second power: mean-square
-order ½, 1 where the noises commute, weak order 1.
+With the increments held fixed a step agrees with the flow of K = hH_0 + Σ c_j ΔŴ_j H_j up to second order in K. So the
+mean-square order is ½ in general and 1 if the noises commute, and the weak order is 1.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Gauss collocation with s nodes: coefficients, Lagrange polynomials and their integrals.
 
-Everything is written in shifted Legendre polynomials, which s Gauss nodes integrate and interpolate without
-cancellation: ℓ_i(τ) = b_i Σ_{k<s} (2k + 1) P_k(2c_i − 1) P_k(2τ − 1).
+All are computed from shifted Legendre polynomials, because s Gauss nodes integrate and interpolate these polynomials
+without cancellation: ℓ_i(τ) = b_i Σ_{k<s} (2k + 1) P_k(2c_i − 1) P_k(2τ − 1).
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ class GaussTableau:
 def gauss_tableau(stages: int) -> GaussTableau:
     """The tableau of the Gauss method with s stages, of order 2s.
 
-    Quadratic invariants are kept because b_i a_ij + b_j a_ji = b_i b_j. The rounded coefficients satisfy that too where
-    b_i = b_j. Otherwise the roundings of a_ij and a_ji would move H in one direction in every step.
+    Quadratic invariants are kept because b_i a_ij + b_j a_ji = b_i b_j. The rounded coefficients are made to satisfy
+    this too if b_i = b_j. Otherwise the roundings of a_ij and a_ji would move H in one direction in every step.
     """
     c, b = gauss_legendre(stages)
     A = np.tril(lagrange_integrals(stages, c), -1)
@@ -48,7 +48,7 @@ def lagrange_integrals(stages: int, tau: Array) -> Array:
     """The integrals ∫₀^{τ_n} ℓ_j of the Lagrange polynomials of the s Gauss nodes, of shape (N, s)."""
     c, b = gauss_legendre(stages)
     P = legendre_values(2 * tau - 1, stages)
-    # ∫₀^τ P_k(2t − 1) dt = (P_{k+1} − P_{k−1})(2τ − 1)/(2(2k + 1)), and τ for k = 0.
+    # For k > 0, ∫₀^τ P_k(2t − 1) dt = (P_{k+1} − P_{k−1})(2τ − 1)/(2(2k + 1)), and for k = 0 it is τ.
     parts = [tau] + [(P[k + 1] - P[k - 1]) / (2 * (2 * k + 1)) for k in range(1, stages)]
     return np.asarray((_series(stages, c, b) @ np.stack(parts)).T)
 
@@ -57,10 +57,10 @@ def lagrange_integrals(stages: int, tau: Array) -> Array:
 def moments(stages: int, nodes: int) -> tuple[Array, Array]:
     """The matrices W and P of a quadrature with N Gauss nodes τ_n, for the averages of the s-stage method.
 
-    W (s, N) is w_n ℓ_i(τ_n)/b_i, so that b_i⁻¹ ∫ ℓ_i g = Σ_n W_in g(τ_n), exact for g of degree ≤ 2N − s. P (N, s) is
-    ∫₀^{τ_n} ℓ_j, so that the collocation polynomial is y0 + Σ_j P_nj z_j at τ_n.
+    W (s, N) has the entries w_n ℓ_i(τ_n)/b_i, so that b_i⁻¹ ∫ ℓ_i g = Σ_n W_in g(τ_n), exact for g of degree ≤ 2N − s.
+    P (N, s) has the entries ∫₀^{τ_n} ℓ_j, so that the collocation polynomial is y0 + Σ_j P_nj z_j at τ_n.
     """
-    if nodes == stages:  # at its own nodes
+    if nodes == stages:  # the nodes τ_n are those of the method
         return np.eye(stages), gauss_tableau(stages).A
     tau, w = gauss_legendre(nodes)
     return lagrange(stages, tau) * w / gauss_legendre(stages)[1][:, None], lagrange_integrals(stages, tau)
@@ -69,7 +69,7 @@ def moments(stages: int, nodes: int) -> tuple[Array, Array]:
 def exact_nodes(stages: int, degree: int) -> int:
     """The number of Gauss nodes with which the averages of the s-stage method are exact for H of this degree.
 
-    The integrand ℓ_i · ∇H∘u has degree s − 1 + s(ν − 1) = sν − 1 in τ: ⌈sν/2⌉ nodes.
+    For H of degree ν the integrand ℓ_i · ∇H∘u has degree s − 1 + s(ν − 1) = sν − 1 in τ, which needs ⌈sν/2⌉ nodes.
     """
     return max(1, -(-stages * max(degree, 1) // 2))
 
@@ -82,7 +82,7 @@ def amplification(stages: int) -> float:
 
 
 def _series(stages: int, c: Array, b: Array) -> Array:
-    """The coefficients of the ℓ_i in shifted Legendre polynomials, (s, s)."""
+    """The coefficients of the Lagrange polynomials ℓ_i of the Gauss nodes in shifted Legendre polynomials, (s, s)."""
     return np.asarray(
         b[:, None] * (2 * np.arange(stages) + 1) * np.stack(legendre_values(2 * c - 1, stages - 1)).T
     )
