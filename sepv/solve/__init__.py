@@ -1,9 +1,8 @@
-"""The implicit equation of a step: z = R(z), its solution and its stop rule.
+"""The implicit equation of a step: z = R(z) for z = y1 − y0, its solution and the stop rule of the iteration.
 
 Read `_formula` first (a scheme's formula and the functions of a problem that it may use), then `_solution` (the
-records of a solve), `_newton` (Newton's iteration for a batch, each lane by itself) with `_damped` and
-`_differences`, `_recorded` and `_linearised` (the equation and its Jacobian from the record of a formula),
-`_from_record` (the iteration over straight-line code).
+records of a solve), `_newton` (Newton's iteration for a batch, each path by itself) with `_damped` and `_differences`,
+`_recorded` and `_linearised` (two ways to derive the Jacobian from a formula), `_from_record` (straight-line code).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Damped Newton steps for z = R(z) from z = 0, for a lane (a path of a batch) whose full steps did not converge."""
+"""Damped Newton steps for z = R(z) from z = 0, for lanes (paths of a batch) whose full steps did not converge."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from sepv.problem import Array, linear_solve
 from sepv.solve._differences import slopes
 from sepv.solve._solution import Equations, Flags, Lanes, Solution, Status
 
-# The most damped iterations, and the smallest share of a correction that one of them takes.
+# The most damped iterations, and the smallest factor λ of a correction.
 MAX_DAMPED = 100
 SMALLEST_SHARE = 2.0**-20
 
 
 def approach(equations: Equations, numbers: Lanes) -> Solution:
-    """Iterate from z = 0 by damped Newton steps until full steps shrink fast, so that plain Newton can go on.
+    """Iterate from z = 0 by damped Newton steps until full steps shrink fast, so that Newton's method can go on.
 
-    The status of such a lane is CONVERGED, although its z is not yet a solution to rounding. `numbers` are those of the
-    lanes in `equations`. For small shares the iteration follows the curve on which all components of F = z − R shrink
-    alike. That curve ends in a solution, or where the Jacobian is singular.
+    The status is then CONVERGED, although z is not yet a solution to rounding. `numbers` are the numbers of the lanes
+    in `equations`. With small factors λ the iteration follows the curve on which all components of F = z − R shrink by
+    the same factor. This curve ends at a solution, or at a point where the Jacobian is singular.
     """
     n, count = equations.size.shape[0], numbers.size
     none = np.zeros((4, count), dtype=np.int64)
@@ -52,11 +52,11 @@ def approach(equations: Equations, numbers: Lanes) -> Solution:
 def _take_share(
     equations: Equations, numbers: Lanes, state: Solution, share: Array, active: Lanes, A: Array, p: Array
 ) -> Flags:
-    """Move the active lanes to z − λp with Newton's correction p = A⁻¹F, and return True for those that moved.
+    """Move the active lanes to z − λp with Newton's correction p = A⁻¹F, and return True for lanes that moved.
 
-    The share λ is halved until it passes a test. It passes if z − λp is in the domain, R is finite there, and the
-    simplified correction A⁻¹F(z − λp) is at most (1 − λ/4)|p|. Linear changes of the equations do not change this test
-    (P. Deuflhard, Newton Methods for Nonlinear Problems, 2004, §3.3).
+    The factor λ is halved until z − λp is in the domain, R is finite at z − λp, and the simplified correction
+    A⁻¹F(z − λp) is at most (1 − λ/4)|p|. Linear changes of the equations do not change this test (P. Deuflhard, Newton
+    Methods for Nonlinear Problems, 2004, §3.3).
     """
     z, length = state.value[:, active], np.abs(p).max(axis=0)
     moved = np.zeros(active.size, dtype=bool)

@@ -1,4 +1,4 @@
-"""Newton's matrix ∂R/∂z from differences of the right side R, where an analytic one is missing or too inexact."""
+"""Newton's matrix ∂R/∂z from differences of the right side R, if an analytic one is missing or not exact enough."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from sepv.solve._solution import Equations, IncrementFunction, Lanes
 
 
 def slopes(equations: Equations, z: Array, numbers: Lanes, base: Array) -> tuple[Array, int]:
-    """The derivative ∂R/∂z (n, n, M) of z = R(z) by differences, and the number of evaluations of R that it took.
+    """The derivative ∂R/∂z (n, n, M) of z = R(z) by differences, and the number of evaluations of R that they take.
 
-    It is taken in the lanes `numbers` at z (n, M), where R is `base`.
+    The derivative is taken for the lanes `numbers` at z (n, M), at which R has the value `base`.
     """
     reach, domain = (equations.size[:, numbers] + np.abs(z)).max(axis=0), equations.inside
     inside = None if domain is None else lambda at, lanes: domain(at, numbers[lanes])
@@ -22,10 +22,10 @@ def slopes(equations: Equations, z: Array, numbers: Lanes, base: Array) -> tuple
 def difference_jacobian(
     problem: Problem, y0: Array, y1: Array, step: Array, increment: IncrementFunction, base: Array
 ) -> Array:
-    """The derivative ∂R/∂y1 (d, d, M) of y1 = y0 + R(y0, y1) by differences at y1 (d, M), where R is `base`.
+    """The derivative ∂R/∂y1 (d, d, M) of y1 = y0 + R(y0, y1) by differences at y1 (d, M), at which R is `base`.
 
     The differences have an error of about √eps, which costs Newton's method an iteration and no accuracy. Their width
-    follows the largest of y0, y1 and R: it would be zero for y0 = 0 otherwise.
+    is relative to the largest of |y0|, |y1| and |R|, so that it is not zero for y0 = y1 = 0.
     """
     reach, domain = np.max([np.abs(y0), np.abs(y1), np.abs(base)], axis=0).max(axis=0), problem.domain
     inside = None if domain is None else lambda at, _: domain(at)

@@ -1,9 +1,9 @@
 """The formula of a scheme: a function (fields, y, z, step) -> R for the step y1 = y + R, where z = y1 − y.
 
-It is written once, and computed on arrays and on symbols. `fields` has the functions of a problem. `CountedFields`
-computes them on arrays and counts evaluations. The compiled engine computes them on symbols, and derives Newton's
-matrix from the record of R. `step` (k, ...) has the numbers that the scheme takes of a step, such as Δ
-(`sepv.schemes._one_step`).
+A formula is written once, and computed on arrays and on symbols. `fields` has the functions of a problem:
+`CountedFields` computes them on arrays and counts evaluations; the compiled engine computes them on symbols, and
+derives Newton's matrix from the recorded operations of R. `step` (k, ...) has the numbers of a step that the scheme
+uses, such as the random step Δ = h + Σ c_j ΔW_j (`sepv.schemes._one_step`).
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ Values = Any
 class Fields(Protocol):
     """The functions of a problem that a formula may use, on arrays (d, M) or on symbols (d,)."""
 
-    # The problem, for its numbers: c, the degree of H.
+    # The problem, for numbers such as the coefficients c and the degree of H.
     problem: Problem
 
     def structure(self, y: Any) -> Any:
@@ -53,7 +53,7 @@ class Fields(Protocol):
         """The gradient ∇H(y), (d, ...)."""
 
     def combined_gradient(self, y: Any, step: Any) -> Any:
-        """The gradient of a step, h∇H_0(y) + Σ c_jΔW_j∇H_j(y), (d, ...); `step` holds h and the c_jΔW_j."""
+        """The gradient of hH_0 + Σ c_jΔW_jH_j, the Hamiltonian of a step, (d, ...); `step` holds h and the c_jΔW_j."""
 
     def field(self, y: Any) -> Any:
         """The field f(y) = B(y)∇H(y), (d, ...)."""
@@ -66,7 +66,7 @@ class Fields(Protocol):
         """The average of ∇H along the segment from y to y + z, ∫₀¹∇H(y + τz)dτ, (d, ...)."""
 
     def edge_means(self, starts: Any, z: Any) -> Any:
-        """The averages of ∂_iH along edges, (d, ...): edge i goes by z_i along axis i from column i of `starts`."""
+        """The averages of ∂_iH along d edges, (d, ...): edge i goes from column i of `starts` by z_i along axis i."""
 
     def factor(self, y: Any) -> Any:
         """The factor g(y) in B(y)v = g(y)(v × ∇C(y)), (...)."""
@@ -81,9 +81,9 @@ Formula = Callable[[Fields, Any, Any, Any], Any]
 class CountedFields(Fields):
     """The functions of a problem computed on arrays for steps from y0 to y1 (d, M), with counts of their evaluations.
 
-    `gradients` (M,) counts evaluations of ∇H, `structures` (M,) those of B or of what stands for it. `reliable` (M,) is
-    True where all quadratures reached rounding. `means` (d, M) and `matrices` (d, d, M) are the averaged gradients and
-    the structures in the order of their calls. Newton's matrix uses them again.
+    `gradients` (M,) counts evaluations of ∇H, `structures` (M,) those of B or a combined structure. `reliable` (M,) is
+    True for paths all of whose quadratures reached rounding. `means` (d, M) and `matrices` (d, d, M) are lists of the
+    averaged gradients and of the structures in the order of calls, for Newton's matrix.
     """
 
     def __init__(self, problem: Problem, y0: Array, y1: Array) -> None:
@@ -100,7 +100,7 @@ class CountedFields(Fields):
         return self.matrices[-1]
 
     def combined(self, y: Array, step: Array) -> Array:
-        """The combined structure, counted as one evaluation."""
+        """The structure h B(y) + Σ c_jΔW_j G_j(y) of a step, counted as one evaluation."""
         self.structures = self.structures + 1
         self.matrices.append(combined(self.problem, y, step))
         return self.matrices[-1]
@@ -110,7 +110,7 @@ class CountedFields(Fields):
         return self.problem.gradient(y)
 
     def combined_gradient(self, y: Array, step: Array) -> Array:
-        """The combined gradient, counted as one evaluation."""
+        """The gradient h∇H_0(y) + Σ c_jΔW_j∇H_j(y) of a step, counted as one evaluation."""
         self.gradients = self.gradients + 1
         return combined_gradient(self.problem, y, step)
 
@@ -119,7 +119,7 @@ class CountedFields(Fields):
         return derivative_along(self.problem, y, v)
 
     def mean_gradient(self, y: Array, z: Array) -> Array:  # noqa: ARG002 - y0 and y1 − y0, which y1 is not rounded from
-        """The mean gradient for the formula's own y and z."""
+        """The average of ∇H along the segment from y0 to y1 of the step, for which a formula gives its own y and z."""
         self.means.append(self._means(self._y0, self._y1))
         return self.means[-1]
 
@@ -140,7 +140,7 @@ class CountedFields(Fields):
         return self._value_of(average)
 
     def _means(self, y0: Array, y1: Array) -> Array:
-        """The averages of ∇H along segments from y0 to y1 (d, M), or along n segments (d, n, M) for each lane."""
+        """The averages of ∇H along segments from y0 to y1 (d, M), or along n segments (d, n, M) for each path."""
         average = average_gradient(self.problem, y0, y1)
         self.gradients = self.gradients + average.evaluations.sum(axis=tuple(range(y0.ndim - 2)))
         return self._value_of(average)
@@ -153,7 +153,7 @@ class CountedFields(Fields):
 def counted(formula: Formula, problem: Problem, y0: Array, y1: Array, step: Array) -> Increment:
     """R of a formula for steps from y0 to y1 (d, M), with counts of evaluations.
 
-    The averages and structures that Newton's matrix uses again are in its `parts` (`sepv.solve._linearised`).
+    The `parts` of the result are averages and structures that Newton's matrix reuses (`sepv.solve._linearised`).
     """
     fields = CountedFields(problem, y0, y1)
     value = formula(fields, y0, y1 - y0, step)

@@ -1,7 +1,8 @@
-"""Newton's iteration as straight-line code: z − R(z) and the correction (1 − K)⁻¹(z − R) from a formula's record.
+"""Newton's iteration as straight-line code: z − R(z) and the correction (1 − K)⁻¹(z − R), K = ∂R/∂z, of a formula.
 
-K = ∂R/∂z. An iteration is then one function of arrays, or of numbers for a single state, with the same bits. Recording
-takes as long as a few steps. It is done for problems given by name, whose formulas are fixed, and not for random ones.
+The code is made from the recorded operations of the formula. An iteration is then one function of arrays, or of numbers
+for a single state, with the same bits. Because recording takes as long as a few steps, only problems given by name are
+recorded, and not random ones.
 """
 
 from __future__ import annotations
@@ -19,17 +20,17 @@ from sepv.solve._solution import Flags, Lanes
 
 # The largest d for which Cramer's rule is written out.
 LARGEST = 3
-# The most records in the cache, and the cache: records by the data of their problem, formula and step.
+# The most records in the cache, and the cache: records by the problem's data, the formula and its number of inputs.
 MOST_RECORDS = 128
 _RECORDS: dict[Any, Record | None] = {}
-# The modules of functions of named problems: those that define them, or derive them.
+# Prefixes of modules that define or derive the functions of problems given by name.
 _MODULES = ("sepv.problems.", "sepv.record.", "sepv.problem._derived")
 
 
 class Record(NamedTuple):
-    """A step's code as a function of (y, z, step), and the evaluations of ∇H and of B that R takes.
+    """The code of a Newton iteration as a function of (y, z, step), and the evaluations of ∇H and of B in R.
 
-    The function returns z − R(z), Newton's correction, and True where z less the correction is in the domain.
+    The function returns z − R(z), Newton's correction, and True where z minus the correction is in the domain.
     """
 
     source: Source
@@ -38,16 +39,16 @@ class Record(NamedTuple):
 
 
 class Corrections(NamedTuple):
-    """Newton's corrections by a record, for steps from y0 (d, M) with the numbers `step` (k, M) of a formula."""
+    """Newton's corrections by recorded code, for steps from y0 (d, M) with the numbers `step` (k, M) of a formula."""
 
     record: Record
     y0: Array
     step: Array
 
     def of_lanes(self, z: Array, lanes: Lanes) -> tuple[Array, Array, Flags]:
-        """The residual z − R(z) and the correction, (d, n), for n of the M lanes, and a test of the domain, (n,).
+        """The residual z − R(z) and Newton's correction, (d, n), for n of the M paths, and a test of the domain, (n,).
 
-        The test is True where z less the correction is in the domain.
+        The test is True for each path for which z minus the correction is in the domain.
         """
         y, step = self.y0, self.step
         if lanes.size < y.shape[1]:
@@ -60,14 +61,14 @@ class Corrections(NamedTuple):
         return F, corrections, np.full(lanes.shape, stays, dtype=bool)
 
     def of_one(self, lane: Lanes) -> Callable[[list[float]], tuple[list[float], list[float], bool]]:
-        """The function of z (d,) that computes the results of `of_lanes` for a single lane, with the same bits."""
+        """The function of z (d,) that computes the results of `of_lanes` for a single path, with the same bits."""
         y, step = self.y0[:, lane].ravel().tolist(), self.step[:, lane].ravel().tolist()
         evaluate, parameters, d = self.record.source.function, self.record.source.parameters, len(y)
 
         def corrected(z: list[float]) -> tuple[list[float], list[float], bool]:
             try:
                 out = evaluate(y, z, step, parameters)
-            except ZeroDivisionError:  # of numbers; arrays become infinite
+            except ZeroDivisionError:  # Python numbers raise, where arrays become infinite
                 F, corrections, stays = self.of_lanes(np.array(z)[:, None], lane)
                 return F.ravel().tolist(), corrections.ravel().tolist(), bool(stays[0])
             return list(out[:d]), list(out[d : 2 * d]), bool(out[2 * d])
@@ -76,16 +77,16 @@ class Corrections(NamedTuple):
 
 
 def corrections(problem: Problem, formula: Formula, y0: Array, step: Array) -> Corrections | None:
-    """Newton's `Corrections` of steps from y0 (d, M), or None without a record; `step` (k, M) as for `solve`."""
+    """Newton's `Corrections` of steps from y0 (d, M); None if nothing is recorded; `step` (k, M) as in `solve`."""
     recorded = record(problem, formula, len(step))
     return None if recorded is None else Corrections(recorded, y0, step)
 
 
 def record(problem: Problem, formula: Formula, count: int) -> Record | None:
-    """The record of a formula's step for a named problem, from a cache; None where it has none.
+    """The recorded Newton iteration of a formula for a problem given by name, from a cache.
 
-    Other problems have none, nor have formulas that cannot be recorded. `count` is how many numbers of a step the
-    formula takes. The keys of the cache hold the data of problems and not the problems, so that these can be freed.
+    The result is None for other problems, for d > LARGEST, and if the formula cannot be recorded. `count` is how many
+    numbers of a step the formula uses. The keys of the cache hold the data of problems, so that problems can be freed.
     """
     if not _is_fixed(problem) or problem.dimension > LARGEST:
         return None

@@ -1,9 +1,9 @@
 """Newton's matrix ∂R/∂z from a scheme's formula, by forward differentiation.
 
 The formula is evaluated a second time, on values with their derivative by z. The derivative is a number times the
-identity until a function of the problem turns it into a matrix. There are rules for B(y)v, ∇H and its mean along the
-segment. A formula with other functions has a matrix from differences. The record of a formula
-(`sepv.solve._recorded`) gives the same matrix written out, but takes longer to make than a step.
+identity until a function of the problem turns it into a matrix. There are rules for B(y)v, ∇H and the mean of ∇H along
+the segment. For a formula with other functions Newton's matrix comes from differences. The recorded operations of a
+formula (`sepv.solve._recorded`) give the same matrix, but recording takes longer than a step.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from sepv.solve._solution import JacobianFunction
 
 
 class Tangent:
-    """A vector and its derivative by z, which is a number times the identity or a matrix.
+    """A vector and its derivative by z, which is a matrix, or a number that stands for its product with the identity.
 
-    The vector is None where only the derivative is needed.
+    The vector is None if only the derivative is needed.
     """
 
-    # NumPy leaves the arithmetic with arrays to this class.
+    # With this, NumPy's arrays use the arithmetic of this class.
     __array_ufunc__ = None
 
     def __init__(self, value: Any, slope: Any) -> None:
@@ -61,7 +61,7 @@ class Linearised:
     """The functions of `Fields` for which there are derivatives by z, for steps from y0 to y1 (d, M).
 
     `computed` are the lists of averaged gradients and of structures that `counted` made for the same step, or nothing.
-    B(y)v has a derivative only, because its value is R.
+    The result of B(y)v has a derivative but no value, because R is not needed here.
     """
 
     def __init__(self, problem: Problem, y0: Array, y1: Array, *computed: Sequence[Array]) -> None:
@@ -106,7 +106,7 @@ def _product(B: Array, slope: Array, y: Tangent, v: Tangent) -> Tangent:
 def derivative(formula: Formula) -> JacobianFunction:
     """The function that computes ∂R/∂y1 of a formula, for the argument `jacobian` of `sepv.solve.solve`.
 
-    It returns None for a problem that gives no B′ or no H″.
+    This function returns None for a problem that gives no B′ or no H″.
     """
     return partial(_slope, formula)
 

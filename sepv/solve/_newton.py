@@ -1,8 +1,8 @@
-"""The implicit equation of a step, y1 = y0 + R(y0, y1), by Newton's method iterated to stagnation.
+"""The implicit equation of a step, y1 = y0 + R(y0, y1), by Newton's method iterated until corrections stagnate.
 
-A solver stopped at a tolerance leaves a residual that acts as a force. Stopped at 1e-12 it makes the energy drift
-linearly, where stagnation leaves the random walk of rounding. Each lane (a path of a batch) has its own status, because
-convergence is a result and never an assumption.
+A solver that stops at a tolerance leaves a residual that acts as a force: with a tolerance of 1e-12 the energy drifts
+linearly. Iterated to stagnation, the energy has only the random walk of rounding. Each lane (a path of a batch) has its
+own status, so that convergence is reported and never assumed.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ from sepv.solve._solution import (
 )
 from sepv.solve._stop_rule import QUANTA, ROUNDING, STAGNATION
 
-# The most iterations: Newton needs 3 to 5 at sensible steps; 40 leave room for damped starts.
+# The most iterations. Newton's method needs 3 to 5 for usual steps, and more after a damped start.
 MAX_ITERATIONS = 40
 MAX_HALVINGS = 40
-# The most iterations by the code of a record, which needs three to five at sensible steps.
+# The most iterations by recorded code, which also needs 3 to 5 for usual steps.
 MOST = 7
 # The number of halvings of a correction for which the domain is tested in one call.
 SHARES = 8
-# The most unknowns of a single lane for which numbers are faster than arrays.
+# The most unknowns of a single path for which Python's numbers are faster than arrays.
 FEW = 64
 # The rounding of a sum of a dozen terms, relative to their absolute values: far below the K of
 # `sepv.verification._tolerance`.
@@ -63,22 +63,20 @@ def solve(
     ----------
     y0 : (d, M)
     step : (k, M)
-        The numbers that R takes of the step, such as Δ.
+        The numbers of the step that R uses, such as Δ = h + Σ c_j ΔW_j.
     increment : (problem, y0, y1, step) -> Increment
         The right side R with counts of its evaluations.
     jacobian : (problem, y0, y1, step, *parts) -> (d, d, M) or None
-        ∂R/∂y1, with the `parts` of `Increment`; None means differences of R.
+        ∂R/∂y1, with the `parts` of `Increment`. If it returns None, differences of R are taken.
     start : (d, M), optional
         A guess of y1 − y0; by default 0.
     corrections : Corrections, optional
-        R and Newton's correction from a record (`sepv.solve._from_record`).
+        R and Newton's correction from recorded code (`sepv.solve._from_record`).
 
     Notes
     -----
-    The unknown is δ = y1 − y0. The iteration stops where a correction leaves nothing but rounding, or where
-    corrections no longer shrink (`sepv.solve._stop_rule`). The last correction is applied too. Left out, it
-    would keep one sign over many steps if Newton's matrix differs from the slope of R by a rounding: on the
-    oscillator the energy then drifts by a tenth of a rounding a step.
+    The unknown is z = y1 − y0. The iteration stops if the error after a correction is only rounding, or if
+    corrections no longer shrink (`sepv.solve._stop_rule`).
     """
 
     def evaluate(z: Array, lanes: Lanes) -> Evaluation:
@@ -115,16 +113,16 @@ def solve(
 
 
 def iterate(equations: Equations, start: Array, lanes: Lanes | None = None) -> Solution:
-    """Solve z = R(z) by Newton's method to stagnation, from `start` (n, M), with further attempts where that fails.
+    """Solve z = R(z) by Newton's method to stagnation, from `start` (n, M), with further attempts for lanes that fail.
 
-    `lanes` are the numbers of the M lanes in `equations`, by default 0 … M − 1. The `value` of the solution is z.
+    `lanes` are the numbers of the M lanes (paths) in `equations`, by default 0 … M − 1. `Solution.value` is z.
 
-    A lane that ends close, but not at rounding, goes on from there with a Jacobian from differences of R. Analytic ones
-    may average H″ with a few nodes, which does not suffice for long steps of every H. A lane that fails starts once
-    more from z = 0 by damped steps, and then goes on in the same way.
+    A lane that ends close to a solution, but not at rounding, goes on with a Jacobian from differences of R. Analytic
+    Jacobians may average H″ with a few nodes, too few for long steps of some H. A lane that fails starts again from
+    z = 0 by damped steps, and then goes on with differences too.
 
-    A lane that does not converge by a record in MOST iterations starts again without it. If there are several
-    solutions, the same one is then found for every problem.
+    A lane that does not converge by recorded code in MOST iterations starts again without the code. So if there are
+    several solutions, the one that is found does not depend on whether a problem is recorded.
     """
     numbers = np.arange(start.shape[1]) if lanes is None else lanes
     solution = newton(equations, start, numbers, differences=False)
@@ -158,23 +156,23 @@ def _finish(equations: Equations, solution: Solution, numbers: Lanes, lanes: Lan
 def newton(equations: Equations, start: Array, numbers: Lanes, *, differences: bool) -> Solution:
     """Newton's iteration for z = R(z) from `start` (n, M), with full steps that only the domain's edge shortens.
 
-    `numbers` are those of the M lanes in `equations`. With `differences` the Jacobian comes from differences of R, and
-    not from a formula that may approximate it.
+    `numbers` are the numbers of the M lanes (paths) in `equations`. With `differences` the Jacobian comes from
+    differences of R, and not from a formula, which may be approximate.
     """
     rule = _newton_of_one if start.shape[1] == 1 and len(start) <= FEW else _newton_of_many
     return rule(equations, start, numbers, differences=differences)
 
 
 def _newton_of_many(equations: Equations, start: Array, numbers: Lanes, *, differences: bool) -> Solution:
-    """`newton` for a batch: each lane goes on until it is done, independently of the others.
+    """`newton` for a batch: each lane (path) is iterated until it has ended, independently of the other lanes.
 
-    Rare quantities are computed on demand. No copies while all lanes are active.
+    Quantities that few lanes need are computed on demand. Arrays are not copied while all lanes are active.
     """
     count, algebra = start.shape[1], equations.algebra
     exact, recorded = differences or equations.exact, not differences and equations.corrections is not None
     z_all, size_all = start.copy(), equations.size[:, numbers]
-    # Where y1 is 2^52 times y0 or more, an ulp of it does not measure the components that stayed small. Where y0 = 0
-    # there is no measure of small: a component that cancels to zero would never settle.
+    # If y1 is 2^52 times y0 or more, an ulp of y1 is no measure for components that stayed small. For y0 = 0 this test
+    # is off, because a component that cancels to zero would never pass it.
     before = size_all.max(axis=0)
     outgrown_at = np.where(before > 0, before / EPS, np.inf)
     residual = np.full(count, np.inf)
@@ -182,7 +180,7 @@ def _newton_of_many(equations: Equations, start: Array, numbers: Lanes, *, diffe
     status = np.full(count, Status.NO_CONVERGENCE, dtype=np.int64)
     last_size = last_move = np.full(count, np.inf)
     active = np.arange(count)
-    # Lanes that use their matrix once more, and the matrices of all.
+    # Flags of the lanes that use their matrix once more, and the matrices of all lanes.
     reuse, last_matrix = np.zeros(count, dtype=bool), np.empty((0, 0, count))
     with np.errstate(all="ignore"):
         for _ in range(MOST if recorded else MAX_ITERATIONS):
@@ -210,7 +208,7 @@ def _newton_of_many(equations: Equations, start: Array, numbers: Lanes, *, diffe
             if stagnated.any():
                 stagnated &= _is_rounding(equations, lanes, residual_norm, z, scale, stagnated & exact)
             goes_on = np.ones(lanes.size, dtype=bool)
-            # False also where one of them is NaN.
+            # The comparisons are False too if a residual or a correction is NaN.
             if stagnated.any() or not (
                 residual_norm.min(initial=np.inf) > QUANTA and move.max(initial=0) < np.inf
             ):
@@ -234,10 +232,10 @@ def _newton_of_many(equations: Equations, start: Array, numbers: Lanes, *, diffe
 def _corrections(
     equations: Equations, z: Array, lanes: Lanes, differences: bool, reuse: Flags, last_matrix: Any
 ) -> tuple[Array, Array, Flags, Any, tuple[Any, Any], Flags]:
-    """Evaluate F = z − R and Newton's correction for some lanes, with the last matrix of those in `reuse`.
+    """Evaluate F = z − R and Newton's correction for some lanes, with the last matrix for lanes flagged in `reuse`.
 
-    Returned are F, the correction, True where it surely stays in the domain, the matrix, the evaluations of ∇H and
-    of B, and True where the quadrature is reliable.
+    Returned are F, the correction, flags of lanes that surely stay in the domain, the matrix, the evaluations of ∇H
+    and of B, and flags of lanes with a reliable quadrature.
     """
     recorded, every = None if differences else equations.corrections, np.ones(lanes.size, dtype=bool)
     if recorded is not None:
@@ -255,9 +253,9 @@ def _corrections(
 def _moved(
     equations: Equations, recorded: bool, z: Array, correction: Array, lanes: Lanes, stays: Flags
 ) -> tuple[Array, Flags]:
-    """The next z, z less the correction, and True where that is in the domain; elsewhere the old z and False.
+    """The next z, z minus the correction, and True for lanes in the domain; for other lanes the old z and False.
 
-    A correction that leaves the domain is shortened, except one by a record.
+    A correction that leaves the domain is shortened, except one by recorded code.
     """
     if stays.all():
         return z - correction, stays
@@ -266,14 +264,14 @@ def _moved(
 
 
 def _entries(lanes: Any, *values: Any) -> Any:
-    """The entries of each array for some lanes. They are contiguous in memory, as v[..., lanes] is not."""
+    """The entries of each array for some lanes, made contiguous in memory, because v[..., lanes] is not."""
     return values if isinstance(lanes, slice) else [v.take(lanes, axis=-1) for v in values]
 
 
 def _relative_move(moves: Array, magnitude: Array, move: Array, scale: Array, near: Flags | None) -> Array:
-    """The largest share of a component by which a correction moves it, (M,).
+    """The largest relative change of a component by a correction, (M,).
 
-    With `near`, it is computed for those lanes alone; the others have move/scale, which is less and suffices there.
+    If flags `near` are given, it is computed for these lanes only. For the others move/scale, a lower bound, is enough.
     """
     if near is None:
         return np.asarray(stop.relative(moves, magnitude, scale).max(axis=0))
@@ -284,9 +282,9 @@ def _relative_move(moves: Array, magnitude: Array, move: Array, scale: Array, ne
 
 
 def _unless_hidden(last: Flags, moves: Array, magnitude: Array, outgrown: Flags) -> Flags:
-    """The flags `last`, but False where a component that has outgrown y0 hides a large relative move of another one.
+    """The flags `last`, but False for lanes in which a component that has outgrown y0 hides a large move of another.
 
-    `last` is True where nothing but rounding is left once the correction is applied.
+    `last` is True for lanes whose error after the correction is only rounding.
     """
     if last.any() and outgrown.any():
         last = last & ~(outgrown & (moves > STAGNATION * magnitude).any(axis=0))
@@ -296,9 +294,9 @@ def _unless_hidden(last: Flags, moves: Array, magnitude: Array, outgrown: Flags)
 def _outcome(
     residual_norm: Array, move: Array, stagnated: Flags, reliable: Flags, K: Any, algebra: Algebra
 ) -> Counts:
-    """The status of each lane whose iteration ends, and −1 for one that goes on.
+    """The status of each lane (path) whose iteration ends, and −1 for a lane that goes on.
 
-    A state at rest is a solution, even where the Jacobian is singular.
+    A lane with residual zero is solved even if its Jacobian is singular, as at a rest point.
     """
     solved = residual_norm <= QUANTA
     good = np.where(reliable, int(Status.CONVERGED), int(Status.QUADRATURE))
@@ -312,7 +310,7 @@ def _outcome(
 
 
 def _newton_of_one(equations: Equations, start: Array, number: Lanes, *, differences: bool) -> Solution:
-    """`newton` for one lane, with the bits of `_newton_of_many`. Decisions take numbers, without calls of NumPy."""
+    """`newton` for one lane (path), with the bits of `_newton_of_many`; decisions use Python's numbers, not NumPy."""
     exact, recorded = differences or equations.exact, not differences and equations.corrections is not None
     z, y = start.ravel().tolist(), equations.size[:, number].ravel().tolist()
     before = _largest(y)
@@ -398,12 +396,12 @@ def _largest(values: list[float]) -> float:
 def _is_rounding(
     equations: Equations, numbers: Lanes, residual: Array, z: Array, scale: Array, closely: Flags
 ) -> Flags:
-    """True where a residual is rounding: that of y, and in the lanes `closely` that of R too.
+    """True for lanes whose residual is as small as the rounding of y or, for lanes flagged in `closely`, of R.
 
-    The rounding of R has two parts, which are computed only where that of y does not suffice: the rounding of R's
-    terms, and the effect of a rounding of y, |K||y0| with K = ∂R/∂y1. Stiff equations, whose R cancels, need the
-    latter. K is taken at y1 = y0, sixteenfold for its change along the step. At y1 it would excuse any residual next to
-    a singularity of ∇H, where R can no longer be computed.
+    The rounding of R has two parts: the rounding of R's terms, and the effect |K||y0| of a rounding of y with K =
+    ∂R/∂y1, which stiff equations need, whose R cancels. Both are computed only if the rounding of y is too small. K is
+    taken at y1 = y0, times 16 for its change along the step. K at y1 would allow any residual next to a singularity of
+    ∇H, although R can no longer be computed there.
     """
     rounding: Flags = stop.is_rounding(residual, scale)
     larger = np.flatnonzero(closely & ~rounding)
@@ -418,7 +416,7 @@ def _is_rounding(
 
 
 def into_domain(equations: Equations, z: Array, correction: Array, lanes: Lanes) -> tuple[Array, Flags]:
-    """The next z, z − λ·correction with the largest λ = 2⁻ⁿ that keeps it inside, and True where there is one."""
+    """The next z, z − λ·correction with the largest λ = 2⁻ⁿ that stays in the domain; True for lanes with such a λ."""
     moved = z - correction
     inside = np.ones(z.shape[1], dtype=bool)
     if equations.inside is None or not z.shape[1]:
@@ -428,7 +426,7 @@ def into_domain(equations: Equations, z: Array, correction: Array, lanes: Lanes)
         outside = np.flatnonzero(~inside)
         if not outside.size:
             break
-        # Several shares of each lane at once: a domain takes as long for one state as for a few.
+        # Several λ of each lane are tested at once, because a domain takes as long for one state as for a few.
         factors = 0.5 ** np.arange(first, min(first + SHARES, MAX_HALVINGS + 1))
         tried = z[:, outside, None] - factors * correction[:, outside, None]
         fits = equations.inside(tried.reshape(len(z), -1), np.repeat(lanes[outside], factors.size))

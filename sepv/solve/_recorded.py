@@ -1,4 +1,4 @@
-"""Records of a problem and a scheme's formula: B and H as given, everything else derived."""
+"""A problem and a scheme's formula recorded as operations on symbols: B and H as given, everything else derived."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from sepv.solve._formula import Fields, Formula
 
 
 class Equation(NamedTuple):
-    """The equation z = R of a step in symbols: R (d,), K = ∂R/∂z (d, d), the numbers of the step (k,), and counts.
+    """The equation z = R of a step in symbols: R (d,), K = ∂R/∂z (d, d), and the numbers of the step (k,).
 
     `gradients` and `structures` count the evaluations of ∇H and of B in R.
     """
@@ -43,7 +43,7 @@ class Equation(NamedTuple):
 class Recorded:
     """The functions of a problem in symbols of a state y (d,) and of z = y1 − y (d,).
 
-    Raises CannotRecord where B, H or the domain cannot be recorded.
+    Raises CannotRecord if B, H or the domain cannot be recorded.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -71,7 +71,7 @@ class Recorded:
         return array(entries, (d, d))
 
     def _call(self, key: str, *arguments: Any) -> Any:
-        """Call a function of the problem with symbols; CannotRecord for any error, which names the function."""
+        """Call the problem's function `key` with symbols; any error becomes a CannotRecord that names the function."""
         try:
             return self.tape.symbols(getattr(self.problem, key)(*arguments))
         except CannotRecord as error:
@@ -91,14 +91,14 @@ class Recorded:
 
     @cached_property
     def noise_slopes(self) -> list[Any]:
-        """The gradients ∇H_1, …, ∇H_m of the noise Hamiltonians in symbols; for (1.1), m times ∇H."""
+        """The gradients ∇H_1, …, ∇H_m of the noise Hamiltonians in symbols; each is ∇H if there is only one H."""
         if not isinstance(self.problem, HamiltoniansProblem):
             return [self.slope] * self.problem.noises
         return [gradient(self.tape.symbol(H(self.y)), self.y) for H in self.problem.noise_hamiltonians]
 
     @cached_property
     def field(self) -> Sequence[Polynomial] | None:
-        """B∇H multiplied out into polynomials; None where that is longer, or where H has a degree over 2."""
+        """B∇H multiplied out into polynomials; None if they are longer than B∇H, or H is not of degree 2 or less."""
         f = [
             sum((b * g for b, g in zip(row, self.slope, strict=True)), self.tape.constant(0.0))
             for row in self.B
@@ -107,11 +107,11 @@ class Recorded:
         return None if sums is None else [poly.polynomial(self.dimension, terms) for terms in sums]
 
     def equation_of(self, formula: Formula, count: int, apart: bool = True) -> Equation:
-        """The record of a scheme's formula, which takes `count` numbers of a step.
+        """The equation z = R of a scheme's formula that uses `count` numbers of a step.
 
-        Without `apart`, as for explicit steps, B∇H is multiplied out where that is shorter.
+        If `apart` is False, as for explicit steps, B∇H is multiplied out if this is shorter.
 
-        Raises CannotRecord or NoClosedForm.
+        Raises CannotRecord or NoClosedForm if the formula cannot be recorded.
         """
         if (formula, apart) not in self._equations:
             step, fields = self.tape.vector(count), _RecordedFields(self, apart)
@@ -137,9 +137,9 @@ class Recorded:
         return self.y + 0.5 * self.z
 
     def of_middle(self, formula: Formula) -> list[Polynomial] | None:
-        """The polynomials P with R = Δ P(ȳ), for a formula that takes Δ alone of a step.
+        """The polynomials P with R = Δ P(ȳ) for the midpoint ȳ, for a formula that uses the random step Δ alone.
 
-        None where there are none, or where they are longer than R.
+        The result is None if there are no such polynomials, or if they are longer than R.
         """
         (R, _, step, *_), middle = self.equation_of(formula, 1), self.middle
         sums = expand(R, [*step, *middle], len(reachable(R, {x.index for x in middle})))
@@ -187,7 +187,7 @@ class _RecordedFields(Fields):
         return matvec(self._at(jacobian(matvec(recorded.B, recorded.slope), recorded.y), y), v)
 
     def mean_gradient(self, y: Any, z: Any) -> Any:
-        """The averaged gradient as it was recorded, which has derivatives by the record's z; else by substitution."""
+        """The averaged gradient as recorded, with its derivatives, for the record's own z; else by substitution."""
         means, nodes = self._recorded.mean
         self.gradients += nodes
         return means if z is self._recorded.z else self._at(means, y, z)
@@ -212,7 +212,7 @@ class _RecordedFields(Fields):
         return means
 
     def _at(self, values: Any, y: Any, z: Any = ()) -> Any:
-        """The values with other symbols substituted for the record's y and z."""
+        """The symbols `values` with y and z in place of the record's own y and z."""
         recorded = self._recorded
         return substitute(values, [*recorded.y, *recorded.z[: len(z)]], [*y, *z])
 

@@ -19,7 +19,7 @@ from sepv.problem import DENSE, Algebra, Array, Problem
 if TYPE_CHECKING:
     from sepv.solve._from_record import Corrections
 
-# Numbers of lanes (M,), flags and counts of lanes.
+# Arrays (M,) of the numbers of lanes, of flags of lanes, and of counts of lanes. A lane is a path of a batch.
 Lanes = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 Counts = NDArray[np.int64]
@@ -37,7 +37,7 @@ class Worded(IntEnum):
 
 
 class Status(Worded):
-    """The outcome of a solve, for each lane."""
+    """The outcome of solving the equation of a step, for each lane (a path of a batch)."""
 
     CONVERGED = 0, "converged"
     NO_CONVERGENCE = 1, "no convergence"
@@ -49,10 +49,9 @@ class Status(Worded):
 
 
 class Increment(NamedTuple):
-    """The right side R of y1 = y0 + R(y0, y1), (d, M), with the evaluations of ∇H and of B that it took, (M,).
+    """The right side R of y1 = y0 + R(y0, y1), (d, M), with the numbers of evaluations of ∇H and of B, (M,).
 
-    `reliable` (M,) is True where the quadrature of ∇H reached rounding. `parts` are values that the Jacobian of R uses
-    again.
+    `reliable` (M,) is True for each path whose quadrature of ∇H reached rounding. The Jacobian of R reuses `parts`.
     """
 
     value: Array
@@ -70,24 +69,24 @@ def once(value: Array) -> Increment:
 
 @dataclass(frozen=True)
 class Solution:
-    """The result of a solve, lane by lane.
+    """The result of solving the equation y1 = y0 + R(y0, y1) for each path of a batch.
 
     Attributes
     ----------
     value : (d, M)
-        y1 where converged; the last iterate elsewhere.
+        y1 for each path that converged, and the last iterate for the others.
     residual : (M,)
-        Largest component of |y1 − y0 − R(y0, y1)|, at `value` before its last correction if it converged.
+        Largest component of |y1 − y0 − R(y0, y1)|; for a path that converged, before the last correction of y1.
     iterations, gradient_evaluations, structure_evaluations : (M,)
-        Newton iterations, and evaluations of ∇H and B (those of Newton's Jacobian not counted).
+        Newton iterations, and evaluations of ∇H and B (without those for an analytic Jacobian).
     status : (M,)
-        `Status` of each lane.
+        `Status` of each path.
     change : (d, M), optional
-        y1 − y0 before it was rounded into `value`: compensated summation needs it.
+        y1 − y0 before it was rounded into `value`, for compensated summation.
     divisions : (M,), optional
-        Steps and parts of steps that were divided, for schemes that do (`sepv.schemes._division.divided`).
+        Numbers of steps and parts of steps that were halved, for `sepv.schemes._division.divided`.
     continuations : (M,), optional
-        Shares of steps that were solved on the way to failed ones (`sepv.schemes._continuation.continued`).
+        Numbers of scaled steps (s·h, s·ΔW) that were solved, for `sepv.schemes._continuation.continued`.
     """
 
     value: Array
@@ -101,14 +100,14 @@ class Solution:
     continuations: Counts | None = None
 
 
-# Counts that every solver reports.
+# The attributes of `Solution` with counts that every solver reports.
 COUNTS = ("iterations", "gradient_evaluations", "structure_evaluations")
 IncrementFunction = Callable[[Problem, Array, Array, Array], Increment]
 JacobianFunction = Callable[..., Array | None]
 
 
 class Evaluation(NamedTuple):
-    """R(z) for M lanes, and a function that returns ∂R/∂z (n, n, M) and its cost in evaluations of R."""
+    """R(z) for M lanes (paths), and a function that returns ∂R/∂z (n, n, M) and its cost in evaluations of R."""
 
     right_side: Increment
     jacobian: Callable[[], tuple[Any, int]]
@@ -116,23 +115,23 @@ class Evaluation(NamedTuple):
 
 @dataclass(frozen=True)
 class Equations:
-    """The equations z = R(z) of M lanes, each with n unknowns; `lanes` are the numbers of the lanes in a call.
+    """The equations z = R(z) of M lanes (paths), each with n unknowns; `lanes` are the numbers of the lanes in a call.
 
     Attributes
     ----------
     size : (n, M)
-        |y| of the state that each unknown is added to: corrections are compared with |y| + |z|.
+        The component |y_i| to which each unknown is added: corrections are compared with |y| + |z|.
     evaluate : (z, lanes) -> Evaluation
     inside : (z, lanes) -> (M,) of bool, optional
-        True where the states that belong to z lie in the domain of the problem.
+        True for each lane for which the states that belong to z lie in the domain of the problem.
     exact : bool
-        True if the Jacobian is that of R, not of R with H″ averaged by a few nodes.
+        True if the Jacobian is ∂R/∂z; False if it is approximate, with H″ averaged by a few nodes.
     magnitude : (z, lanes) -> (M,), optional
         The sum of the absolute values of the terms of R, the scale of its rounding if R cancels.
     algebra : Algebra
         The kind of Jacobian: dense matrices (n, n, M) by default.
     corrections : `sepv.solve._from_record.Corrections`, optional
-        Newton's corrections by a record, in the place of `evaluate` unless the matrix is to be one of differences.
+        Newton's corrections by recorded code, used instead of `evaluate` unless the Jacobian comes from differences.
     """
 
     size: Array
@@ -145,9 +144,9 @@ class Equations:
 
 
 def merge(whole: Solution, part: Solution, lanes: Lanes) -> None:
-    """Write lanes that were solved anew, `part`, into the solution `whole` of all lanes; counts add up.
+    """Write the solution `part` of some lanes (paths) into the solution `whole` of all lanes, and add up the counts.
 
-    Fields that one of the two solutions lacks stay unchanged.
+    Attributes that are None in one of the two solutions stay unchanged.
     """
     for key, values in vars(whole).items():
         new = getattr(part, key)
@@ -157,9 +156,9 @@ def merge(whole: Solution, part: Solution, lanes: Lanes) -> None:
 
 
 def require_converged(problem: Problem, y: Array, h: float, dW: Array, solution: Solution) -> Array:
-    """y1 of a solution, (d, M), if all lanes converged. Raises StepFailure for the first lane that did not.
+    """y1 of a solution, (d, M), if all paths converged. Raises StepFailure for the first path that did not.
 
-    y (d, M), h and dW (m, M) describe the steps in its message.
+    The message describes the step by y (d, M), h and dW (m, M).
     """
     failed = np.flatnonzero(solution.status != Status.CONVERGED)
     if failed.size:

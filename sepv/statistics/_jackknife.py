@@ -1,4 +1,4 @@
-"""Intervals of statistics of means over paths, by a jackknife over groups of paths."""
+"""Intervals for statistics of means over paths, by a jackknife over groups of paths."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from sepv.statistics._quantiles import students_t
 
 Array = NDArray[np.float64]
 
-# The number of groups of paths for the jackknife: enough for a t-quantile with 31 degrees of freedom, few enough that
-# the mean square over a group is nearly normal.
+# The number of groups of paths for the jackknife. More groups would have too few paths for a mean square over a group
+# that is nearly normal; fewer would have a larger t-quantile (here with 31 degrees of freedom).
 GROUPS = 32
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """An estimate with a two-sided interval, value ± half, which misses the truth with probability alpha."""
+    """An estimate with a two-sided interval, value ± half, which misses the true value with probability alpha."""
 
     value: float
     half: float
@@ -39,7 +39,8 @@ class Estimate:
 def jackknife(samples: Array, statistic: Callable[[Array], float], alpha: float) -> Estimate:
     """Estimate a statistic of means over paths, for samples (n, paths), with an interval by the jackknife.
 
-    The interval leaves out one of GROUPS groups of paths at a time, and uses Student's t with GROUPS − 1 degrees.
+    The statistic is computed without each of GROUPS groups of paths in turn. Student's t with GROUPS − 1 degrees of
+    freedom gives the interval.
     """
     parts = np.array_split(samples, GROUPS, axis=1)
     groups = np.stack([part.sum(axis=1) for part in parts])
@@ -51,9 +52,9 @@ def jackknife(samples: Array, statistic: Callable[[Array], float], alpha: float)
 
 
 def jackknife_half(left_out: Array, alpha: float) -> float:
-    """Half the interval of level 1 − alpha from the values (G,) of a statistic without one of G groups each.
+    """Half the interval of level 1 − alpha, from the values (G,) of a statistic computed without each of G groups.
 
-    Student's t with G − 1 degrees of freedom (R. G. Miller, Biometrika 61, 1974).
+    The interval is that of Student's t with G − 1 degrees of freedom (R. G. Miller, Biometrika 61, 1974).
     """
     groups = left_out.size
     error = np.sqrt((groups - 1) / groups * np.sum((left_out - left_out.mean()) ** 2))

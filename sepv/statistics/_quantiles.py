@@ -1,6 +1,7 @@
 """Quantiles of Student's t, of F and of the binomial distribution.
 
-They have twelve digits and more. The import of `scipy.special` would take a twentieth of the time of all laws.
+The quantiles have twelve or more digits. SciPy is not used, because the import of `scipy.special` would take a
+twentieth of the time of all laws.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ def students_t(tail: float, df: int) -> float:
 
 
 def fishers_f(tail: float, n: int) -> float:
-    """The quantile f with P(F < f) = tail, for F with n and n degrees: √n (√F − 1/√F)/2 is Student's T."""
+    """The quantile f with P(F < f) = tail, for F with n and n degrees of freedom; √n (√F − 1/√F)/2 is Student's T."""
     t = students_t(tail, n) / sqrt(n)
     return (sqrt(1 + t * t) - t) ** 2
 
@@ -38,7 +39,7 @@ def fishers_f(tail: float, n: int) -> float:
 def binomial(level: float, n: int, p: float) -> int:
     """The smallest k with P(at most k of n) ≥ level, for events of probability p."""
     k = np.arange(1, n + 1)
-    # Ratios of neighbours, starting from P(0), avoid factorials.
+    # Ratios P(k)/P(k − 1), starting from P(0), avoid factorials.
     logs = np.cumsum(np.log((n + 1 - k) / k * p / (1 - p)))
     chances = np.exp(n * np.log1p(-p) + np.concatenate([[0.0], logs]))
     return int(np.searchsorted(np.cumsum(chances), level))
