@@ -1,7 +1,7 @@
-"""The exact flow at the random time h + Σ c_jΔW_j (Proposition 2.1).
+"""The exact flow at the random time t + Σ c_jW_j(t) (Proposition 2.1).
 
-Read `_flow` first; it takes a closed form (`_closed_forms`) where the problem has one, else a dense solution
-(`_dense_flow`). `_truncation_error` has the error of Remark 2.1's clip.
+Read `_flow` first: the flow comes from a closed form (`_closed_forms`) if the problem has one, else from a numerical
+solution with rounding accuracy (`_dense_flow`). `_truncation_error` has the error of Remark 2.1's clipped increments.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Closed forms of the flow of y′ = B(y)∇H(y) for the oscillator, the rigid body and the pendulum.
 
-Each takes (parameters, y0 (d,), θ (M,)) and returns ((d, M), method), or None where the formula
-degenerates (equal moments of inertia, near a separatrix): the dense solve then takes over.
+Each is a function (parameters, y0 (d,), θ (M,)) -> ((d, M), method). If the formula degenerates, for equal moments of
+inertia or near a separatrix, it returns None, and the flow is computed numerically.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from sepv.problem import Array
 Parameters = Mapping[str, tuple[float, ...]]
 Result = tuple[Array, str] | None
 
-# Closer to the separatrix (m = 1), the period and the elliptic functions' dependence on m lose digits.
+# The least distance from the separatrix, m = 1. Closer to it elliptic functions lose digits as functions of m.
 SEPARATRIX = 1e-4
 _JACOBI = "Jacobi elliptic functions"
 

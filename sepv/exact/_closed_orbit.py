@@ -10,9 +10,9 @@ from sepv.exact._dense_flow import FlowFailure
 from sepv.exact._flow import exact_flow
 from sepv.problem import Array, Problem, vector_field
 
-# The number of states along an orbit, which resolve harmonics up to half of it.
+# The number of states along an orbit. They resolve harmonics up to half of this number.
 PHASES = 64
-# The longest time in which an orbit is to close, in units of |y|/|f|.
+# The longest time within which an orbit must close, in units of |y|/|f|.
 LONGEST = 512.0
 
 
@@ -27,7 +27,7 @@ class Orbit:
 def closed_orbit(problem: Problem, y0: Array) -> Orbit | None:
     """The closed orbit of a problem's flow through y0; None if it does not close within `LONGEST` times |y0|/|f|.
 
-    It closes where it crosses the plane through y0 that is normal to f, in the direction of f and close to y0.
+    The orbit closes when it crosses the plane through y0 that is normal to f, in the direction of f and close to y0.
     """
     f = vector_field(problem, y0)
     speed, size = float(np.linalg.norm(f)), float(np.linalg.norm(y0))
@@ -53,8 +53,8 @@ def closed_orbit(problem: Problem, y0: Array) -> Orbit | None:
 def _return(problem: Problem, start: Array, y0: Array, f: Array, longest: float) -> float:
     """The time in [0, longest] at which the flow from `start` crosses the plane through y0 with the normal f.
 
-    By Newton's method: near y0 the distance f·(y − y0) rises at the rate f·f(y) > 0. It ends at rounding or at a time
-    that comes again, within the few steps of a smooth function on a short interval.
+    Newton's method needs few steps, because near y0 the distance f·(y − y0) rises at the rate f·f(y) > 0. It stops when
+    a time occurs for the second time.
     """
     time, seen = 0.0, set()
     while time not in seen:

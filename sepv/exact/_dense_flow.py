@@ -1,8 +1,8 @@
-"""One dense solution of y′ = f(y), accurate to rounding at every point: Gauss collocation in panels.
+"""A solution of y′ = f(y) as a function of time, accurate to rounding at every time: Gauss collocation in panels.
 
-The time is divided into panels. On each of them the collocation polynomial is stored as its Legendre series, whose last
-coefficients measure whether the panel is short enough. Every θ then costs one short sum. Continuous extensions of
-explicit Runge-Kutta pairs are less accurate between their steps, by an order of magnitude.
+The time is divided into panels. On each panel the collocation polynomial is stored as a Legendre series, whose last
+coefficients measure whether the panel is short enough. Each evaluation at a time is one short sum. Continuous
+extensions of explicit Runge-Kutta pairs are less accurate between their steps, by an order of magnitude.
 """
 
 from __future__ import annotations
@@ -52,10 +52,9 @@ class FlowFailure(SepvError, ArithmeticError):
 
 @lru_cache(maxsize=8)
 def _tables(stages: int) -> tuple[Array, Array, Array]:
-    """The tables of Gauss collocation with s stages.
+    """The matrix of integrals (s, s) and the weights (s,) of Gauss collocation with s stages, and one more matrix.
 
-    They are the matrix of integrals (s, s), the weights (s,), and the map from values at nodes to Legendre
-    coefficients (s, s).
+    The third matrix (s, s) maps values at nodes to Legendre coefficients.
     """
     c, w = gauss_legendre(stages)
     P = np.stack(legendre_values(2 * c - 1, stages))
@@ -73,10 +72,10 @@ def solve_dense(
     ----------
     f : (d, s) -> (d, s)
     stages : int
-        The number of Gauss nodes of a panel. Panels are halved until the series has decayed to rounding, and grow where
-        it decays faster. The first is half the time in which the field covers 1 + |y|, at most ½.
+        The number of Gauss nodes of a panel. A panel is halved until its series decays to rounding, and the next one is
+        longer if the series decays faster. The first has the length min(½, ½(1 + |y|)/|f|).
     shrink : float
-        A factor on accepted panel lengths, so that two solutions do not share their grid.
+        A factor of panel lengths, so that two solutions for a comparison have different panels.
 
     Raises
     ------
@@ -101,7 +100,7 @@ def solve_dense(
             continue
         starts.append(y)
         series.append(F @ to_series.T)
-        # Compensated summation: hundreds of panels then cost no more rounding than one.
+        # With compensated summation, hundreds of panels have no more rounding than one.
         low = low + H * (F @ w)
         y, low = y + low, low - ((y + low) - y)
         t = end if abs(H) < width else t + H
@@ -136,10 +135,10 @@ def _panel(f: Callable[[Array], Array], y: Array, H: float, A: Array, to_series:
             previous = change
         else:
             return F, 0
-    # Contributions of the last coefficients to y: the integral of P_k brings a factor 1/(2(2k + 1)).
+    # The last coefficients contribute to y with a factor 1/(2(2k + 1)) from the integral of P_k.
     weights = 1 / (2 * (2 * np.arange(len(A))[-3:] + 1))
     tail = np.max(np.abs(F @ to_series[-3:].T) * weights) * abs(H)
-    # The largest component on the panel; it is not zero where the flow starts at the origin and leaves it.
+    # The largest component on the panel, which is not zero if the flow starts at the origin and leaves it.
     scale = max(float(np.max(np.abs(y))), abs(H) * size)
     if tail <= 1e-3 * EPS * scale:
         return F, 2

@@ -1,8 +1,8 @@
 """The exact solution of (1.1): the deterministic flow at the random time θ(t) = t + Σ_j c_j W_j(t).
 
-By the Stratonovich chain rule y(t) = φ_θ(t)(y0), where φ is the flow of y′ = B(y)∇H(y). Closed forms serve
-the oscillator (rotation), the rigid body and the pendulum (Jacobi elliptic functions); one dense solve
-over [min θ, max θ] serves everything else. The result has no step size and favours no scheme.
+By the Stratonovich chain rule y(t) = φ_θ(t)(y0), where φ is the flow of y′ = B(y)∇H(y). The oscillator (rotation), the
+rigid body and the pendulum (Jacobi elliptic functions) have closed forms. Other problems are solved numerically once
+over [min θ, max θ], accurate to rounding. The result depends on no step size, and on no scheme under verification.
 """
 
 from __future__ import annotations
@@ -35,33 +35,32 @@ class ExactFlow:
 def exact_flow(
     problem: str | Problem, theta: ArrayLike, y0: ArrayLike | None = None, *, dense: bool = False
 ) -> ExactFlow:
-    """The exact solution at M random times.
+    """The exact solution φ_θ(y0) of dy = B(y)∇H(y)(dt + Σ_j c_j∘dW_j) at M random times θ.
 
     Parameters
     ----------
     problem : str or Problem
-        As for `sepv.integrate`.
+        The problem or its name, as for `sepv.integrate`.
     theta : (M,) or scalar, of either sign
-        θ = t + Σ_j c_j W_j(t).
+        The random times θ = t + Σ_j c_j W_j(t).
     y0 : (d,), optional
-        By default the problem's initial state.
+        The state at θ = 0, by default the problem's initial state.
     dense : bool
-        Use the dense solve also where there is a closed form.
+        True solves numerically even if the problem has a closed form.
 
     Returns
     -------
     ExactFlow
-        An estimate of the error is in `error`. For the dense solve: four times the largest difference between two
-        solves with different orders and panels, whose errors are of one size, plus 8 roundings; for closed forms,
-        eps times the condition of the formula in θ, with a factor of 16 for the special functions (measured: below
-        4).
+        Its `error` estimates the largest error. For a numerical solution it is four times the largest difference of two
+        solutions with different orders and panels, whose errors are of one size, plus 8 roundings. For a closed form it
+        is 16 eps times the condition of the formula in θ (for the special functions a factor below 4 was measured).
 
     Raises
     ------
     UsageError
-        For θ not finite, or no initial state.
+        If θ is not finite, or there is no initial state.
     sepv.exact._dense_flow.FlowFailure
-        Where the flow does not reach θ.
+        If the flow does not reach θ.
 
     Examples
     --------
@@ -101,7 +100,7 @@ def exact_flow(
 
 
 def _dense_flow(problem: Problem, y0: Array, theta: Array) -> tuple[Array, float]:
-    """The exact solution by a dense solve, and its error, estimated from a second solve with other panels."""
+    """The exact solution by numerical solution, and its error, estimated from a second solution with other panels."""
 
     def f(y: Array) -> Array:
         value = vector_field(problem, y)
@@ -115,7 +114,7 @@ def _dense_flow(problem: Problem, y0: Array, theta: Array) -> tuple[Array, float
 
 
 def _evaluate(f: Callable[[Array], Array], y0: Array, theta: Array, stages: int, shrink: float) -> Array:
-    """The solution of y′ = f(y) from y0 at times θ of either sign, by a dense solve in each direction."""
+    """The solution of y′ = f(y) from y0 at times θ of either sign, solved numerically in each direction of time."""
     result = np.repeat(y0[:, None], theta.size, axis=1)
     for side in (theta > 0, theta < 0):
         if side.any():

@@ -1,7 +1,7 @@
-"""Jacobi's elliptic functions of many arguments.
+"""Jacobi's elliptic functions at arrays of arguments.
 
-`scipy.special.ellipj` has five more roundings in dn where m is near 1, takes half as long again, and its import takes a
-third of a second: a twentieth of the time of all laws.
+`scipy.special.ellipj` is not used, because its dn has five more roundings if m is near 1, it takes 1.5 times as long,
+and importing it takes a third of a second, a twentieth of the time of all laws.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from sepv.record import EPS
 def jacobi(u: Array, m: float) -> tuple[Array, Array, Array, Array]:
     """Jacobi's sn, cn and dn and the amplitude at arguments u (M,) for the parameter m = k², 0 ≤ m < 1.
 
-    They are computed by the arithmetic-geometric mean (DLMF 22.20(ii)). With the means a_n and b_n and c_n =
-    (a_{n−1} − b_{n−1})/2, one begins with φ_N = 2^N a_N u, where c_N is a rounding of a_N. The amplitude φ_0 follows by
-    2φ_{n−1} = φ_n + arcsin((c_n/a_n) sin φ_n).
+    They are computed by the arithmetic-geometric mean (DLMF 22.20(ii)), with means a_n, b_n and c_n =
+    (a_{n−1} − b_{n−1})/2, up to an N for which c_N is below a rounding of a_N. From φ_N = 2^N a_N u the amplitude φ_0
+    follows by 2φ_{n−1} = φ_n + arcsin((c_n/a_n) sin φ_n).
     """
     a, b, shares = 1.0, math.sqrt(1 - m), list[float]()
     c = math.sqrt(m)
@@ -31,10 +31,10 @@ def jacobi(u: Array, m: float) -> tuple[Array, Array, Array, Array]:
     for share in reversed(shares):
         phi = 0.5 * (phi + np.arcsin(share * np.sin(phi)))
     sn, cn = np.sin(phi), np.cos(phi)
-    # dn² = 1 − m sn², without cancellation.
+    # This is dn² = 1 − m sn², written without cancellation.
     return sn, cn, np.sqrt(cn * cn + (1 - m) * (sn * sn)), phi
 
 
 def argument(amplitude: float, m: float) -> float:
-    """The argument u of `jacobi` with a given amplitude: Legendre's incomplete integral of the first kind."""
+    """The argument u at which `jacobi` has a given amplitude: Legendre's incomplete integral of the first kind."""
     return float(mpmath.ellipf(float(amplitude), float(m)))

@@ -1,17 +1,17 @@
-"""The error of the clipped increments of Remark 2.1: the share of the rms error that ordinary samples do not show.
+"""The error of the clipped increments of Remark 2.1: a part of the rms error that ordinary samples do not show.
 
-A step with ζ = clip(ξ, ±A_h) in place of ξ ends on the exact flow at θ + c√h(ζ − ξ). Over a path these shifts have the
-mean 0 and the variance T|c|²E(ξ − ζ)², with Q(A) = P(ξ > A) and the normal density φ,
+A step with ζ = clip(ξ, ±A_h) in place of a normal ξ ends on the exact flow at the time θ + c√h(ζ − ξ). Over a path
+these shifts have the mean 0 and the variance T|c|²E(ξ − ζ)², with Q(A) = P(ξ > A) and the normal density φ,
 
     E(ξ − ζ)² = 2∫_A^∞ (x − A)² φ(x) dx = 2((1 + A²)Q(A) − Aφ(A)) ≈ 4φ(A)/A³ = O(h^k |ln h|^(−3/2)),
 
-so an rms error of |f| |c| √(T E(ξ − ζ)²) = O(h^{k/2}|ln h|^(−3/4)) is added, in squares, to that of the scheme on
-unclipped paths. For k = 2p it has the order p of the scheme, with a constant independent of the scheme: for
-collocation with three or more stages it is the larger part of the error. With k = 4p it is O(h^{2p}), a few per cent
-from h = ¼ on (`sepv.schemes._scheme.truncation_for`).
+so that clipping has an rms error of |f| |c| √(T E(ξ − ζ)²) = O(h^{k/2}|ln h|^(−3/4)). Its square is added to that of
+the scheme's error on unclipped paths. For k = 2p both errors have the order p, and for collocation with three or more
+stages clipping has the larger one. For k = 4p the error of clipping is O(h^{2p}), a few per cent of the scheme's from
+h = ¼ on (`sepv.schemes._scheme.truncation_for`).
 
-The probability of a clipped increment on a path is 2NQ(A_h), below 10⁻⁶ for k ≥ 4 and N = 64: a sample shows the error
-of unclipped paths, and this error must be added to it.
+A path of N steps has a clipped increment with probability 2NQ(A_h), below 10⁻⁶ for k ≥ 4 and N = 64. A sample therefore
+shows the error of unclipped paths, to which the error of clipping must be added.
 """
 
 from __future__ import annotations
@@ -25,38 +25,38 @@ from sepv.exact._flow import exact_flow
 from sepv.problem import Problem, vector_field
 from sepv.simulate import truncation_bound
 
-# The number of trapezoidal nodes, and their range in standard deviations of θ(T): exact to 1e-8 for a smooth |f|².
+# The number of trapezoidal nodes for E|f|², and their range in standard deviations of θ(T): exact to 1e-8 for smooth f.
 NODES, REACH = 49, 6.0
 
 
 def lost_mean_square(A: float) -> float:
-    """The mean square of what clipping cuts off, E(ξ − clip(ξ, ±A))² for ξ ~ N(0, 1) and A ≥ 0.
+    """The mean square E(ξ − clip(ξ, ±A))² that clipping cuts off, for ξ ~ N(0, 1) and A ≥ 0.
 
-    It is exact to A⁴ roundings, because its terms cancel.
+    The result has an error of A⁴ roundings, because its terms cancel.
     """
     from scipy.special import erfcx
 
     density = math.exp(-0.5 * A * A)
-    # Q(A) = ½ e^{−A²/2} erfcx(A/√2) here.
+    # The tail probability is Q(A) = ½ e^{−A²/2} erfcx(A/√2).
     return density * ((1 + A * A) * float(erfcx(A / math.sqrt(2))) - A * math.sqrt(2 / math.pi))
 
 
 def clipping_error(
     problem: Problem, *, T: float, steps: int, k: int | None, y0: ArrayLike | None = None
 ) -> float:
-    """The rms error at T that clipping alone causes, √E|y(θ̂) − y(θ)|², to first order in what is cut off.
+    """The rms error at T that clipping alone causes, √E|y(θ̂) − y(θ)|², to first order in the part that is cut off.
 
-    E|f(y(T))|² is taken where a clipped path ends: with one increment at ±√h A_h and the others normal.
+    The mean E|f(y(T))|² is taken over paths with one increment at ±√h A_h, and the others normal.
 
     Parameters
     ----------
     problem : a system (1.1)
     steps : int
-        N = T/h.
+        The number N = T/h of steps.
     k : int or None
-        As in Remark 2.1; None for untruncated increments, whose error is zero.
+        The k of Remark 2.1; None for untruncated increments, for which the result is zero.
     y0 : (d,), optional
-        By default the problem's initial state.
+        The initial state, by default the problem's.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def clipping_error(
 
 
 def _speed(problem: Problem, mean: float, deviation: float, y0: ArrayLike | None) -> float:
-    """E|f(y)|² at the exact flow's time N(mean, deviation²)."""
+    """The mean E|f(y)|² over states y of the exact flow at normal times with this mean and standard deviation."""
     x = np.linspace(-REACH, REACH, NODES)
     weights = np.exp(-0.5 * x * x)
     y = exact_flow(problem, mean + deviation * x, y0).y

@@ -1,4 +1,4 @@
-"""Consistency of a large problem's parts: B skew, ∇H the gradient of H, slopes those of their functions."""
+"""Consistency of a large problem's parts: B is skew, and ∇H, H″, B′ and averages belong to H and B."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from sepv.errors import ProblemError
 from sepv.large._problem import LargeProblem
 from sepv.problem import Array, slope_along
 
-# Central differences of order six with h = 2⁻⁷ of the scale leave 1e-12 for functions that vary on the scale of y; a
-# wrong sign, factor or term differs in the first digit.
+# The largest relative error of a part. Central differences of order six with a width of 2⁻⁷ of the scale have an error
+# of 1e-12 for functions that vary on the scale of y, and a wrong sign, factor or term differs in the first digit.
 TOLERANCE = 1e-6
 _WIDTH = 2.0**-7
 
@@ -20,7 +20,7 @@ def check_large(problem: LargeProblem, seed: int = 0) -> None:
     Raises
     ------
     ProblemError
-        For a part that is not what the others imply; the message has both values.
+        For a part that contradicts the others. The message has both values.
     """
     rng = np.random.default_rng(seed)
     y = np.array(problem.initial)
@@ -60,7 +60,7 @@ def check_large(problem: LargeProblem, seed: int = 0) -> None:
 
 
 def _same(name: str, given: Array, expected: Array) -> None:
-    """Raise a ProblemError if the part of this name differs from its expected value by more than TOLERANCE."""
+    """Raise a ProblemError if the part `name` of a problem differs from its expected value by more than TOLERANCE."""
     scale = max(float(np.max(np.abs(expected), initial=0.0)), float(np.max(np.abs(given), initial=0.0)), 1.0)
     error = np.abs(np.asarray(given) - expected).reshape(-1)
     if error.size and not np.max(error) <= TOLERANCE * scale:

@@ -1,4 +1,4 @@
-"""One path of a large problem: the state at the end, and the defects of the invariants on the way."""
+"""One path of a large problem: the state at the end, and the largest defects of the invariants along the path."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from sepv.solve import Status
 
 @dataclass(frozen=True)
 class LargePath:
-    """The end of a path of a large problem, with the largest defects of its invariants on the way.
+    """The end of a path of a large problem, with the largest defects of its invariants along the path.
 
     Attributes
     ----------
     y : (d,)
     W : (m,)
-        W(T), untruncated.
+        The Wiener paths at the end, W(T), untruncated.
     energy_defect : float
-        Largest |H(y_n) − H(y_0)| over the steps, terms summed exactly.
+        Largest |H(y_n) − H(y_0)| over the steps, with the terms of H summed exactly.
     energy_scale : float
-        Σ|terms of H| at the start, the scale of a defect. H itself may cancel to zero.
+        Σ|terms of H| at the start, the scale of an energy defect, because H itself may cancel to zero.
     casimir_defect, other_casimir_defect : float
-        Largest defect of a quadratic or linear Casimir, and of any other.
+        Largest |C(y_n) − C(y_0)| of quadratic and linear Casimirs C, and of other Casimirs.
     iterations : int
         Newton iterations of all steps.
     """
@@ -55,15 +55,15 @@ def integrate(
     y0: ArrayLike | None = None,
     truncation: int | None = 2,
 ) -> LargePath:
-    """Run one path of N steps from y0 (default: the problem's initial state).
+    """Run one path of N steps of a large problem from y0, by default the problem's initial state.
 
     Parameters
     ----------
     step : `sepv.large.energy_preserving` or `sepv.large.midpoint`
     dW : (N, m), optional
-        Untruncated increments; else those of `sepv.simulate.increments(seed, …)`, path 0.
+        Untruncated increments, by default those of path 0 of `sepv.simulate.increments(seed, …)`.
     truncation : int or None
-        k of Remark 2.1.
+        The k of Remark 2.1, by which the increments are truncated; None for no truncation.
 
     Raises
     ------
@@ -109,6 +109,6 @@ def integrate(
 
 
 def _casimirs(problem: LargeProblem, y: Array) -> tuple[Array, Array]:
-    """The values at y of the Casimirs that are quadratic or linear, and of the others."""
+    """The values at y of the quadratic and linear Casimirs, and of the other Casimirs."""
     one, other = (np.zeros(0) if C is None else C(y) for C in (problem.casimirs, problem.other_casimirs))
     return one, other

@@ -1,8 +1,8 @@
 """The record of a large problem, with sparse matrices where `sepv.Problem` has dense ones.
 
 `sepv.Problem` returns B(y) as (d, d) and B′ as (d, d, d): at d = 10⁴ that is 0.8 GB and 8 TB. Here B is a sparse
-matrix, and in place of B′ is the one product of it that Newton's matrix needs. There is one state at a time: a batch
-gains nothing where one state fills the vector units.
+matrix, and B′ is replaced by its product with a vector, which Newton's matrix needs. There are no batches, because one
+state already fills the processor's vector units.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ Sparse = Any
 
 @dataclass(frozen=True, eq=False)
 class LargeProblem:
-    """dy = B(y)∇H(y)(dt + Σ_j c_j ∘dW_j) with sparse B(y), skew-symmetric.
+    """A large system dy = B(y)∇H(y)(dt + Σ_j c_j ∘dW_j) with a sparse and skew-symmetric B(y).
 
     Attributes
     ----------
     structure : (d,) -> sparse (d, d)
-        B(y).
+        The structure matrix B(y).
     structure_slope : (y, v) -> sparse (d, d), optional
         The derivative of B(y)v by y with v held fixed; None for constant B.
     terms : (d,) -> (n,)
@@ -38,11 +38,11 @@ class LargeProblem:
     degree : int, optional
         The degree of a polynomial H: Gauss-Legendre quadrature with ⌈degree/2⌉ nodes is then exact.
     mean_gradient : (y0, y1) -> (d,), optional
-        ∫₀¹∇H(y0 + τ(y1 − y0))dτ in closed form. One of it and `degree` must be there.
+        ∫₀¹∇H(y0 + τ(y1 − y0))dτ in closed form. Exactly one of `mean_gradient` and `degree` must be given.
     casimirs : (d,) -> (K,), optional
-        Casimirs that are quadratic or linear, which (2.1) keeps (Proposition 3.2).
+        Quadratic and linear Casimirs, which scheme (2.1) keeps (Proposition 3.2).
     other_casimirs : (d,) -> (K,), optional
-        Casimirs that are neither, which it does not keep; they are measured too.
+        Other Casimirs, which scheme (2.1) does not keep, and which are measured too.
     domain : (d,) -> bool, optional
     initial : (d,)
     noise : the c_j ≥ 0, shape (m,)
@@ -91,11 +91,11 @@ class LargeProblem:
         return int(self.initial.size)
 
     def energy(self, y: Array) -> float:
-        """H(y) as an exact sum of its terms: plain summation of d terms would cost √d roundings."""
+        """H(y) as the exact sum of its terms, because plain summation of d terms has an error of √d roundings."""
         return fsum(self.terms(y).tolist())
 
     def energy_difference(self, y: Array, y0: Array) -> float:
-        """H(y) − H(y0), all terms of both in one exact sum: the difference is not rounded at the size of H."""
+        """H(y) − H(y0) as one exact sum of the terms of both, so that no rounding is of the size of H."""
         return fsum(self.terms(y).tolist() + (-self.terms(y0)).tolist())
 
     def random_step(self, h: float, dW: Array) -> float:

@@ -14,7 +14,7 @@ from sepv.problem import Array
 
 
 def _sparse(d: int, rows: Any, cols: Any, data: Array) -> Sparse:
-    """A sparse matrix from entries; repeated entries are added."""
+    """The sparse d × d matrix with entries `data` at `rows` and `cols`; repeated entries are added."""
     from scipy.sparse import coo_array
 
     return coo_array((data, (rows, cols)), shape=(d, d)).tocsr()
@@ -33,8 +33,8 @@ def volterra_lattice(
 ) -> LargeProblem:
     """The Volterra lattice y_i′ = y_i(y_{i+1} − y_{i−1}): B_{i,i+1} = y_i y_{i+1} and H = Σ y_i, positive states.
 
-    Its Casimirs, Σ ln y_i over odd i for an open chain of odd length, and over odd and over even i for a periodic one
-    of even length, are not quadratic: (2.1) keeps H and loses them. It starts from 1 + uniform noise of ±¼.
+    An open chain of odd length has the Casimir Σ ln y_i over odd i, and a periodic chain of even length those over odd
+    and over even i. They are not quadratic, so that (2.1) keeps H and not them. Each y_i starts uniform in [¾, 1¼].
     """
     _at_least("d, the length of the chain", d, 3)
     i = np.arange(d if periodic else d - 1)
@@ -47,7 +47,7 @@ def volterra_lattice(
         return _sparse(d, rows, cols, np.concatenate([w, -w]))
 
     def structure_slope(y: Array, v: Array) -> Sparse:
-        # Row i of B(y)v is Σ ± y_i y_j v_j: its derivative by y_j is ± y_i v_j, by y_i it is ± y_j v_j.
+        # Row i of B(y)v is Σ ± y_i y_j v_j, with the derivative ± y_i v_j by y_j, and Σ ± y_j v_j by y_i.
         sign = np.concatenate([np.ones(i.size), -np.ones(i.size)])
         return _sparse(d, *both, np.concatenate([sign * y[rows] * v[cols], sign * y[cols] * v[cols]]))
 
@@ -74,7 +74,7 @@ def volterra_lattice(
 def toda_chain(n: int, *, noise: tuple[float, ...] = (1.0,), seed: int = 0) -> LargeProblem:
     """Toda's chain of n particles with free ends: H = Σ p_i²/2 + Σ exp(q_i − q_{i+1}), d = 2n, y = (q₁, p₁, q₂, …).
 
-    The averaged force is e^r (e^δ − 1)/δ with r = q_i − q_{i+1} and δ its change: no quadrature.
+    The averaged force of a link is e^r (e^δ − 1)/δ, with r = q_i − q_{i+1} and its change δ, without quadrature.
     """
     _at_least("n, the number of particles", n, 2)
     d = 2 * n
@@ -130,8 +130,8 @@ def nonlinear_schroedinger(
     """The discrete nonlinear Schrödinger equation on n points, i u_j′ = −(u_{j−1} − 2u_j + u_{j+1})/Δx² − κ|u_j|²u_j.
 
     Here u = q + ip, y = (q₁, p₁, q₂, …) and d = 2n. H = ½Σ|u_{j+1} − u_j|²/Δx² − ¼κΣ|u_j|⁴ with free ends is quartic:
-    two Gauss nodes are exact. The initial state is a wave of unit size with noise. The mass Σ|u_j|² is an invariant of
-    H's symmetry and no Casimir: (2.1) does not keep it.
+    two Gauss nodes are exact. The initial state is a wave with |u_j| = 1 plus noise. The mass Σ|u_j|² is
+    invariant by a symmetry of H, and not a Casimir, so that (2.1) does not keep it.
     """
     _at_least("n, the number of points", n, 2)
     if not (np.isfinite(spacing) and spacing > 0 and np.isfinite(strength)):
@@ -190,7 +190,7 @@ def spin_chain(
 ) -> LargeProblem:
     """The Landau-Lifshitz chain S_i′ = S_i × ∇_iH of n spins, d = 3n: H = −Σ S_i·S_{i+1} − ¼a Σ (S_i)₃⁴.
 
-    B is block diagonal with hat(S_i), and every |S_i|² is a quadratic Casimir: n of them, all kept by (2.1).
+    B is block diagonal with B(y)v = S_i × v in block i. The n quadratic Casimirs |S_i|² are all kept by (2.1).
     """
     _at_least("n, the number of spins", n, 2)
     d = 3 * n
@@ -198,7 +198,7 @@ def spin_chain(
     z = base + 2
 
     def hat(v: Array) -> Sparse:
-        """The block diagonal matrix with hat(v_i): hat(a)b = a × b."""
+        """The block diagonal matrix whose product with b is v_i × b_i in block i."""
         a, b, c = v[base], v[base + 1], v[base + 2]
         rows = np.concatenate([base, base, base + 1, base + 1, base + 2, base + 2])
         cols = np.concatenate([base + 1, base + 2, base, base + 2, base, base + 1])

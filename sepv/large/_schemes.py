@@ -1,7 +1,7 @@
 """Steps of (2.1) and of the midpoint rule (3.4) for one large state y (d,) with the random step Δ.
 
-Newton's method is that of `sepv.solve._newton`, with sparse matrices: LAPACK's band solver where the band is narrow,
-SuperLU elsewhere. Both are linear in d for the neighbour couplings of a chain.
+Newton's method is that of `sepv.solve._newton`, with sparse matrices: LAPACK's band solver for narrow bands, else
+SuperLU. The cost of both is linear in d if only neighbours of a chain are coupled.
 """
 
 from __future__ import annotations
@@ -21,14 +21,15 @@ from sepv.schemes import energy_preserving_formula as _energy_preserving
 from sepv.schemes import midpoint_formula as _midpoint
 from sepv.solve import Equations, Evaluation, Formula, Status, Tangent, newton, once
 
-# The most numbers 2l + u + 1 that the band solver touches in a row, pivoting included; beyond it SuperLU is faster.
+# The largest 2l + u + 1 for l lower and u upper diagonals, which the band solver needs with pivoting. For wider bands
+# SuperLU is faster.
 WIDEST_BAND = 64
 
 
 class LargeFields:
-    """The functions of a large problem that formulas of B(y)v, ∇H and its mean use, for a step from y0 to y0 + z, (d,).
+    """The functions B(y)v, ∇H and average of ∇H of a large problem, for formulas of a step from y0 to y0 + z, (d,).
 
-    Newton's matrix uses the `structures` B(y) again, and the averaged gradient `mean`.
+    Newton's matrix reuses the `structures` B(y) and the averaged gradient `mean`.
     """
 
     def __init__(self, problem: LargeProblem, y0: Array, z: Array) -> None:
@@ -81,7 +82,7 @@ class LargeSlopes:
         return self.apply(y, self.gradient(y))
 
     def mean_gradient(self, y: Array, z: Tangent) -> Tangent:  # noqa: ARG002 - y0 and z
-        """The averaged gradient, with H″ averaged by a few nodes: their error costs iterations and no accuracy."""
+        """The averaged gradient and its derivative, with H″ averaged by few nodes, which costs no accuracy of steps."""
         fields, degree = self.fields, self.problem.degree
         points, weights = gauss_legendre(3 if degree is None else mean_nodes(degree))
         first, *others = (
@@ -102,7 +103,7 @@ class LargeSolution:
 
 
 def solve(problem: LargeProblem, y0: Array, formula: Formula, delta: float) -> LargeSolution:
-    """Solve y1 = y0 + R for a formula's R and the random step `delta`; there is no second attempt if Newton fails."""
+    """Solve y1 = y0 + R for a formula's R and the random step `delta`, by one attempt of Newton's method."""
 
     def evaluate(z: Array, _: NDArray[np.intp]) -> Evaluation:
         fields: Any = LargeFields(problem, y0, z[:, 0])
@@ -135,7 +136,7 @@ def newton_correction(K: Sparse, F: Array) -> Array:
     if 2 * lower + upper + 1 <= WIDEST_BAND:
         from scipy.linalg import LinAlgError, solve_banded
 
-        # Row u + i − j of a band holds A_ij. Repeated entries are added.
+        # In band storage A_ij is in row u + i − j, with u = `upper`. Repeated entries are added.
         band = np.bincount(
             (upper + entries.row - entries.col) * d + entries.col,
             weights=entries.data,

@@ -1,4 +1,4 @@
-"""Records as functions of NumPy arrays: a generated function of one elementwise operation a line."""
+"""Records as functions of NumPy arrays: generated Python code with one elementwise operation in each line."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _TEXTS = {
 
 
 def number_or_array(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Decorate a function to return a Python number for a Python number: their sums and products are the fastest."""
+    """Decorate a function to return a Python number for a Python number, because their arithmetic is the fastest."""
     return lambda x, *more: float(function(x, *more)) if isinstance(x, float) else function(x, *more)
 
 
@@ -50,27 +50,27 @@ _NAMES: dict[str, Any] = {
 }
 
 
-# Constants that are written into the text of a function. Others are parameters, so that functions that differ only in
-# them share one text.
+# Constants that are written into the text of a function. Other constants are parameters, so that functions that differ
+# only in them share one text.
 _WRITTEN = {0.0, 0.5, 1.0, 2.0, 3.0, -0.5, -1.0, -2.0, -3.0, math.inf, -math.inf}
 
 
 class Source(NamedTuple):
-    """The text of a function of arrays in Python, and the parameters that it takes as its last argument."""
+    """The text of a Python function of arrays, and the parameters that are the function's last argument."""
 
     text: str
     parameters: tuple[float, ...]
 
     @property
     def function(self) -> Callable[..., tuple[Any, ...]]:
-        """The compiled function, which takes a sequence for each vector of inputs, and one of parameters."""
+        """The compiled function, with a sequence as argument for each vector of inputs, and one for the parameters."""
         return _compiled(self.text)
 
 
 def source(inputs: Sequence[Any], outputs: Any) -> Source:
     """Write the record of outputs as the text of a function with an argument for each vector of inputs.
 
-    It returns the components of the outputs as a tuple.
+    The function returns the components of the outputs as a tuple.
     """
     tape = inputs[0][0].tape
     wanted = [tape.symbol(v) for v in np.asarray(outputs, dtype=object).ravel()]
@@ -95,7 +95,7 @@ def source(inputs: Sequence[Any], outputs: Any) -> Source:
             text = f"power({arguments[0]}, {line.value!r})"
         else:
             text = _TEXTS.get(line.name, f"{line.name}({{}})").format(*arguments)
-        # The name of a dead value is used again: values kept alive without need leave the cache.
+        # Names of values that are no longer needed are used again, so that fewer arrays fill the processor's cache.
         free += sorted({shown[i] for i in line.arguments if last[i] == index and shown[i][0] == "t"})
         shown[index] = free.pop() if free else f"t{index}"
         lines.append(f"    {shown[index]} = {text}")
@@ -113,9 +113,9 @@ def _compiled(text: str) -> Callable[..., tuple[Any, ...]]:
 
 @dataclass(frozen=True)
 class Evaluator:
-    """A recorded function of arrays (d, ...) with a result of a given shape; it has its text, and can be pickled.
+    """A recorded function of arrays (d, ...) with a result of a given shape, stored as text, so that it can be pickled.
 
-    `places` are the components of the result that are not identically zero.
+    `places` are the numbers of the components of the result that are not identically zero.
     """
 
     source: Source
@@ -127,7 +127,7 @@ class Evaluator:
         given = [np.asarray(a) for a in arguments]
         try:
             values = self.source.function(*given, self.source.parameters)
-        except ZeroDivisionError:  # a Python number divided: functions of a single state run on these
+        except ZeroDivisionError:  # Python numbers of a single state raise; arrays become infinite
             return np.asarray(self(*(a[..., None] for a in given))[..., 0])
         batch = given[0].shape[1:]
         filled = np.zeros((prod(self.shape), *batch), dtype=np.result_type(*given, np.float64))

@@ -1,4 +1,4 @@
-"""Exact derivatives of records, written on the same tape and sharing its lines."""
+"""Exact derivatives of recorded functions, written on the function's tape and sharing its lines."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from sepv.record._functions import FUNCTIONS
 from sepv.record._numpy_protocol import CannotRecord, select
 from sepv.record._symbols import Symbol, array
 
-# Operations that pass no derivative on: inputs, constants, and comparisons, which are piecewise constant.
+# Operations whose derivative is taken as 0: inputs, constants, and comparisons, which are piecewise constant.
 _CONSTANT = {"input", "constant", "greater", "greater_equal", "equal", "and", "or", "not"}
 
 
@@ -48,7 +48,7 @@ _RULES: dict[str, Callable[..., tuple[Any, ...]]] = {
     "subtract": lambda *_: (1.0, -1.0),
     "negative": lambda *_: (-1.0,),
     "multiply": lambda _, a, b: (b, a),
-    # The lower power x^(n−1), its first argument, is differentiated with it.
+    # The first argument x^(n−1) gets no derivative, because n x^(n−1) by x is the whole derivative of xⁿ.
     "whole": lambda s, lower, _: (0.0, s.line.value * lower),
     "divide": lambda s, _, b: (1 / b, -(s / b)),
     "power": lambda s, a: (s.line.value * a ** (s.line.value - 1),),
@@ -79,7 +79,7 @@ def jacobian(outputs: Any, inputs: Any) -> Any:
 
 
 def _chain(partials: Iterable[tuple[int, Any]], slopes: dict[int, dict[int, Symbol]]) -> dict[int, Symbol]:
-    """The chain rule for one operation: its derivatives by the inputs, from those by its arguments and of these."""
+    """The derivatives of an operation by the inputs, from `partials` by its arguments and `slopes` of the arguments."""
     total: dict[int, Symbol] = {}
     for i, partial in partials:
         for k, slope in slopes.get(i, {}).items():
@@ -89,7 +89,7 @@ def _chain(partials: Iterable[tuple[int, Any]], slopes: dict[int, dict[int, Symb
 
 
 def gradient(output: Any, inputs: Any) -> Any:
-    """The gradient of an output by the inputs, (d,), in reverse mode: a few times the operations of the output."""
+    """The gradient of an output by the inputs, (d,), in reverse mode, with a few times the operations of the output."""
     inputs = np.asarray(inputs, dtype=object)
     tape = inputs[0].tape
     last = tape.symbol(output)

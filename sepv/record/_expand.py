@@ -1,4 +1,4 @@
-"""Expansion of a record into sums of monomials, where no operation leads out of them."""
+"""Expansion of a record into sums of monomials, if every operation of the record gives such a sum."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def _refused(*_: Any) -> Any:
 def expand(outputs: Sequence[Symbol], inputs: Sequence[Symbol], most: int) -> list[Monomials] | None:
     """The outputs multiplied out into polynomials of the inputs.
 
-    None where one of them is no polynomial, or all together have more than `most` terms.
+    The result is None if an output is no polynomial, or if all together have more than `most` terms.
     """
     d = len(inputs)
     start = {x.index: _Sum({tuple(int(i == k) for i in range(d)): 1.0}) for k, x in enumerate(inputs)}

@@ -1,8 +1,8 @@
 """The flow of y′ = f(y) in closed form, recognised from the record of f.
 
 - f′f = 0: f does not change along its own flow, which is y + t f(y).
-- f is linear in the components that move, with a matrix that does not change along the flow: y_i e^{t M_ii} where a
-  component sees itself alone, a rotation by the angle t M_ij where two see each other with M_ij = −M_ji.
+- f is linear in the components that move, with a matrix M that does not change along the flow. If y_i′ = M_ii y_i,
+  y_i becomes y_i e^{t M_ii}. If y_i′ = M_ij y_j and y_j′ = −M_ij y_i, the flow is a rotation by the angle t M_ij.
 
 The parts of a separable H, quadratic parts about an axis, and the parts of a Lotka-Volterra system are of these forms.
 """
@@ -20,7 +20,7 @@ from sepv.record._symbols import array
 def flow(f: Any, y: Any, t: Any) -> Any:
     """The exact solution of y′ = f(y) at the time t from y, in symbols (d,), for a recorded field f (d,) of y (d,).
 
-    Raises NoClosedForm where f has none of the forms above.
+    Raises NoClosedForm if f has none of the forms in the module's docstring.
     """
     slopes = jacobian(f, y)
     if all(v.number == 0 for v in y[0].tape.symbols(slopes @ f)):
@@ -36,7 +36,7 @@ def flow(f: Any, y: Any, t: Any) -> Any:
 
 
 def _moved(M: dict[int, dict[int, Any]], y: Any, t: Any, i: int) -> Any:
-    """Component i at the time t of y′ = M y for the components in M; the others do not move."""
+    """Component i at the time t of the solution of y′ = M y; components without a row in M do not move."""
     if i not in M:
         return y[i]
     ((j, rate),) = M[i].items() if len(M[i]) == 1 else ((None, None),)

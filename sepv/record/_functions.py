@@ -1,7 +1,7 @@
-"""The elementary functions of a record: value, derivative, and the name of each for NumPy.
+"""The elementary functions that can be recorded, by their names, with values and derivatives.
 
-Three of them are not NumPy's: sin x/x, log1p(x)/x and expm1(x)/x with their derivatives, which the means along a
-segment consist of. Each loses nothing as x → 0.
+NumPy lacks three of them: sin x/x, log1p(x)/x and expm1(x)/x. Averages of gradients along a segment consist of these
+three and their derivatives. They are computed without loss of digits as x → 0.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-# The arguments below which the quotients of derivatives cancel, and are replaced by series that converge fast there.
+# The arguments |x| below which the formulas of the three derivatives lose digits and are replaced by power series.
 _SINC, _LOG, _EXP = 0.5, 0.1, 0.5
 _TERMS = 18
 
@@ -115,7 +115,7 @@ FUNCTIONS: dict[str, Function] = {
     "sinc": Function(sinc, lambda x, _: x.apply("sinc_slope")),
     "log1p_ratio": Function(log1p_ratio, lambda x, _: x.apply("log1p_ratio_slope")),
     "expm1_ratio": Function(expm1_ratio, lambda x, _: x.apply("expm1_ratio_slope")),
-    # Derivatives that only Newton's matrix needs have none of their own.
+    # Newton's matrix needs these derivatives, and no second derivatives.
     "sinc_slope": Function(sinc_slope, None),
     "log1p_ratio_slope": Function(log1p_ratio_slope, None),
     "expm1_ratio_slope": Function(expm1_ratio_slope, None),

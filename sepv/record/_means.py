@@ -8,7 +8,7 @@ that lose nothing as z → 0: with δ = ℓ₁ − ℓ₀ and m = ℓ₀ + δ/2
     cos: −sin(m) sinc(δ/2)         log: log1p(δ/ℓ₀)/δ                √: 1/(√ℓ₀ + √ℓ₁)
     xᵃ: a ℓ₀ᵃ⁻¹ L E(aL δ/ℓ₀) with L = log1p(δ/ℓ₀)/(δ/ℓ₀) and E(x) = expm1(x)/x.
 
-A sum of such terms is averaged term by term. Other terms have no closed form here.
+A sum of such terms is averaged term by term. For other terms no closed form is known here.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from sepv.record._quadrature import gauss_legendre, mean_nodes
 from sepv.record._replay import substitute
 from sepv.record._symbols import Symbol
 
-# With more nodes the rule written out is longer than the adaptive quadrature of most steps.
+# The most Gauss nodes of an average. With more, the rule takes longer than the adaptive quadrature of most steps.
 MOST_NODES = 16
 
 
@@ -33,7 +33,7 @@ class NoClosedForm(Exception):
 
 
 def degrees(output: Symbol, inputs: Any) -> dict[int, int | None]:
-    """The degree in the inputs of each symbol that the output is made of; None where it is not a polynomial."""
+    """The degree in the inputs of each symbol that the output depends on; None for a symbol that is no polynomial."""
     wanted = {x.index for x in inputs}
     by_row: dict[int, int | None] = {}
     for symbol in reachable([output]):
@@ -43,7 +43,7 @@ def degrees(output: Symbol, inputs: Any) -> dict[int, int | None]:
 
 
 def _degree(name: str, below: list[int | None]) -> int | None:
-    """The degree of an operation from those of its arguments, `below`; None where it is not a polynomial."""
+    """The degree of an operation's result from the degrees of its arguments, `below`; None if it is no polynomial."""
     degrees = [n for n in below if n is not None]
     if len(degrees) < len(below):
         return None
@@ -57,7 +57,7 @@ def _degree(name: str, below: list[int | None]) -> int | None:
 
 
 def degree(output: Any, inputs: Any) -> int | None:
-    """The degree of an output as a polynomial in the inputs; None where it is not one."""
+    """The degree of an output as a polynomial in the inputs; None if it is not a polynomial."""
     symbol = inputs[0].tape.symbol(output)
     return degrees(symbol, inputs)[symbol.index]
 
@@ -72,7 +72,8 @@ class Mean(NamedTuple):
 def mean(output: Any, inputs: Any, z: Any) -> Mean:
     """The average of the gradient of an output, ∫₀¹∇output(y + τz)dτ, for inputs y (d,) and further symbols z (d,).
 
-    Raises NoClosedForm unless the output is a polynomial plus functions of `_RULES` of affine arguments.
+    Raises NoClosedForm unless the output is a polynomial plus functions of `_RULES` of affine arguments, with constant
+    factors.
     """
     tape = inputs[0].tape
     symbol = tape.symbol(output)
@@ -87,7 +88,7 @@ def mean(output: Any, inputs: Any, z: Any) -> Mean:
     nodes = mean_nodes(degree(polynomial, inputs) or 0)
     if nodes > MOST_NODES:
         raise NoClosedForm(f"a polynomial H whose mean takes {nodes} Gauss nodes")
-    # The rule's derivative is a mean of H″ and so symmetric; the chain rule does not know that.
+    # The derivative of the average is an average of H″, and so symmetric. The chain rule would not use the symmetry.
     slope = gradient(polynomial, inputs)
     bend = hessian(slope, inputs)
     slopes = jacobian(total, z)
@@ -101,7 +102,7 @@ def mean(output: Any, inputs: Any, z: Any) -> Mean:
 
 
 def _terms(symbol: Symbol, factor: Any) -> list[tuple[Any, Symbol]]:
-    """The terms of a sum, each as (constant factor, symbol); the whole sum has the factor given."""
+    """The terms of a sum, each as (constant factor, symbol), for `factor` times the sum."""
     name, arguments = symbol.line.name, symbol.arguments
     if name in ("add", "subtract"):
         second = factor if name == "add" else -factor
@@ -143,7 +144,7 @@ def _logarithm(x: Any, delta: Any) -> Any:
 
 
 def _exponential(x: Any, delta: Any) -> Any:
-    """The mean of exp, computed from the larger end: it overflows only where the mean itself does."""
+    """The mean of exp, computed from the larger end, so that it overflows only if the mean itself is too large."""
     up = delta > 0
     return (x + select(up, delta, 0.0)).exp() * select(up, -delta, delta).expm1_ratio()
 

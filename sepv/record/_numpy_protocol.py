@@ -1,7 +1,7 @@
-"""NumPy's functions on symbols, by the protocols through which NumPy asks the arguments of a call.
+"""NumPy's functions on symbols, by the protocols `__array_ufunc__` and `__array_function__`.
 
-NumPy's arithmetic on arrays of plain objects calls the elements' own; its comparisons and `np.where` want values at
-once. `SymbolArray` records these as well.
+NumPy's arithmetic on arrays of plain objects calls the arithmetic of the elements, but its comparisons and `np.where`
+need values. `SymbolArray` records comparisons and `np.where` too.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class CannotRecord(TypeError):
 
 
 class Element:
-    """The part of `Symbol` that the functions of this module use; `Symbol` itself is defined later."""
+    """The part of the class `Symbol` that this module uses; `sepv.record._symbols` defines `Symbol`."""
 
     __slots__ = ()
     tape: Any
@@ -38,7 +38,7 @@ class Element:
 
 
 def select(condition: Any, a: Any, b: Any) -> Any:
-    """The value a where a recorded condition holds, else b; both are evaluated."""
+    """The value a if a recorded condition holds, else b, as a symbol; both a and b are evaluated."""
     if not isinstance(condition, Element):
         return a if condition else b
     if condition.number is not None:
@@ -84,7 +84,7 @@ _UFUNCS: dict[Any, Callable[..., Any]] = {
         if isinstance(getattr(np, name, None), np.ufunc)
     },
 }
-# NumPy's functions that need no hook: they use the elements' own products and sums.
+# NumPy's functions that need no replacement, because they use products and sums of the elements.
 _AS_THEY_ARE = {np.matmul}
 _REDUCTIONS: dict[Any, Any] = {
     np.all: np.logical_and, np.any: np.logical_or, np.max: np.maximum, np.min: np.minimum
@@ -131,7 +131,7 @@ def array_ufunc(self: Any, ufunc: Any, method: str, *inputs: Any, **options: Any
 
 
 def array_function(self: Any, function: Any, types: Any, arguments: Any, options: Any) -> Any:  # noqa: ARG001 - NumPy's
-    """NumPy's hook for all other functions: `np.where` and `np.sinc`, and those that only move elements about."""
+    """NumPy's hook for other functions: `np.where`, `np.sinc`, reductions, and functions that only move elements."""
     if function is np.where and len(arguments) == 3:
         return _wrapped(np.frompyfunc(select, 3, 1)(*map(_plain, arguments)))
     if function is np.sinc:  # sin(πx)/(πx)

@@ -1,7 +1,7 @@
 """Polynomials in d variables as data: exponents and coefficients.
 
-Data, not closures: a polynomial prints, shrinks, is compared, travels as JSON with hex floats, and is
-evaluated by mpmath at any precision exactly as it is evaluated here in binary64.
+As data, and not as Python functions, polynomials can be printed, shrunk by Hypothesis, compared, and written as JSON
+with hex floats. mpmath can evaluate them at any precision by the formula that is evaluated here in binary64.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from sepv._arguments import double
 from sepv.errors import UsageError
 
 Exponents = tuple[int, ...]
-# For larger k, x^k is 0 or infinite for nearly every binary64 number x.
+# The largest degree. For larger k, x^k is 0 or infinite for nearly every binary64 number x.
 MAX_DEGREE = 1024
 
 
@@ -30,7 +30,7 @@ MAX_DEGREE = 1024
 class Polynomial:
     """A polynomial Σ_t c_t Π_i y_i^(e_ti) with `terms` (e_t, c_t) in canonical order, without zero terms.
 
-    Build one with `polynomial`, which sorts, merges and checks.
+    The function `polynomial` builds one: it sorts, merges and checks the terms.
     """
 
     dimension: int
@@ -38,7 +38,7 @@ class Polynomial:
 
     @cached_property
     def degree(self) -> int:
-        """Total degree; 0 for a constant and for the zero polynomial."""
+        """The total degree; 0 for a constant and for the zero polynomial."""
         return max((sum(e) for e, _ in self.terms), default=0)
 
     def __str__(self) -> str:
@@ -51,7 +51,7 @@ def polynomial(dimension: int, terms: Mapping[Any, float] | Iterable[tuple[Expon
     Raises
     ------
     UsageError
-        Where an exponent tuple does not have `dimension` non-negative integers, or a coefficient is not finite.
+        If an exponent tuple does not have `dimension` non-negative integers, or a coefficient is not finite.
     """
     merged: dict[Exponents, float] = {}
     for exponents, coefficient in terms.items() if isinstance(terms, Mapping) else terms:
@@ -124,7 +124,7 @@ def add(*summands: Polynomial) -> Polynomial:
 
 
 def multiply(p: Polynomial, q: Polynomial) -> Polynomial:
-    """The product; exact where the coefficients' products and sums are (small dyadic rationals)."""
+    """The product of two polynomials; exact if products and sums of coefficients are exact (small dyadic rationals)."""
     terms = [(tuple(map(operator.add, e, f)), c * g) for e, c in p.terms for f, g in q.terms]
     if p.degree + q.degree > MAX_DEGREE or not all(isfinite(c) for _, c in terms):
         return polynomial(p.dimension, terms)  # which reports the error
@@ -171,28 +171,28 @@ def _of_sorted(dimension: int, terms: list[tuple[Exponents, float]]) -> Polynomi
     return polynomial(dimension, terms)
 
 
-# Up to this many terms times states, one reduction over all terms is faster than a loop over layers of terms, which
-# saves additions but calls NumPy more often. Measured, for speed alone.
+# The largest number of terms times states for which one reduction over all terms is faster than a loop over layers of
+# terms, which saves additions but calls NumPy more often. The number was measured, and matters for speed alone.
 FEW = 8192
 
 
 @dataclass(frozen=True, eq=False)
 class _Sums:
-    """The sums of some monomials, as index tables for their evaluation.
+    """The sums of monomials of several polynomials, as index tables for their evaluation.
 
-    Products and sums run strictly in order: a BLAS product and NumPy's pairwise sum do not, and the bits of one state
-    would depend on the states beside it.
+    Products and sums run strictly in order. With a BLAS product or NumPy's pairwise sum the bits for one state would
+    depend on the other states of the batch.
 
     Attributes
     ----------
     top : the largest exponent of one variable
     factors : (most factors of a monomial, monomials)
-        The powers to multiply: y_i^k has the number i + d·k, and y_1⁰ = 1 fills up short monomials.
+        The powers to multiply for each monomial: y_i^k has the number i + d·k, and y_1⁰ = 1 fills up short monomials.
     places, coefficients : (1 + most terms of a sum, sums), and (…, 1)
-        The monomials and their coefficients. The first row is 0, and 0 · 1 fills up short sums.
+        The monomials and their coefficients in each sum. The first row is 0, and 0 · 1 fills up short sums.
     rows : (rows,) or None
-        The sum of each row, where some are equal: most rows of B and its derivatives are 0, and those of a Hessian
-        come in pairs. None where each row is a sum of its own.
+        The number of each row's sum if rows are equal, as most rows of B and B′ are 0, and rows of a Hessian are equal
+        in pairs. None if all rows differ.
     """
 
     top: int
@@ -230,7 +230,7 @@ class _Sums:
         return values
 
     def _in_layers(self, powers: NDArray[Any]) -> NDArray[Any]:
-        """Add the n-th terms of all sums that have one, for each n in turn."""
+        """The values of all sums: the n-th terms of all sums that have n terms or more are added, for n = 1, 2, …."""
         monomials = powers[self.factors[0]]
         for numbers in self.factors[1:]:
             monomials *= powers[numbers]
@@ -244,7 +244,7 @@ class _Sums:
 
     @cached_property
     def _layers(self) -> tuple[NDArray[np.intp], list[tuple[NDArray[np.intp], NDArray[np.float64]]]]:
-        """Tables for `_in_layers`: the sums in decreasing number of terms, and for each n their n-th terms."""
+        """Tables for `_in_layers`: the sums in order of decreasing number of terms, and for each n the n-th terms."""
         one = self.factors.shape[1] - 1
         lengths = np.count_nonzero(self.places != one, axis=0)
         order = np.argsort(-lengths, kind="stable")
@@ -254,9 +254,9 @@ class _Sums:
 
 @dataclass(frozen=True)
 class PolynomialMap:
-    """Several polynomials evaluated together: their distinct monomials once, then one sum a row.
+    """Several polynomials evaluated together: each distinct monomial once, then one sum for each polynomial.
 
-    The bits of one state do not depend on how many states are evaluated with it.
+    The bits for one state do not depend on how many states are evaluated with it.
     """
 
     shape: tuple[int, ...]
@@ -265,7 +265,7 @@ class PolynomialMap:
     @cached_property
     def _sums(self) -> _Sums:
         d = self.rows[0].dimension
-        # Each distinct polynomial once: shared records are found by identity, and all zeros are one.
+        # Each distinct polynomial is listed once. Equal ones are recognised by identity, except that all zeros are one.
         distinct = {id(p) if p.terms else 0: p.terms for p in self.rows}
         monomials = sorted({e for terms in distinct.values() for e, _ in terms})
         index = {e: t for t, e in enumerate(monomials)}
@@ -290,7 +290,7 @@ class PolynomialMap:
         return replace(self._sums, coefficients=np.abs(self._sums.coefficients))
 
     def __call__(self, y: ArrayLike) -> NDArray[Any]:
-        """Values of shape (*shape, *y.shape[1:]) at y of shape (d, ...), in the dtype of y."""
+        """The values of all polynomials at y (d, ...), of shape (*shape, *y.shape[1:]), in the dtype of y."""
         return self._evaluate(np.asarray(y), self._sums)
 
     def majorant(self, y: ArrayLike) -> NDArray[Any]:
@@ -308,7 +308,7 @@ def majorant(function: Any, y: NDArray[Any]) -> NDArray[Any]:
 
 
 def to_json(p: Polynomial) -> list[list[Any]]:
-    """A polynomial as JSON data [[exponents, hex coefficient], …]; `from_json` makes the same one again to the bit."""
+    """A polynomial as JSON data [[exponents, hex coefficient], …], from which `from_json` restores every bit."""
     return [[list(e), c.hex()] for e, c in p.terms]
 
 

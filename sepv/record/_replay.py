@@ -1,4 +1,4 @@
-"""Evaluation of a record on anything that has arithmetic: other symbols, numbers of any precision."""
+"""Evaluation of a record on any values with arithmetic: other symbols, numbers of any precision."""
 
 from __future__ import annotations
 

@@ -1,10 +1,10 @@
-"""Symbols and the tape that their operations are written on.
+"""Symbols and the tape, the list of operations on symbols.
 
-An operation on symbols is a line of the tape. The same operation on the same arguments is one line, constants fold, 0
-and ±1 vanish, a division by a constant is a product with its reciprocal, and signs move outward, so that −a + b, b − a
-and b + (−1)a are one line too. Beyond 0, ±1 and powers of two no rule looks at the value of a constant: systems that
-differ in their coefficients have the same lines, and share one compiled kernel. Folding 0·x to 0 assumes that
-x is finite.
+Each operation on symbols is a line of the tape. Repeated operations on the same arguments share one line, operations on
+constants are evaluated, factors and terms 0 and ±1 are removed, a division by a constant becomes a product with its
+reciprocal, and signs move outward, so that −a + b, b − a and b + (−1)a are one line. Apart from 0, ±1 and powers of two
+no rule depends on the value of a constant, so that systems that differ only in coefficients have the same lines, and
+share one compiled kernel. Replacing 0·x by 0 assumes that x is finite.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from sepv.record._numpy_protocol import (
     select,
 )
 
-# Whole powers up to this one are products, as NumPy's square is. They are lines "whole": xⁿ⁻¹·x evaluates like any
-# product, but is known as xⁿ, with the derivative n xⁿ⁻¹.
+# The largest exponent of a power that is written as products. Such a power is a line "whole": xⁿ⁻¹·x is evaluated like
+# a product, and differentiated as xⁿ, with the derivative n xⁿ⁻¹.
 LARGEST_POWER = 32
 
 
@@ -41,16 +41,16 @@ class Operation(NamedTuple):
 
 
 class Tape:
-    """The operations that a function has done to symbols: each stands once, and after its arguments."""
+    """The operations that functions have done to symbols: each is listed once, and after its arguments."""
 
     def __init__(self) -> None:
         self.lines: list[Operation] = []
-        # Derivatives known to be shorter than those of the chain rule.
+        # Derivatives of some lines, by the line's number, that are shorter than those of the chain rule (`declare`).
         self.declared: dict[int, tuple[set[int], dict[int, Symbol]]] = {}
         self._known: dict[Any, Symbol] = {}
 
     def write(self, name: str, *arguments: Symbol, value: float = 0.0) -> Symbol:
-        """Add the operation unless it is there, and return its symbol."""
+        """Add an operation unless the tape has it already, and return its symbol."""
         line = Operation(name, tuple(a.index for a in arguments), value)
         symbol = self._known.get(line)
         if symbol is None:
@@ -59,7 +59,7 @@ class Tape:
         return symbol
 
     def constant(self, value: float) -> Symbol:
-        """The symbol of a number. NaN is refused: it equals nothing, so that each would be a new line."""
+        """The symbol of a number. NaN raises CannotRecord: it equals no number, so each NaN would be a new line."""
         if math.isnan(value):
             raise CannotRecord("a constant is NaN")
         return self.write("constant", value=float(value) + 0.0)
@@ -67,7 +67,7 @@ class Tape:
     def declare(self, value: Symbol, fixed: Iterable[Symbol], slopes: Mapping[Symbol, Symbol]) -> None:
         """Declare the derivatives of a value by symbols, for `jacobian` to use in place of the chain rule.
 
-        They are valid while the symbols in `fixed` do not depend on the symbols in `slopes`.
+        They are used only if the symbols in `fixed` do not depend on the inputs of `jacobian`.
         """
         if value.line.arguments:
             by = {x.index: slope for x, slope in slopes.items()}
@@ -92,7 +92,7 @@ class Tape:
 
 
 def array(symbols: Iterable[Any], shape: tuple[int, ...] | None = None) -> Any:
-    """An array of symbols that NumPy's functions take."""
+    """An array of symbols, of the class `SymbolArray` that NumPy's functions accept; one symbol for shape ()."""
     values = list(symbols)
     entries = np.empty(len(values), dtype=object)
     entries[:] = values
@@ -224,7 +224,7 @@ def _whole_power(base: Symbol, n: int) -> Symbol:
 
 
 def _as_power(a: Symbol) -> tuple[Symbol, int]:
-    """The base and the exponent of a whole power; the symbol itself and 1 for anything else."""
+    """The base and the exponent of a whole power; for any other symbol the symbol itself and 1."""
     return (a.arguments[1], int(a.line.value)) if a.line.name == "whole" else (a, 1)
 
 
@@ -250,7 +250,7 @@ def _logical(name: str, a: Symbol, b: Symbol) -> Symbol:
 
 
 def _operator(rule: Callable[[Symbol, Symbol], Any], *, swapped: bool = False) -> Any:
-    """Make a method of `Symbol` from a rule for two symbols, of which one may be a number."""
+    """Make an operator method of `Symbol`, whose other operand may be a number, from a rule for two symbols."""
 
     def method(self: Symbol, other: Any) -> Any:
         symbol = None if isinstance(other, np.ndarray) and other.ndim else _as_symbol(self.tape, other)
@@ -282,7 +282,7 @@ class Symbol(Element):
 
     @property
     def arguments(self) -> tuple[Symbol, ...]:
-        """The symbols that the operation takes."""
+        """The symbols of the operation's arguments."""
         return tuple(Symbol(self.tape, i) for i in self.line.arguments)
 
     @property
@@ -345,6 +345,6 @@ class Symbol(Element):
         return self.tape.write(name, self)
 
 
-# np.sin on an array of objects calls each element's method sin.
+# Methods such as `sin` of symbols, because np.sin on an array of objects calls the method `sin` of each element.
 for _name in FUNCTIONS:
     setattr(Symbol, _name, partialmethod(Symbol.apply, _name))
