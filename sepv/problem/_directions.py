@@ -35,7 +35,7 @@ class Directions(NamedTuple):
         return w
 
     def correction(self, r: Sequence[Any]) -> Any:
-        """The vector u in the span of the q_k with N_kᵀu = r_k, (d, ...), where no inverse is 0."""
+        """The vector u in the span of the q_k with N_kᵀu = r_k, (d, ...), for states at which no inverse is 0."""
         weights: list[Any] = []
         for value, products, inverse in zip(r, self.products, self.inverse, strict=True):
             for w, product in zip(weights, products, strict=True):

@@ -46,8 +46,7 @@ def summed(terms: Array) -> Array:
 def matvec(A: Array, v: Array) -> Array:
     """The product A v for matrices A (n, d, ...) and vectors v (d, ...).
 
-    With the derivatives ∂B_ij/∂y_k (d, d, d, ...) as A the product is the derivative of B(y)v for fixed v,
-    Σ_j ∂B_ij/∂y_k v_j.
+    For A_ijk = ∂B_ij/∂y_k (d, d, d, ...) the product Σ_j ∂B_ij/∂y_k v_j is the derivative of B(y)v by y for fixed v.
     """
     if _is_small(A, A.size):
         return summed(A * v.reshape(len(v), *(1,) * (A.ndim - 1 - v.ndim), *v.shape[1:]))
@@ -152,7 +151,7 @@ def differences(problem: Problem, function: OfLanes, y: Array) -> Array:
 def forward_differences(R: OfLanes, inside: OfLanes | None, z: Array, base: Array, reach: Array) -> Array:
     """The derivative ∂R/∂z (n, d, M) by forward differences at z (d, M), at which R has the value `base` (n, M).
 
-    Where z + width leaves the domain the difference is backward. The width is proportional to `reach` (M,), the size of
+    If z + width leaves the domain, the difference is backward. The width is proportional to `reach` (M,), the size of
     z. R and `inside` get states and the numbers of their paths, because one call shifts several components.
     """
     n, M = z.shape

@@ -1,6 +1,6 @@
 """Systems with several Hamiltonians, dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j), for any brackets {H_0, H_j}.
 
-Every f_j = B∇H_j is a Hamiltonian vector field of one structure. The exact flow keeps the Casimirs of B and, where B
+Every f_j = B∇H_j is a Hamiltonian vector field of one structure. The exact flow keeps the Casimirs of B and, if B
 satisfies Jacobi's identity, is a Poisson map (J. Hong, J. Ruan, L. Sun and L. Wang, Structure-preserving numerical
 methods for stochastic Poisson systems, Commun. Comput. Phys. 29, 2021). H_0 is not kept: with the Itô form
 
@@ -15,7 +15,7 @@ then. Because ∇FᵀB∇H_0 = 0 for F = H_0 and for every Casimir F of B, the g
 
     LF = ½ Σ_j c_j² g_jᵀF″g_j,
 
-a constant where F is quadratic along the g_j: E[F] grows linearly in time (trace formula).
+If F is quadratic along the g_j, LF is a constant, and E[F] grows linearly in time (trace formula).
 
 The order of a scheme that uses the increments of the noises alone depends on their brackets (`column`): order ½ in
 general, order 1 if [f_i, f_j] = f_j′f_i − f_i′f_j = 0 for all noises i, j, as for one noise.
@@ -191,10 +191,7 @@ def combined_gradient(problem: Problem, y: Array, parts: Array) -> Array:
 
 
 def combined_hessian(problem: Problem, y: Array, parts: Array) -> Array:
-    """The second derivatives of hH_0 + Σ_j c_j ΔW_j H_j at y, (d, d, M): as given, else by differences of gradients.
-
-    `parts` (1 + m, M) holds h and the c_j ΔW_j.
-    """
+    """The Hessian (d, d, M) of hH_0 + Σ_j c_j ΔW_j H_j at y, given or by differences; `parts` are h and c_j ΔW_j."""
     total = parts[0] * hessian(problem, y)
     for j, part in enumerate(parts[1:]):
         total = total + part * noise_hessian(problem, j, y)

@@ -30,7 +30,7 @@ class Nambu:
     mean_gradient : callable, optional
         (y0, y1) -> ∫₀¹∇C(y0 + τ(y1 − y0))dτ, exact to rounding.
     degree : int, optional
-        The degree of a polynomial C. With neither it nor `mean_gradient`, adaptive quadrature averages ∇C.
+        The degree of a polynomial C. If neither `degree` nor `mean_gradient` is given, adaptive quadrature averages ∇C.
     """
 
     factor: Function

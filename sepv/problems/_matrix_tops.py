@@ -57,8 +57,7 @@ def su3_top(
 ) -> Problem:
     """A top on su(3)*, with two noises of linear Hamiltonians, H_1 = P_11 and H_2 = Re P_12 + Im P_23.
 
-    The initial state is P_11, P_22 = 0.5, −0.2; P_12, P_13, P_23 have real parts 0.3, −0.4, 0.2 and imaginary parts
-    0.1, 0.25, −0.3.
+    The initial state has P_11, P_22 = 0.5, −0.2 and P_12, P_13, P_23 = 0.3 + 0.1i, −0.4 + 0.25i, 0.2 − 0.3i.
     """
     others = [poly.linear((1, *(0,) * 7)), poly.linear((0, 0, 1, 0, 0, 0, 0, 1))]
     data = matrix_system("su(3)", poly.squares(weights), noise, others)

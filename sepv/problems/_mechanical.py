@@ -75,8 +75,7 @@ def pendulum_chain(links: float = 3, coupling: float = 0.5, noise: ArrayLike = 1
 def lennard_jones(atoms: float = 3, noise: ArrayLike = 1.0) -> Problem:
     """Atoms in the plane, H = ½|p|² + Σ_{i<j} 4(r⁻¹² − r⁻⁶), in the units of J. E. Lennard-Jones (1924); all r_ij > 0.
 
-    The state is y = (x_1, y_1, x_2, …, p). The atoms start on a circle, neighbours at distance 1.2, with momenta that
-    add up to zero.
+    The state is y = (x_1, y_1, x_2, …, p). The atoms start on a circle, neighbours 1.2 apart, with total momentum zero.
     """
     n = whole_number("atoms", atoms, 2, MOST)
     pairs = list(combinations(range(n), 2))

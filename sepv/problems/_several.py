@@ -1,4 +1,4 @@
-"""Examples with several structures and several Hamiltonians, with closed forms where the flows commute."""
+"""Examples with several structures and several Hamiltonians, with closed forms if the flows commute."""
 
 from __future__ import annotations
 
@@ -158,8 +158,7 @@ def noncommuting_tops() -> StructuresProblem:
 def noncommuting_drift() -> StructuresProblem:
     """Rotations of two planes as noises, which commute, with a drift that turns one plane into the other.
 
-    B has the entry −7/10 between the planes. So B∇H keeps neither of the actions I1, I2 (half the squared radius in
-    each plane), and commutes with neither noise.
+    B has the entry −7/10 between the planes, so that B∇H keeps neither action I1 nor I2, and commutes with no noise.
     """
     base = commuting_rotations().data
     assert isinstance(base, PolynomialSystem)

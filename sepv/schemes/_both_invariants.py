@@ -3,8 +3,7 @@
 For B(y)v = g(y)(v × ∇C(y)), with both gradients averaged along the segment, ∇̄F = ∫₀¹∇F(y0 + τ(y1 − y0))dτ:
 H(y1) − H(y0) = ∇̄Hᵀ(y1 − y0) = 0 and C(y1) − C(y0) = ∇̄Cᵀ(y1 − y0) = 0, because the vector product is orthogonal to both
 its factors. C may be any function: this is the last open question of Cohen and Dujardin (2014), §5, in dimension three.
-For quadratic C the average is ∇C at the midpoint, and the scheme is (2.1). It is symmetric, of mean-square and weak
-order 1.
+For quadratic C, ∇̄C is ∇C at the midpoint, and the scheme is (2.1). It is symmetric, of mean-square and weak order 1.
 """
 
 from __future__ import annotations

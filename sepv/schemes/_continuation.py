@@ -3,8 +3,7 @@
 The solutions of the scaled steps, 0 ≤ s ≤ 1, that start at y for s = 0 form a curve. If the iteration for the whole
 step fails, this curve is followed from a small s on, and each solution is predicted from the secant of the two before.
 The curve reaches s = 1, or ends before at a fold or at the edge of the domain. A result solves the equation of the
-whole step to rounding and is connected to y. The solved values of s are counted for each path. Laws never use
-continuation.
+whole step to rounding and is connected to y. Solved scaled steps are counted for each path. Laws never use these.
 """
 
 from __future__ import annotations
@@ -33,8 +32,7 @@ def continued(scheme: Scheme) -> Scheme:
     Parameters
     ----------
     scheme : Scheme
-        An implicit scheme whose `solve(problem, y, h, dW, start)` takes a guess (d, M) of y1 − y0, such as every
-        built-in implicit scheme of one stage.
+        An implicit scheme whose `solve(problem, y, h, dW, start)` takes a guess (d, M) of y1 − y0: all of one stage do.
 
     Returns
     -------

@@ -242,7 +242,7 @@ def require_trusted(targets: Iterable[Any], named: Iterable[str], scheme: Any) -
 
 
 def load_object(target: str) -> Any:
-    """Import module:attribute. Raises TargetError where the module cannot be imported or has no such attribute."""
+    """Import module:attribute. Raises TargetError if the module cannot be imported or has no such attribute."""
     module_name, _, attribute = target.partition(":")
     if module_name.endswith(".py"):
         raise TargetError(

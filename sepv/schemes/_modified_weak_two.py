@@ -92,10 +92,7 @@ def _along(y: Array, w: Array, length: Array | float) -> tuple[Array, Array, Arr
 
 
 def correction(problem: Problem, middle: Array, mean: Array, variance: Array) -> Array:
-    """The matrix S₃ of the modified equation (see the module), (d, d, M), at ȳ = `middle`, for g = `mean`.
-
-    `variance` is 3c²h, from which the width of differences follows.
-    """
+    """The matrix S₃ of the modified equation, (d, d, M), at ȳ = `middle`, for g = `mean` and 3c²h = `variance`."""
     B = problem.structure(middle)
     f = matvec(B, mean)
     length = np.sqrt(np.abs(variance)) * np.max(np.abs(f), axis=0)

@@ -25,7 +25,7 @@ from sepv.errors import UsageError
 
 # The largest error allowed in the sum of weights and in a moment: roundings of a few terms.
 _ROUNDING = 1e-12
-# The order of the highest moment that is compared with that of N(0, 1). No law of a few points matches so many moments.
+# The order of the highest moment that is compared with that of N(0, 1). A law of a few points matches fewer moments.
 _MOST = 24
 
 

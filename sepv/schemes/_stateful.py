@@ -1,7 +1,7 @@
 """A step that carries a state with more than y along a path: a stored force, a cached gradient, a second copy of y.
 
-Laws about one step make a new state for each step, y1 = value(step(init(y0))). Along a path the state goes from step to
-step (`sepv.schemes.carry`).
+Laws about one step make a new state for each step, y1 = value(step(init(y0))). Along a path each step gets the state of
+the step before (`sepv.schemes.carry`).
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ SMALLEST_SHARE = 2.0**-20
 def approach(equations: Equations, numbers: Lanes) -> Solution:
     """Iterate from z = 0 by damped Newton steps until full steps shrink fast, so that Newton's method can go on.
 
-    The status is then CONVERGED, although z is not yet a solution to rounding. `numbers` are the numbers of the lanes
+    The status is then CONVERGED, although z is not yet a solution to rounding. `numbers` are the numbers of the paths
     in `equations`. With small factors λ the iteration follows the curve on which all components of F = z − R shrink by
     the same factor. This curve ends at a solution, or at a point where the Jacobian is singular.
     """
@@ -52,7 +52,7 @@ def approach(equations: Equations, numbers: Lanes) -> Solution:
 def _take_share(
     equations: Equations, numbers: Lanes, state: Solution, share: Array, active: Lanes, A: Array, p: Array
 ) -> Flags:
-    """Move the active lanes to z − λp with Newton's correction p = A⁻¹F, and return True for lanes that moved.
+    """Move the active paths to z − λp with Newton's correction p = A⁻¹F, and return True for paths that moved.
 
     The factor λ is halved until z − λp is in the domain, R is finite at z − λp, and the simplified correction
     A⁻¹F(z − λp) is at most (1 − λ/4)|p|. Linear changes of the equations do not change this test (P. Deuflhard, Newton

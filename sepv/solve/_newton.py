@@ -147,7 +147,7 @@ def iterate(equations: Equations, start: Array, lanes: Lanes | None = None) -> S
 
 
 def _finish(equations: Equations, solution: Solution, numbers: Lanes, lanes: Lanes) -> None:
-    """Iterate on from the current z of some lanes with a Jacobian from differences, and merge the results."""
+    """Iterate from the current z of some paths, `lanes`, with a Jacobian from differences, and merge the results."""
     if lanes.size:
         finished = newton(equations, solution.value[:, lanes], numbers[lanes], differences=True)
         merge(solution, finished, lanes)
@@ -232,10 +232,10 @@ def _newton_of_many(equations: Equations, start: Array, numbers: Lanes, *, diffe
 def _corrections(
     equations: Equations, z: Array, lanes: Lanes, differences: bool, reuse: Flags, last_matrix: Any
 ) -> tuple[Array, Array, Flags, Any, tuple[Any, Any], Flags]:
-    """Evaluate F = z − R and Newton's correction for some lanes, with the last matrix for lanes flagged in `reuse`.
+    """Evaluate F = z − R and Newton's correction for some paths, with the last matrix for paths flagged in `reuse`.
 
-    Returned are F, the correction, flags of lanes that surely stay in the domain, the matrix, the evaluations of ∇H
-    and of B, and flags of lanes with a reliable quadrature.
+    Returned are F, the correction, flags of paths that surely stay in the domain, the matrix, the evaluations of ∇H
+    and of B, and flags of paths with a reliable quadrature.
     """
     recorded, every = None if differences else equations.corrections, np.ones(lanes.size, dtype=bool)
     if recorded is not None:
@@ -253,7 +253,7 @@ def _corrections(
 def _moved(
     equations: Equations, recorded: bool, z: Array, correction: Array, lanes: Lanes, stays: Flags
 ) -> tuple[Array, Flags]:
-    """The next z, z minus the correction, and True for lanes in the domain; for other lanes the old z and False.
+    """The next z, z minus the correction, and True for paths in the domain; for other paths the old z and False.
 
     A correction that leaves the domain is shortened, except one by recorded code.
     """
@@ -264,14 +264,14 @@ def _moved(
 
 
 def _entries(lanes: Any, *values: Any) -> Any:
-    """The entries of each array for some lanes, made contiguous in memory, because v[..., lanes] is not."""
+    """The entries of each array for some paths, `lanes`, contiguous in memory, because v[..., lanes] is not."""
     return values if isinstance(lanes, slice) else [v.take(lanes, axis=-1) for v in values]
 
 
 def _relative_move(moves: Array, magnitude: Array, move: Array, scale: Array, near: Flags | None) -> Array:
     """The largest relative change of a component by a correction, (M,).
 
-    If flags `near` are given, it is computed for these lanes only. For the others move/scale, a lower bound, is enough.
+    If flags `near` are given, it is computed for these paths only. For the others move/scale, a lower bound, is enough.
     """
     if near is None:
         return np.asarray(stop.relative(moves, magnitude, scale).max(axis=0))
@@ -282,9 +282,9 @@ def _relative_move(moves: Array, magnitude: Array, move: Array, scale: Array, ne
 
 
 def _unless_hidden(last: Flags, moves: Array, magnitude: Array, outgrown: Flags) -> Flags:
-    """The flags `last`, but False for lanes in which a component that has outgrown y0 hides a large move of another.
+    """The flags `last`, but False for paths in which a component that has outgrown y0 hides a large move of another.
 
-    `last` is True for lanes whose error after the correction is only rounding.
+    `last` is True for paths whose error after the correction is only rounding.
     """
     if last.any() and outgrown.any():
         last = last & ~(outgrown & (moves > STAGNATION * magnitude).any(axis=0))
@@ -396,7 +396,7 @@ def _largest(values: list[float]) -> float:
 def _is_rounding(
     equations: Equations, numbers: Lanes, residual: Array, z: Array, scale: Array, closely: Flags
 ) -> Flags:
-    """True for lanes whose residual is as small as the rounding of y or, for lanes flagged in `closely`, of R.
+    """True for paths whose residual is as small as the rounding of y or, for paths flagged in `closely`, of R.
 
     The rounding of R has two parts: the rounding of R's terms, and the effect |K||y0| of a rounding of y with K =
     ∂R/∂y1, which stiff equations need, whose R cancels. Both are computed only if the rounding of y is too small. K is
@@ -416,7 +416,7 @@ def _is_rounding(
 
 
 def into_domain(equations: Equations, z: Array, correction: Array, lanes: Lanes) -> tuple[Array, Flags]:
-    """The next z, z − λ·correction with the largest λ = 2⁻ⁿ that stays in the domain; True for lanes with such a λ."""
+    """The next z, z − λ·correction with the largest λ = 2⁻ⁿ that stays in the domain; True for paths with such a λ."""
     moved = z - correction
     inside = np.ones(z.shape[1], dtype=bool)
     if equations.inside is None or not z.shape[1]:
