@@ -54,8 +54,8 @@ def rigid_body(parameters: Parameters, y0: Array, theta: Array) -> Result:
 
     y_a′ = −σA_a y_b y_c, y_b′ = σA_b y_a y_c, y_c′ = −σA_c y_a y_b with A_a = 1/I_b − 1/I_c, A_b = 1/I_a − 1/I_c,
     A_c = 1/I_a − 1/I_b and σ the sign of the permutation. K_a = y_a²/A_a + y_b²/A_b and K_c = y_c²/A_c + y_b²/A_b are
-    conserved. For K_a ≤ K_c: y_c = Y_c dn, y_a = Y_a cn, y_b = Y_b sn of (λθ + u0, m), λ² = A_aA_bA_cK_c, m = K_a/K_c;
-    else the same with a and c exchanged.
+    conserved. For K_a ≤ K_c: y_c = Y_c dn, y_a = Y_a cn, y_b = Y_b sn of (λθ + u0, m), λ² = A_aA_bA_cK_c, m = K_a/K_c.
+    For K_a > K_c, a and c are exchanged.
     """
     inertia = np.array(parameters["inertia"])
     a, b, c = np.argsort(inertia)

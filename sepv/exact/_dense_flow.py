@@ -117,8 +117,8 @@ def solve_dense(
 def _panel(f: Callable[[Array], Array], y: Array, H: float, A: Array, to_series: Array) -> tuple[Array, int]:
     """The values of f at the nodes of a panel of length H from y, (d, s), by Picard iteration, and a grade.
 
-    The grade is 0 if the iteration failed or the panel is too long, 1 if it is short enough, and 2 if the next may be
-    longer.
+    The grade is 0 if the iteration failed or the panel is too long, 1 if the panel is short enough, and 2 if the next
+    panel may be longer.
     """
     F = np.repeat(f(y[:, None]), len(A), axis=1)
     previous = np.inf

@@ -25,7 +25,7 @@ from sepv.simulate import initial_state
 
 @dataclass(frozen=True)
 class ExactFlow:
-    """The exact solution φ_θ(y0) at M random times: y (d, M), its largest absolute error, and how it was computed."""
+    """The exact solution y = φ_θ(y0), (d, M), at M random times θ, its largest absolute error, and its method."""
 
     y: Array
     error: float

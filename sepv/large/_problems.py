@@ -21,7 +21,7 @@ def _sparse(d: int, rows: Any, cols: Any, data: Array) -> Sparse:
 
 
 def _at_least(name: str, n: int, least: int) -> None:
-    """Raise a ProblemError for a chain of less than `least` members."""
+    """Raise a ProblemError for a chain whose number n of members is not an integer ≥ `least`."""
     if not isinstance(n, int) or n < least:
         raise ProblemError(
             expected=f"{name}, an integer ≥ {least}", received=repr(n), remedy="a longer chain"
@@ -81,7 +81,7 @@ def toda_chain(n: int, *, noise: tuple[float, ...] = (1.0,), seed: int = 0) -> L
     q, p = np.arange(0, d, 2), np.arange(1, d, 2)
 
     def forces(pull: Array) -> Array:
-        """The gradient of H by q from the n − 1 exponentials of the links, averaged or not."""
+        """The gradient of H by q from `pull`, the n − 1 exponentials of the links or their averages along a step."""
         total = np.zeros(n)
         total[:-1] += pull
         total[1:] -= pull

@@ -31,7 +31,7 @@ def check_problem(problem: Problem) -> None:
     Raises
     ------
     ProblemError
-        At the first contradiction, naming the component and both values.
+        At the first contradiction. The message names the component and both values.
     """
     for y in sample_states(problem):
         _check_shapes(problem, y)
@@ -108,7 +108,7 @@ def _check_gradient(problem: Problem, y: Array) -> None:
 def _mistaken(
     given: Any, of: Callable[[Any], Any], y: Array
 ) -> Iterator[tuple[tuple[int, ...], float, float]]:
-    """The wrong entries of `given`, the stated derivative of a function at y, as (index, value, right value)."""
+    """The wrong entries (index, value, right value) of `given`, the derivative that a problem states for `of` at y."""
     scale = max(float(np.abs(given).max()), 1e-3)
     for index in np.ndindex(*np.shape(given)):
         value = float(given[index])

@@ -30,7 +30,7 @@ Function = Callable[[Array], Array]
 
 
 def to_be_derived(y: Array) -> Array:
-    """The default of `gradient`, which marks a part that is to be derived; it is never called."""
+    """The default of `Problem.gradient`, a mark that the gradient is to be derived; it is never called."""
     raise NotImplementedError("a mark for what was not given")
 
 
@@ -76,7 +76,7 @@ def derive(dimension: int, structure: Function, hamiltonian: Function) -> Derive
 
 
 def derivatives(dimension: int, hamiltonian: Function, name: str = "hamiltonian") -> Derivatives:
-    """Derive ∇H, H″ and the average of ∇H along a segment from H alone. Raises ProblemError as `derive` does."""
+    """Derive ∇H, H″ and the average of ∇H along a segment from H. Raises ProblemError if H cannot be recorded."""
     tape = Tape()
     y, z = tape.vector(dimension), tape.vector(dimension)
     H = _recorded(tape, name, hamiltonian, y, ())
@@ -118,9 +118,9 @@ class PartFlow:
 
 
 def _recorded(tape: Tape, key: str, function: Function, y: Any, shape: tuple[int, ...]) -> Any:
-    """The record of a function of the symbols y, whose result must have this shape.
+    """The result of a function of the symbols y, as symbols.
 
-    Raises ProblemError, with the reason, if it cannot be recorded or has another shape.
+    Raises ProblemError, with the reason, if the function cannot be recorded, or its result has not the given shape.
     """
     try:
         symbols = tape.symbols(function(y))

@@ -51,7 +51,7 @@ class Directions(NamedTuple):
 
 
 def directions(gradients: Sequence[Any]) -> Directions:
-    """Make gradients, (d, ...) each, orthogonal one after the other."""
+    """The `Directions` of some gradients, (d, ...) each: every gradient is made orthogonal to those before it."""
     basis = Directions([], [], [])
     for N in gradients:
         _append(basis, basis.without(N), N, dot(N, N))

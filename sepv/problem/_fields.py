@@ -28,7 +28,7 @@ FEW = 96
 
 
 def _is_small(A: Array, products: int) -> bool:
-    """True if one NumPy operation should form this many products with A; products of symbols are formed one by one."""
+    """True if one NumPy operation should form all `products` with A, which are few and not of symbols."""
     return products <= FEW * A.shape[1] and isinstance(A, np.ndarray) and A.dtype != object
 
 
@@ -139,7 +139,7 @@ def hessian(problem: Problem, y: Array) -> Array:
 def differences(problem: Problem, function: OfLanes, y: Array) -> Array:
     """The derivative of a function at states y (d, ...) of a problem, (n, d, ...), by forward differences.
 
-    The function is called with states (d, M), and with the index in the flattened y of the state that each belongs to.
+    The function is called with states (d, M) near states of y, and with the numbers of the latter in the flattened y.
     """
     flat, domain = y.reshape(len(y), -1), problem.domain
     inside = None if domain is None else lambda at, _: domain(at)

@@ -49,9 +49,9 @@ def shifted(y: Array, widths: Array) -> Array:
 
 
 def derivative(answers: Array, widths: Array) -> tuple[Array, Array]:
-    """The derivative ∂Φ/∂y (n, d) by differences of order six, and the distance of its entries from order four.
+    """The derivative ∂Φ/∂y (n, d) by differences of order six, and its distance from that by differences of order four.
 
-    `answers` (n, …) are the values of Φ at the states of `shifted`.
+    `answers` (n, …) are the values of Φ at the states that `shifted` returns.
     """
     # The columns of direction j: shifts k = 1, 2, 3, each with both signs.
     sides = answers[:, 1:].reshape(-1, widths.size, POINTS, 2)

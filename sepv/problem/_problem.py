@@ -281,7 +281,7 @@ def require_one_for_each_noise(problem: Problem, key: str, each: str) -> None:
 
 
 def _check_kinds(problem: Problem) -> None:
-    """Check the types of a problem's attributes, and that its functions take the arguments they are called with."""
+    """Check the types of a problem's attributes, and that its functions accept the arguments of their calls."""
     for key in _FUNCTIONS:
         function, arguments = getattr(problem, key), "y0, y1" if key == "mean_gradient" else "y"
         if function is None and key not in _FUNCTIONS[:3]:
@@ -324,7 +324,7 @@ def _check_kinds(problem: Problem) -> None:
 
 
 def coefficients(noise: ArrayLike) -> Array:
-    """Convert `noise` to the c_j, (m,). Raises ProblemError unless it is a number ≥ 0 or a row of them, all finite."""
+    """Convert `noise` to an array (m,). Raises ProblemError unless it is one or several finite numbers c_j ≥ 0."""
     c = _numbers("noise", noise)
     for right, expected, remedy in (
         (np.all(np.isfinite(c)), "finite coefficients c_j", "give a number for each noise, or () for none"),
@@ -349,7 +349,7 @@ def coefficients(noise: ArrayLike) -> Array:
 
 
 def _numbers(key: str, value: ArrayLike) -> Array:
-    """Copy the value as an array of numbers."""
+    """Copy the value of the attribute `key` as an array of numbers; ProblemError if it has other entries."""
     try:
         return floats(key, value).copy()
     except UsageError as error:
@@ -357,7 +357,7 @@ def _numbers(key: str, value: ArrayLike) -> Array:
 
 
 def constant(key: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
-    """The value of the attribute `key` as an array of this shape, finite and not writable; else a ProblemError."""
+    """The value of the attribute `key` as a read-only array; ProblemError if it is not finite or of another shape."""
     array = _numbers(key, value)
     if array.shape == shape and not np.all(np.isfinite(array)):
         raise ProblemError(

@@ -112,7 +112,7 @@ def combined(problem: Problem, y: Array, parts: Array) -> Array:
     require_undamped(problem)
     total = parts[0] * problem.structure(y)
     for part, G in zip(parts[1:], noise_structures(problem), strict=True):
-        # A noise with increment zero needs no structure, which may be undefined there.
+        # A noise with increment zero does not use its structure, which may be undefined (NaN) at y.
         total = total + np.where(part != 0, part * G(y), 0.0)
     return total
 

@@ -55,7 +55,7 @@ class MatrixAlgebra(NamedTuple):
 
 
 def product(X: Any, M: Any) -> Any:
-    """The products X M of two stacks of matrices (k, n, n), summed in the same order for every k, as BLAS does not."""
+    """The products X M of two stacks of matrices (k, n, n), summed in the same order for every k, unlike BLAS."""
     return sum(X[:, :, k, None] * M[:, k, None, :] for k in range(X.shape[1]))
 
 

@@ -1,4 +1,4 @@
-"""Polynomial problems from their data, with analytic derivatives."""
+"""Problems with polynomial H and B, made from the coefficients, with analytic derivatives."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ _VIEWS: WeakKeyDictionary[Problem, Problem] = WeakKeyDictionary()
 
 
 def shown(problem: Problem) -> Problem:
-    """The view of a problem that a scheme gets."""
+    """The view of a problem that a scheme gets: its functions, with or without data and derivatives (`GIVEN`)."""
     return _VIEWS.get(problem, problem)
 
 
@@ -43,7 +43,7 @@ def as_given(data: Description, given: str) -> Problem:
     whole = problems.build(data)
     if given == "data":
         return whole
-    # A copy, because one description may be given in several ways at once.
+    # The problem is copied, because the same description may be shown in several views at once.
     problem = replace(whole, check=False)
     _VIEWS[problem] = _view(whole, bare=given == "bare functions")
     return problem

@@ -18,7 +18,7 @@ _CONSTANT = {"input", "constant", "greater", "greater_equal", "equal", "and", "o
 def reachable(outputs: Iterable[Symbol], given: Container[int] = ()) -> list[Symbol]:
     """The symbols that the outputs depend on, themselves included, in the order of evaluation.
 
-    The search stops at the lines in `given`.
+    The search does not go beyond the lines whose numbers are in `given`.
     """
     outputs, seen = list(outputs), set()
     waiting = [symbol.index for symbol in outputs]
@@ -32,7 +32,7 @@ def reachable(outputs: Iterable[Symbol], given: Container[int] = ()) -> list[Sym
 
 
 def _partials(symbol: Symbol) -> tuple[Any, ...]:
-    """The derivatives of an operation by its arguments."""
+    """The partial derivatives of an operation, given by its result, by each of its arguments."""
     name, arguments = symbol.line.name, symbol.arguments
     if name in FUNCTIONS:
         slope = FUNCTIONS[name].slope

@@ -27,7 +27,7 @@ def _ratio(function: Callable[[Any], Any], x: Any) -> Any:
 
 
 def sinc(x: Any) -> Any:
-    """The function sin(x)/x, 1 at 0."""
+    """The function sin(x)/x, which is 1 at x = 0."""
     return _ratio(np.sin, x)
 
 
@@ -37,7 +37,7 @@ def sinc_slope(x: Any) -> Any:
 
 
 def log1p_ratio(x: Any) -> Any:
-    """The function log(1 + x)/x for x > −1, 1 at 0."""
+    """The function log(1 + x)/x for x > −1, which is 1 at x = 0."""
     return _ratio(np.log1p, x)
 
 
@@ -47,7 +47,7 @@ def log1p_ratio_slope(x: Any) -> Any:
 
 
 def expm1_ratio(x: Any) -> Any:
-    """The function (eˣ − 1)/x, 1 at 0."""
+    """The function (eˣ − 1)/x, which is 1 at x = 0."""
     return _ratio(np.expm1, x)
 
 
@@ -93,7 +93,7 @@ _EXP_SERIES = [1 / (_F[n] * (n + 2)) for n in range(_TERMS - 1, -1, -1)]
 
 @dataclass(frozen=True)
 class Function:
-    """An elementwise function of one argument; `slope` makes its derivative from symbols of x and f(x)."""
+    """An elementwise function f of one argument; `slope` makes the derivative f′(x) from symbols of x and f(x)."""
 
     value: Callable[[Any], Any]
     slope: Callable[[Any, Any], Any] | None

@@ -29,7 +29,7 @@ MOST_NODES = 16
 
 
 class NoClosedForm(Exception):
-    """A gradient has no mean, or a field no flow, in closed form; the message says why."""
+    """Raised if the average of a gradient, or the flow of a field, has no closed form; the message says why."""
 
 
 def degrees(output: Symbol, inputs: Any) -> dict[int, int | None]:

@@ -106,7 +106,7 @@ def _plain(value: Any) -> Any:
 
 
 def _wrapped(value: Any) -> Any:
-    """The result as a `SymbolArray`, or its only element."""
+    """The result of a NumPy function as a `SymbolArray`; an array of shape () becomes its only element."""
     if isinstance(value, np.ndarray):
         return value.view(SymbolArray) if value.ndim else value[()]
     return value
@@ -146,7 +146,7 @@ def array_function(self: Any, function: Any, types: Any, arguments: Any, options
 
 
 def _unwrapped(value: Any) -> Any:
-    """The arguments with each `SymbolArray` as a plain array of objects."""
+    """The arguments of a NumPy function, with each symbol or `SymbolArray` as a plain array of objects."""
     if isinstance(value, (SymbolArray, Element)):
         return _plain(value)
     if isinstance(value, (list, tuple)):

@@ -202,12 +202,12 @@ class _Sums:
     rows: NDArray[np.intp] | None
 
     def __call__(self, y: NDArray[Any]) -> NDArray[Any]:
-        """The values of all rows at states y (d, M), of shape (rows, M)."""
+        """The values of all polynomials at states y (d, M), of shape (rows, M) with a row for each polynomial."""
         values = self._values(y)
         return values if self.rows is None else values.take(self.rows, axis=0)
 
     def _values(self, y: NDArray[Any]) -> NDArray[Any]:
-        """The values (sums, M) of the distinct sums."""
+        """The values (sums, M) of the distinct sums at states y (d, M)."""
         terms, sums = self.places.shape
         if terms == 1:
             return np.zeros((sums, y.shape[1]), dtype=np.result_type(y, np.float64))
@@ -294,7 +294,7 @@ class PolynomialMap:
         return self._evaluate(np.asarray(y), self._sums)
 
     def majorant(self, y: ArrayLike) -> NDArray[Any]:
-        """The scale of rounding errors of the values: Σ |c_t| Π |y_i|^e_i."""
+        """The scale Σ |c_t| Π |y_i|^e_i of rounding errors of the values of all polynomials at y."""
         return self._evaluate(np.abs(np.asarray(y)), self._majorants)
 
     def _evaluate(self, y: NDArray[Any], sums: _Sums) -> NDArray[Any]:

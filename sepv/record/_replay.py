@@ -36,9 +36,9 @@ def replay(
     constant: Callable[[float], Any] = float,
     power: Callable[[Any, float], Any] = operator.pow,
 ) -> list[Any]:
-    """The values of outputs, for given values of some symbols by the numbers of their lines.
+    """The values of recorded outputs, from `values` {number of a line: value} of inputs or of other lines.
 
-    `function` takes the name of an elementary function and its argument. Raises KeyError if an input has no value.
+    `function` evaluates an elementary function from its name and argument. Raises KeyError for an input without value.
     """
     outputs = list(outputs)
     computed: dict[int, Any] = {}

@@ -199,7 +199,7 @@ def collocation(stages: int) -> Scheme:
 
 
 def staged(name: str, stages: int, claims: frozenset[str], source: str, *, averaged: bool) -> Scheme:
-    """The record of a scheme with s stages whose steps `solve_stages` solves, and whose name is NAME-s."""
+    """The record of the scheme NAME-s with s stages, whose steps are solved by `solve_stages`."""
     beyond = "s stages have mean-square order s; beyond 6 rounding is reached at any useful step size"
     s = require_whole("stages", stages, beyond, 1, MAX_STAGES)
 

@@ -1,4 +1,4 @@
-"""The stochastic discrete gradient scheme of §4, as printed there.
+"""The stochastic discrete gradient scheme, as printed in §4 of Cohen and Dujardin (2014).
 
 y1 = y0 + h B(y0) ∇̄H(y0, y1) + B((y0 + y1)/2) ∇̄H(y0, y1) Σ_j c_j ΔŴ_j,
 
@@ -19,7 +19,7 @@ from sepv.solve import Fields, Values
 def corners(y: Values, z: Values) -> Values:
     """The corners of the path along the axes from y to y + z, (d, d, ...).
 
-    Column i is the state whose first i components are those of y + z, and the others those of y.
+    Column i is the state with the first i components of y + z, and the other components of y.
     """
     return np.stack([np.concatenate([y[:i] + z[:i], y[i:]]) for i in range(len(y))], axis=1)
 

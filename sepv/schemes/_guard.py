@@ -49,7 +49,7 @@ _PACKAGE = str(Path(__file__).parents[1])
 def _where(error: BaseException) -> str:
     """The file, line and function that raised an error, as a text in parentheses; empty if the place is unknown."""
     frames = traceback.extract_tb(error.__traceback__)[1:]  # without the frame that called the scheme
-    # An error in a function of sepv that the scheme calls is the scheme's error.
+    # If the scheme calls a function of sepv that raises, the place in the scheme is shown.
     frames = [f for f in frames if not f.filename.startswith(_PACKAGE)] or frames
     return f" ({frames[-1].filename}, line {frames[-1].lineno}, in {frames[-1].name})" if frames else ""
 
@@ -79,7 +79,7 @@ class SchemeCrash(SepvError):
 
 
 def ask(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """y1 of one step of the scheme from y, checked as in `ask_next`."""
+    """y1 of one step of the scheme from y, checked against the contract as in `ask_next`."""
     return ask_next(scheme, problem, y, None, h, dW)[0]
 
 
@@ -211,7 +211,7 @@ def guarded(scheme: Scheme) -> Scheme:
     if isinstance(scheme.step, PathSolver):
         return replace(scheme, step=PathSolver(path), solve=None)
     rule = StatefulStep(lambda _, y: (y, None), carried, lambda path: path[0])
-    # A scheme without states is given a function.
+    # For a scheme without states the copy's step is a function.
     step: Step = rule if isinstance(scheme.step, StatefulStep) else rule.__call__
     return replace(scheme, step=step, solve=None, dtype="float64")
 

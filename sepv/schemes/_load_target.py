@@ -1,4 +1,4 @@
-"""Schemes and problems from a built-in name, module:attribute, or the object itself."""
+"""Schemes and problems loaded from a built-in name, from module:attribute, or from the object itself."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def as_scheme(value: Any, name: str, problems: Iterable[Problem] = ()) -> Scheme
 def _check_signature(step: Any, name: str, count: int = 4) -> None:
     """Raise a TargetError for a function that cannot be called with `count` arguments, (problem, y, h, dW) first."""
     if count == 4 and isinstance(step, (Explicit, Implicit)):
-        return  # they take these four, and inspect takes longer than a step to find out
+        return  # both classes take these four arguments, and `inspect` would take longer than a step
     try:
         signature = inspect.signature(step)
     except (TypeError, ValueError):
@@ -111,7 +111,7 @@ def _check_signature(step: Any, name: str, count: int = 4) -> None:
 
 
 def _named(target: str, problems: Iterable[Problem]) -> Scheme:
-    """The scheme of a text: a built-in name, a solver of another library, or module:attribute."""
+    """The scheme that a text names: a built-in scheme, a solver of another library, or module:attribute."""
     if ":" in target:
         return as_scheme(load_object(target), target, problems)
     from sepv.schemes._catalogue import by_name
@@ -172,7 +172,7 @@ def load_problem(target: Any) -> Problem:
 def words_for(scheme: Any, problems: Any = None) -> str:
     """The arguments of ``sepv verify`` on the command line that name a scheme and its problems.
 
-    The text is empty for objects that have no name to type, such as a function defined in a session.
+    The text is empty for objects that no text names, such as a function defined in a Python session.
     """
     from sepv.schemes._catalogue import by_name
 

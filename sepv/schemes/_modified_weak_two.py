@@ -109,7 +109,7 @@ def correction(problem: Problem, middle: Array, mean: Array, variance: Array) ->
 
 def limited(change: Array, structure: Array) -> Array:
     """The matrix `change` (d, d, M) divided by 1 + θ², θ = |change|/|structure|, so that it is at most half of B."""
-    # Summed entry by entry, because `np.sum` adds in another order for a single lane.
+    # The squares are added entry by entry, because `np.sum` adds in another order for a single path.
     rows = [M.reshape(-1, M.shape[-1]) for M in (change, structure)]
     size, whole = (np.sqrt(dot(entries, entries)) for entries in rows)
     theta = size / np.where(whole > 0, whole, 1.0)

@@ -109,7 +109,7 @@ class Implicit:
 
 @dataclass(frozen=True)
 class Solved:
-    """The step of a scheme with a solver of its own, `of_lanes(problem, y, h, dW)` with y (d, M) and dW (m, M)."""
+    """The step of a scheme with its own solver `of_lanes(problem, y, h, dW)` for batches y (d, M), dW (m, M)."""
 
     of_lanes: Solve
 
@@ -119,7 +119,7 @@ class Solved:
         return self.of_lanes(problem, state, h, noise)
 
     def __call__(self, problem: Problem, y: Array, h: float, dW: Array) -> Array:
-        """y1 of one step for a state or a batch, with shapes and errors as for `Implicit`."""
+        """y1 of one step for y (d,) or (d, M), dW (m,) or (m, M). Raises StepFailure if the equation was not solved."""
         state, noise = as_lanes(problem, y, h, dW)
         solution = self.of_lanes(problem, state, h, noise)
         return require_converged(problem, state, h, noise, solution).reshape(np.shape(y))

@@ -55,7 +55,7 @@ class Orders(float):
         return self
 
     def of(self, column: str) -> float:
-        """The order for noises of this kind, one of `COLUMNS`."""
+        """The order for noises of the kind `column`, one of `COLUMNS`."""
         return float(self) if column == "general" else float(getattr(self, column))
 
     def __repr__(self) -> str:

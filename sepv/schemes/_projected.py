@@ -78,7 +78,7 @@ def projected(order: int) -> Scheme:
     return one_step(
         f"projected-{order}",
         Solved(solve),
-        # The claims leave out equivariance: the directions need a metric, which linear maps do not keep.
+        # Equivariance is not claimed, because the directions depend on lengths, which linear maps change.
         (frozenset(plain.claims) | {"energy", "casimir"}) - {"equivariance"},
         "explicit Runge-Kutta with the random step, and projection",
         order / 2,

@@ -151,7 +151,7 @@ def joined_lanes(states: list[Any]) -> Any:
 
 
 def _mapped(function: Callable[..., Any], *trees: Any) -> Any:
-    """Apply a function to the arrays in the same place of several nested tuples, lists and dicts; None stays None."""
+    """Apply a function to arrays at equal places of several nested tuples, lists and dicts; None stays None."""
     first = trees[0]
     if first is None or hasattr(first, "shape") or isinstance(first, (bool, int, float)):
         return first if first is None else function(*trees)

@@ -134,7 +134,7 @@ class CountedFields(Fields):
         return self.problem.nambu.factor(y)
 
     def mean_casimir_gradient(self, y: Array, z: Array) -> Array:  # noqa: ARG002 - as for H
-        """The mean of ∇C, counted as evaluations of a structure."""
+        """The average of ∇C along the segment from y0 to y1, counted as evaluations of a structure."""
         average = average_gradient(cast(Any, self.problem.nambu), self._y0, self._y1)
         self.structures = self.structures + average.evaluations
         return self._value_of(average)

@@ -54,7 +54,7 @@ class Tangent:
 
 
 class NoDerivative(Exception):
-    """The problem does not give a derivative."""
+    """A problem does not give a derivative that Newton's matrix needs."""
 
 
 class Linearised:

@@ -43,7 +43,7 @@ MOST = 7
 SHARES = 8
 # The most unknowns of a single path for which Python's numbers are faster than arrays.
 FEW = 64
-# The rounding of a sum of a dozen terms, relative to their absolute values: far below the K of
+# The rounding of a sum of a dozen terms, relative to the sum of their absolute values: far below the constant K of
 # `sepv.verification._tolerance`.
 TERMS = 16 * EPS
 
@@ -366,7 +366,7 @@ def _newton_of_one(equations: Equations, start: Array, number: Lanes, *, differe
 def _corrections_of_one(
     equations: Equations, number: Lanes, differences: bool
 ) -> Callable[[list[float], Any], Any]:
-    """The function (z, matrix to reuse or None) that returns the results of `_corrections` for one lane."""
+    """The function (z, matrix to reuse or None) that returns the results of `_corrections` for one path."""
     recorded, inside = None if differences else equations.corrections, equations.inside is None
     if recorded is not None:
         of_record, costs = recorded.of_one(number), recorded.record[1:]

@@ -126,7 +126,7 @@ class Recorded:
         return self._equations[formula, apart]
 
     def system(self, formula: Formula, count: int) -> tuple[Any, Any]:
-        """The residual F = z − R (d,) of a formula's equation, and its derivative A = 1 − K by z, (d, d)."""
+        """The residual F = z − R (d,) of a formula's equation, and the derivative A = 1 − ∂R/∂z of F, (d, d)."""
         R, K, *_ = self.equation_of(formula, count)
         entries = [self.tape.symbol(float(i == j) - v) for i, row in enumerate(K) for j, v in enumerate(row)]
         return self.tape.symbols(self.z - R), array(entries, K.shape)

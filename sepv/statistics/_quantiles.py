@@ -37,7 +37,7 @@ def fishers_f(tail: float, n: int) -> float:
 
 @cache
 def binomial(level: float, n: int, p: float) -> int:
-    """The smallest k with P(at most k of n) ≥ level, for events of probability p."""
+    """The smallest k with P(at most k of n) ≥ level, for n independent events of probability p."""
     k = np.arange(1, n + 1)
     # Ratios P(k)/P(k − 1), starting from P(0), avoid factorials.
     logs = np.cumsum(np.log((n + 1 - k) / k * p / (1 - p)))
