@@ -121,7 +121,7 @@ class HamiltoniansProblem(Problem):
                 )  # fmt: skip
 
     def random_step(self, h: float, dW: Array) -> Array:  # noqa: ARG002  (the signature of `Problem`)
-        """Raise SystemsError: Δ = h + Σ c_j ΔW_j exists for a single Hamiltonian only."""
+        """Raise SystemsError: a step has the random length Δ = h + Σ c_j ΔW_j for a single Hamiltonian only."""
         raise SystemsError(
             expected="a scheme for several Hamiltonians, such as stochastic-midpoint",
             received=f"a scheme that reduces the noise of {self.name} to one random step",

@@ -54,7 +54,7 @@ class Systems(StrEnum):
     lie-poisson
         (1.1) with B linear in y.
     rigid-bodies
-        §4.2 with random moments of inertia.
+        The rigid body of the paper's §4.2 with random moments of inertia.
     matrix-hamiltonians
         Several Hamiltonians with B of a Lie algebra of matrices: so(3), so(4) or su(3).
     separable-hamiltonians
@@ -129,7 +129,7 @@ class NamedProblem:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A stochastic Poisson system (1.1) with the functions that a scheme needs.
+    """A stochastic Poisson system dy = B(y)∇H(y)(dt + Σ_j c_j∘dW_j), (1.1), with the functions that a scheme needs.
 
     Parameters
     ----------

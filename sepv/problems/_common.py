@@ -43,7 +43,7 @@ def canonical(dimension: int, sign: float = -1.0) -> Structure:
 
 
 def planes(dimension: int) -> Structure:
-    """The constant B of (1.3) as polynomial data, with a block for each pair of components; an unpaired one is zero."""
+    """The constant B of (1.3) as polynomial data: a 2 × 2 block for each pair of components, 0 for an unpaired one."""
     return tuple((2 * k, 2 * k + 1, poly.constant(dimension, -1.0)) for k in range(dimension // 2))
 
 

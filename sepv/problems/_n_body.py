@@ -28,7 +28,7 @@ def planets(
     eccentricities: ArrayLike = (0.05, 0.1),
     noise: ArrayLike = 1.0,
 ) -> Problem:
-    """A star, with the first of the masses, and planets on ellipses about it with the given semi-major axes.
+    """A star, whose mass is the first of `masses`, and planets on ellipses about it with the semi-major axes `axes`.
 
     The gravitational constant times the star's mass is 1, so that a light planet of axis 1 has the period 2π. Planet k
     starts at its pericentre, in the direction of 2k radians. The unit of mass is a planet's mass, so that momenta are

@@ -40,7 +40,7 @@ def random_inertia(
     noise_inertia: Sequence[float] = (1.0, 0.5),
     noise: Sequence[float] = (0.5, 0.5),
 ) -> Problem:
-    """The rigid body with random inertia: noise j = 1, …, m has the Hamiltonian H_j = ½y_j²/Î_j.
+    """The rigid body with random inertia: each noise j has the Hamiltonian H_j = ½y_j²/Î_j, with j = 1, 2, 3 at most.
 
     The initial state is (0.8, 0.6, 0). The flow of each H_j is a rotation at a rate that depends on y.
     """

@@ -81,7 +81,7 @@ class Recorded:
 
     @cached_property
     def mean(self) -> Mean:
-        """The averaged gradient ∫₀¹∇H(y + τz)dτ by the rules of `sepv.record`, else the problem's own."""
+        """The averaged gradient ∫₀¹∇H(y + τz)dτ by the rules of `sepv.record`, else by `Problem.mean_gradient`."""
         try:
             return mean(self.H, self.y, self.z)
         except NoClosedForm:
