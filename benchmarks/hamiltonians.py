@@ -65,15 +65,15 @@ TITLE = """# Several Hamiltonians: what schemes claim, and what was found
 
 Choose a scheme for dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j) with {H_0, H_j} ≠ 0
 (`sepv.problem.HamiltoniansProblem`). For mean-square order 1 with any noises take *area-midpoint*, for a Poisson map
-*stochastic-splitting* or *isospectral-midpoint*, for positive species *darboux-lie*, for additive noise
+*stochastic-splitting* or *isospectral-midpoint*, for positive populations *darboux-lie*, for additive noise
 *drift-preserving*. `python -m benchmarks.hamiltonians` prints this page.
 """
 DIFFERENCES = """## Verdicts compared with the papers
 
 *darboux-lie* is the midpoint rule in logarithms. It has mean-square order 1 for one noise (`lotka-volterra`), and order
-½ for three noises whose fields do not commute (`random-lotka-volterra`). No scheme that uses only increments has a
-higher order (J. Clark and R. Cameron 1980). Liu and Wang prove order 1 of an integrator of their own. Only the abstract
-and the introduction of their paper were read: nothing here is a verdict about it.
+½ for three noises whose fields do not commute (`random-lotka-volterra`). For such noises no scheme that uses only
+increments has a higher order (J. Clark and R. Cameron 1980). Liu and Wang prove order 1 of an integrator of their own.
+Only the abstract and the introduction of their paper were read, so no verdict here is about that integrator.
 
 The statements of the other papers hold where they were measured. E[H] is right up to h³ a step for the midpoint rules,
 and up to h² for *isospectral-midpoint*.
@@ -81,16 +81,15 @@ and up to h² for *isospectral-midpoint*.
 ADDITIVE = """## Additive noise
 
 *drift-preserving* is for dy = B(y)∇H dt + Σ c_j g_j dW_j with constant vectors g_j. By the abstract of its paper it
-keeps the exact drift of the energy and of quadratic Casimirs. The paper's experiments were not read:
-`pushed-rigid-body` is a problem of our own. The table shows by how much its means grow from t = 0 to T = 1, by 10,000
+keeps the exact drift of the energy and of quadratic Casimirs. The paper's experiments were not read: the test
+problem `pushed-rigid-body` is one of sepv. The table shows the growth of two means from t = 0 to T = 1, by 10,000
 pairs of paths, with standard errors (`python -m benchmarks.additive_noise`):
 
 """
 VERDICTS = """## Verdicts
 
-Every claimed law holds unless its line says “red or open”. The lists have the laws that hold or are violated without a
-claim. `sepv verify SCHEME --law local-mean-square,local-weak` prints the slopes that show the orders for each kind of
-noise.
+Every claimed law holds unless a line says “red or open”. The lines list the unclaimed laws that hold or are violated.
+`sepv verify SCHEME --law local-mean-square,local-weak` prints the slopes that show the orders for each kind of noise.
 """
 
 
