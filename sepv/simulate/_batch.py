@@ -157,7 +157,7 @@ class Batch:
         self.done = 0
 
     def step(self, h: float, dW: Array, known: Array | None = None) -> None:
-        """Take one step with the increments dW (m, M), truncated by the caller, to the states `known` (d, M) if given."""
+        """Take one step with the increments dW (m, M), truncated already; to the states `known` (d, M) if given."""
         alive = self.alive
         self.done += 1
         if not alive.size:
