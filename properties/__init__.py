@@ -1,11 +1,11 @@
-"""The laws, one theorem a file: each file has a `law`, and a test that any runner can call with a scheme.
+"""The laws (properties of a one-step scheme), one theorem a file: each file has a `law`, and a test for pytest.
 
-Files with an underscore hold the measurements that laws share. `_orders` measures orders of convergence, of one step
-by quadrature and of sampled paths. `_exact_step` solves a step in extended precision. `_sequential` samples paths
-until the verdict is clear. `_without_solution` proves that a step has no solution. `_growth`, `_decay`,
-`_trace_formula`, `_poisson_map`, `_reversal`, `_way_back` and `_states_of_a_path` have one theorem each, used by two
-or three laws. `_structures` tests conditions on B. `_without_memory` has those checks of the law *contract* that need
-several calls of a step.
+Files whose names begin with an underscore hold measurements that several laws use. `_orders` measures orders of
+convergence, for one step by quadrature and over sampled paths. `_exact_step` solves a step in extended precision.
+`_sequential` samples paths until the verdict is clear. `_without_solution` proves that a step has no solution.
+`_growth`, `_decay`, `_trace_formula`, `_poisson_map`, `_reversal`, `_way_back` and `_states_of_a_path` have one theorem
+each, which two or three laws use. `_structures` tests conditions on B. The law *contract* has its checks that need
+several calls of a step in `_without_memory`.
 """
 
 from __future__ import annotations

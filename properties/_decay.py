@@ -1,10 +1,11 @@
 """Decay of homogeneous invariants under damping, for the laws *conformal-casimir* and *conformal-energy*.
 
 With the damping −γy dt, an invariant F that is homogeneous of degree p has F(y1) = e^{−pγh}F(y0) after a step of size
-h. A scheme computes y1 = ρ(ρy0 + z), ρ = e^{−γh/2}: the increment z of an undamped step from ρy0 keeps F.
+h. A scheme computes y1 = ρ(ρy0 + z) with ρ = e^{−γh/2}, where z is the increment of an undamped step from ρy0 and
+F(ρy0 + z) = F(ρy0).
 
-**Bound.** The residual r of the undamped step changes F by at most |∇F|ᵀr. To r is added the rounding of both products
-by ρ: for |γh| ≤ 1 the relative error of ρ is 1.5 eps and each product is rounded once, together 4 eps |y|_∞.
+**Bound.** The residual r of the undamped step changes F by at most |∇F|ᵀr. The rounding of both products by ρ is added
+to r: if |γh| ≤ 1, ρ has a relative error of 1.5 eps and each product is rounded once, which is 4 eps |y|_∞ together.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from sepv.schemes import Scheme
 from sepv.verification._cases.case import Case
 from sepv.verification._tolerance import step_residual
 
-# LONGEST is the largest |γh| for which the error of ρ, and so the bound, is derived.
+# LONGEST is the largest |γh| for which the error of ρ = e^{−γh/2}, and so the bound, is derived.
 LONGEST = 1.0
 
 
@@ -38,7 +39,7 @@ def factor(exact: Any, problem: Problem, h: float, degree: int) -> Any:
 
 
 def residual(scheme: Scheme, problem: Problem, y: Array, y1: Array, h: float, dW: Array) -> Array:
-    """Bound the residual r and the rounding by ρ of each component, (d,). Raises Skipped for |γh| > LONGEST."""
+    """Bound the residual and the rounding of the damping in each component, (d,). Raise Skipped if |γh| > LONGEST."""
     if abs(damping_of(problem) * h) > LONGEST:
         raise Skipped(f"the law speaks of |γh| ≤ {LONGEST:g}")
     rounding = 4 * EPS * max(float(np.max(np.abs(v))) for v in (y, y1))

@@ -1,4 +1,4 @@
-"""Steps of schemes' equations solved in extended precision, kept between runs: they do not depend on the scheme."""
+"""Solve steps in extended precision. Solutions do not depend on a scheme's code, so they are cached between runs."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ def exact_step(
     method: str | Equation, data: Description, y: Sequence[float], h: float, dW: Sequence[float],
     start: list[float] | None = None,
 ) -> tuple[list[Any], list[list[float]]]:  # fmt: skip
-    """The solution y1 to DIGITS digits, d numbers of mpmath, and the condition (d, d) of its equation.
+    """Return y1 to DIGITS digits, as d numbers of mpmath, and the condition matrix (d, d) of the step's equation.
 
-    Arguments and errors are those of `sepv.reference.steps.reference_step`. Only equations with a name are kept.
+    Arguments and errors are those of `sepv.reference.steps.reference_step`. Only equations given by name are cached.
     """
 
     def solved() -> tuple[list[Any], list[list[float]]]:

@@ -14,13 +14,13 @@ from sepv.solve import Status
 def first_failed(
     scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, status: NDArray[np.int64]
 ) -> str:
-    """Describe the first step of a batch, y (d, M) with dW (m, M), whose status (M,) is a failure; empty if none is."""
+    """Describe the first failed step of a batch y (d, M), dW (m, M) with status (M,), or return "" if none failed."""
     k = int(np.argmax(status != Status.CONVERGED))
     return "" if status[k] == Status.CONVERGED else failed_step(scheme, problem, y[:, k], h, dW[:, k])
 
 
 def failed_step(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> str:
-    """Describe the step from y (d,) with dW (m,). The scheme is called once more, for its own error message."""
+    """Describe a failed step from y (d,) with dW (m,). The scheme is called again to obtain its error message."""
     place = f"from y0 = {row(y)} with h = {float(h)!r}, ΔW = {row(dW[: problem.noises])}"
     return f"{place}: {_error_message(scheme, problem, y, h, dW)}"
 
@@ -36,5 +36,5 @@ def _error_message(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Arr
 
 
 def row(values: ArrayLike | None) -> str:
-    """Format numbers as (0.5, -1.25e-07), with twelve digits, so that errors of high order are visible."""
+    """Format numbers as (0.5, -1.25e-07), with twelve digits, so that differences near 1e-12 are visible."""
     return "(" + ", ".join(f"{float(v):.12g}" for v in np.atleast_1d(np.asarray(values))) + ")"

@@ -1,4 +1,4 @@
-"""Classify the growth of errors with time by a confidence interval: bounded, a random walk, linear or faster."""
+"""Classify the growth t^a of errors by a confidence interval of a: bounded, a random walk, linear or faster."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from sepv.problem import Array, Problem
 from sepv.record import EPS
 from sepv.statistics import jackknife_half
 
-# LEVEL is the probability with which an interval misses the exponent, on both sides together.
+# LEVEL is the probability that the confidence interval of an exponent, with two sides, misses the exponent.
 LEVEL = 1e-3
-# KINDS of growth t^a and the upper end of their exponents a: half-way between 0, ½ and 1.
+# KINDS of growth t^a, each with the upper end of its exponents a. The ends are half-way between 0, ½, 1 and 1½.
 KINDS = (("bounded", 0.25), ("a random walk", 0.75), ("linear", 1.25), ("faster than linear", np.inf))
 
 
 def exponent(times: Array, errors: Array) -> tuple[float, float]:
-    """Return the slope of ln rms against ln t and the half-width of its interval, by a jackknife over paths.
+    """Return the slope of ln rms against ln t and the half-width of its confidence interval, by a jackknife over paths.
 
-    `errors` (L, M) are those of M paths at L times. If a few paths dominate the rms, the interval is wide.
+    `errors` (L, M) holds the errors of M paths at L times. If a few paths dominate the rms, the interval is wide.
     """
     squares = errors**2
     total, paths = squares.sum(axis=1), squares.shape[1]
@@ -30,7 +30,7 @@ def exponent(times: Array, errors: Array) -> tuple[float, float]:
 
 
 def kind_of(value: float, half: float) -> str:
-    """Return the name of the one of KINDS that contains the whole interval, or "open"."""
+    """Return the name of the kind of growth that contains the interval value ± half of an exponent, else "open"."""
     edges = (-np.inf, *(edge for _, edge in KINDS))
     for (kind, high), low in zip(KINDS, edges, strict=False):
         if low < value - half and value + half < high:
@@ -39,16 +39,16 @@ def kind_of(value: float, half: float) -> str:
 
 
 def grows(value: float, half: float) -> bool:
-    """True if the interval of an exponent excludes a bounded error."""
+    """True if the interval value ± half of an exponent excludes bounded errors."""
     return value - half > KINDS[0][1]
 
 
 def rounding_walk(problem: Problem, y: Array, steps: int) -> float:
-    """Bound the change of H by rounding in N = `steps` steps of a scheme that keeps H, among states y (d, M).
+    """Bound the change of H by rounding over N = `steps` steps of a scheme that keeps H, on paths through y (d, M).
 
     A step rounds the update of y by half an ulp of each component, and leaves a residual of the same size. So H changes
-    by at most 2 eps S, S = Σ|∂_iH y_i| + |H|. If the signs are independent, Azuma's inequality bounds the sum by
-    8 eps √N S, except with probability below 1e-3. Measured sums are about 0.3 eps √N S.
+    by at most 2 eps S, S = Σ|∂_iH y_i| + |H|. If the signs of the changes are independent, Azuma's inequality bounds
+    their sum by 8 eps √N S, except with probability below 1e-3. Measured sums are about 0.3 eps √N S.
     """
     size = np.max(np.sum(np.abs(problem.gradient(y) * y), axis=0)) + np.max(np.abs(problem.hamiltonian(y)))
     return 8 * EPS * float(np.sqrt(steps)) * float(size)

@@ -5,10 +5,10 @@ central differences, with a bound E of the error of each entry. The equation's e
 
     E|B||Φ′|ᵀ + |Φ′||B|Eᵀ + E|B|Eᵀ,    |B(y1 + e) − B(y1)| for the error e of y1,    and roundings of the products.
 
-E needs a disc |ζ| ≤ ρ in which the step Φ(y0 + ζe_j) − (y0 + ζe_j) is bounded by M (Cauchy's estimate). For polynomial
-data and Δ inside half the contraction radius, ρ = M = r/2, with r the radius of the ball of
+Cauchy's estimate gives E from a disc |ζ| ≤ ρ of complex ζ in which |Φ(y0 + ζe_j) − (y0 + ζe_j)| ≤ M. If the problem is
+polynomial data and |Δ| at most half the contraction radius, ρ = M = r/2, with the radius r of the ball of
 `sepv.verification._contraction.contraction_ball`: states within r/2 of y0 move by at most r/2 and stay in the ball. For
-other problems the error of the formula of order six is estimated by its difference from that of order four.
+other problems the truncation error of Φ′ is estimated by the difference of the formulas of order six and four.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from sepv.verification._contraction import contraction_ball
 from sepv.verification._law import Measurement
 from sepv.verification._tolerance import operations, step_residual, structure_majorant
 
-# ROUGH is the largest relative error of Φ′ with which a step is judged: a rougher step has no usable derivative.
+# ROUGH is the largest relative error of Φ′ with which a step is judged. With a larger one the step is skipped.
 ROUGH = 1e-6
 
 
 class StepSlope(NamedTuple):
-    """The derivative Φ′ at y0 (d, d), a bound of the error of each entry (d, d), the error of y1, and y1 (d,)."""
+    """The derivative Φ′ (d, d) of a step at y0, error bounds of its entries (d, d), an error bound of y1, and y1."""
 
     slope: Array
     error: Array
@@ -46,17 +46,17 @@ def tangent(scheme: Scheme, case: Case) -> StepSlope:
     Raises
     ------
     Skipped
-        Where the step is not smooth enough for differences.
+        If the step is not smooth enough for numerical differentiation.
     """
     problem, y, h, dW = case.build()
     rho = _disc(problem, y, h, dW)
     sizes = [poisson.WIDTH * rho] * y.size if rho else poisson.BLIND_WIDTH * poisson.scales(problem, y)
-    # Widths are rounded down to powers of two: their multiples and divisions by them are exact.
+    # Widths of the differences are rounded down to powers of two, so that multiples of them and divisions are exact.
     widths = np.array([float(2.0 ** np.floor(np.log2(size))) for size in sizes])
     answers = _steps(scheme, problem, poisson.shifted(y, widths), h, dW)
     y1 = answers[:, 0]
-    # The residual at the shifted states is below twice that at y, and a part for y near 0: a shift is 3 widths at most,
-    # and y1 moves by as much again inside the contraction radius.
+    # The residual at a shifted state is at most twice the residual at y, plus a term for y near 0, because a state is
+    # shifted by at most 3 widths, and y1 moves by at most twice the shift inside the contraction radius.
     residual = 2 * step_residual(problem, y, y1, h, dW, scheme)
     residual += scheme.eps * operations(problem, scheme.stages) * 2 * poisson.POINTS * float(widths.max())
     error = amplification(scheme, case) * float(residual.max())
@@ -97,7 +97,7 @@ def _steps(scheme: Scheme, problem: Problem, states: Array, h: float, dW: Array)
 
 
 def _disc(problem: Problem, y: Array, h: float, dW: Array) -> float:
-    """Return the radius ρ of the disc of Cauchy's estimate, or 0 if none is known."""
+    """Return the radius ρ of a disc for Cauchy's estimate of derivatives of the step, or 0 if none is derived."""
     if not (isinstance(problem.gradient, PolynomialMap) and isinstance(problem.structure, PolynomialMap)):
         return 0.0
     radius, ball = contraction_ball(problem, y)

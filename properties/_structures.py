@@ -1,7 +1,7 @@
-"""Conditions on B that laws need of a case, tested at states in general position.
+"""Tests of conditions on B (constant, Jacobi's identity) at a state y and at states in general position near y.
 
-A derivative of B may vanish at one state alone: that of 1 + y_1⁴y_2² does wherever y_1 = 0, and states of cases have
-zero components. A condition that holds at such a state only would let a law judge a system that it is not about.
+The derivative of an entry of B may vanish at special states: that of 1 + y_1⁴y_2² does if y_1 = 0. States of test cases
+often have zero components. If B were tested at y alone, a law could judge a system to which it does not apply.
 """
 
 from __future__ import annotations
@@ -13,16 +13,16 @@ import numpy as np
 
 from sepv.problem import Array, Problem, derivative_of_structure, jacobi_defect
 
-# Distances from y of the other states, as shares of |y|: the first that stays in the problem's domain is taken.
+# Distances of states near y from y, as shares of |y|. The first distance that stays in the problem's domain is used.
 SHARES = (2.0**-2, 2.0**-4, 2.0**-8, 2.0**-16)
 GOLDEN = (5**0.5 - 1) / 2
-# Jacobi's identity holds to this share of its largest term: a thousand times the error of differences, and far below
-# the defect of a structure without it.
+# Jacobi's identity counts as satisfied up to this share of its largest term. The share is a thousand times the error of
+# numerical derivatives, and far below the defect of a B that violates the identity.
 JACOBI = 1e-8
 
 
 def places(problem: Problem, y: Array) -> Iterator[Array]:
-    """The state y (d,), and up to two states near it of which no component, and no difference of two, is special."""
+    """Yield y (d,) and up to two states near y in general position: no component or difference of two is special."""
     yield y
     direction = 0.5 + np.arange(1, y.size + 1) * GOLDEN % 1.0
     largest = float(np.max(np.abs(y))) or 1.0

@@ -1,13 +1,13 @@
 """The trace formula after one step, E[F(y1)] = F(y0) + hσ, by quadrature over the increments.
 
-For the laws *energy-drift* and *casimir-drift*. The systems are dy = B∇H dt + Σ c_j g_j dW_j, and the generator L maps
-the function F to a constant, LF = σ. A scheme can satisfy the formula exactly: it adds half of the noise to y, makes a
-step of y′ = B∇H that keeps F, and adds the other half. Each addition increases E[F] by Var(ΔW_j) σ = ½hσ.
+The laws *energy-drift* and *casimir-drift* measure its defect. Their systems are dy = B∇H dt + Σ c_j g_j dW_j, whose
+generator L maps F to a constant, LF = σ. A scheme satisfies the formula exactly if it adds half of the noise to y,
+makes a step of y′ = B∇H that keeps F, and adds the other half. Each addition increases E[F] by Var(ΔW_j) σ = ½hσ.
 
-**Bound.** At each node of the quadrature: the change of F by the residual r of the step, and the rounding of F. To it
-is added twice the difference from a rule with one node fewer in each variable. That is rounding if F(y1) is a
-polynomial of low degree in the noise, as for schemes that satisfy these laws. Increments of the two halves may cancel
-each other: r is computed for increments that are all as large as the largest of the rule.
+**Bound.** At each node of the quadrature, F changes by the residual r of the step and by the rounding of F. The bound
+is the mean of both, plus twice the difference from a rule with one node fewer in each variable. This difference is
+rounding if F(y1) is a polynomial of low degree in the noise, as for schemes that satisfy the two laws. The two halves
+of the noise may cancel, so r is computed with every increment as large as the largest one of the rule.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ class Quantity:
     Attributes
     ----------
     name : str
-        F in words.
+        The name of F in messages.
     value, size : (d, M) -> (M,)
-        F, and the sum of the absolute values of its terms, to which its rounding is proportional.
+        F, and the sum of the absolute values of the terms of F. The rounding of F is proportional to this sum.
     moved : (y0, y1, r), each (d, M) -> (M,)
-        A bound of the change of F by a residual r of the step from y0 to y1.
+        A bound of the change of F that a residual r of the step from y0 to y1 causes.
     rate : float
         The constant σ.
     unit : float
@@ -81,7 +81,7 @@ def measured(scheme: Scheme, problem: Problem, y: Array, h: float, F: Quantity) 
 def mean_after(
     scheme: Scheme, problem: Problem, y: Array, h: float, F: Quantity, fewer: int = 0
 ) -> tuple[float, float]:
-    """Return E[F(y1)], and a bound of its error by residuals and rounding."""
+    """Return E[F(y1)] by quadrature with `fewer` nodes fewer, and a bound of its error by residuals and rounding."""
     nodes = rule_for(scheme, problem, h, 4, fewer)
     noise = np.sqrt(h) * nodes.zeta
     states = np.repeat(y[:, None], noise.shape[1], axis=1)

@@ -1,8 +1,8 @@
-"""Any Casimir is kept, quadratic or not: B(y)v = g(y)(v × ∇C(y)) in dimension three, and polynomials in any dimension.
+"""A step keeps any Casimir C, quadratic or not: any C of B(y)v = g(y)(v × ∇C(y)) if d = 3, else any polynomial C.
 
-Cohen and Dujardin (2014), §5, leave the preservation of other invariants open; (2.1) keeps quadratic Casimirs only.
-Beyond dimension three the systems are built from their Casimirs, B_ij = Σ ε_ijk… ∂_kC_1 …, with two or three of degree
-one to four; or are those of su(3), whose Casimir of third degree is tr P³ (`sepv.problems._matrix_algebras`).
+The scheme (2.1) keeps only linear and quadratic Casimirs. Cohen and Dujardin (2014), §5, leave other invariants open.
+If d > 3, the systems are built from two or three Casimirs of degree one to four, B_ij = Σ ε_ijk… ∂_kC_1 …, or they
+are systems on su(3), whose Casimir of third degree is tr P³ (`sepv.problems._matrix_algebras`).
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ from sepv.verification._cases.families import of_casimirs
 from sepv.verification._cases.of_law import only
 from sepv.verification._cases.random_cases import placed
 
-# Numbers of systems beyond dimension three for schemes for (1.1); they are the same with every seed.
+# The number of fixed systems of dimension 4 and 5 on which each scheme for (1.1) is tested, with every seed.
 SYSTEMS = 12
 
 
 def slopes(case: Case, problem: Problem, *states: np.ndarray) -> Iterator[np.ndarray]:
-    """A majorant (d,) of each ∇C over the states: absolute coefficients, else |∇C| + |C″||y|."""
+    """Yield a majorant (d,) of each ∇C over the states: by |coefficients| of polynomials, else |∇C| + |C″||y|."""
     for C in case.problem.polynomial_casimirs if isinstance(case.problem, PolynomialSystem) else ():
         gradient = PolynomialMap((C.dimension,), poly.gradient(C))
         yield np.max([gradient.majorant(y) for y in states], axis=0)
@@ -40,16 +40,16 @@ def slopes(case: Case, problem: Problem, *states: np.ndarray) -> Iterator[np.nda
 
 
 def values(exact: Any, y: np.ndarray) -> list[Any]:
-    """The Casimirs at a binary64 state in extended precision, in the order of `slopes`."""
+    """Evaluate the Casimirs at a binary64 state in extended precision, in the order of `slopes`."""
     at = exact.state(y)
     return [*exact.polynomial_casimirs(at), *([exact.casimir(at)] if exact.casimir else [])]
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """The worst C(y1) − C(y0), C evaluated at the binary64 states in extended precision.
+    """Measure the largest C(y1) − C(y0), with C evaluated at the binary64 states in extended precision.
 
-    C(y1) − C(y0) = ∇̄Cᵀ(y1 − y0) = ∇̄Cᵀr for a step with residual r. ∇̄C is now among the factors of r: its sums of
-    terms of degree ≤ 4 double the operations of (2.1).
+    With the averaged gradient ∇̄C and the residual r of the step, C(y1) − C(y0) = ∇̄Cᵀ(y1 − y0) = ∇̄Cᵀr. The step
+    evaluates ∇̄C too. Its sums of terms of degree ≤ 4 double the operations of (2.1), so the bound of r is doubled.
     """
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)
@@ -67,7 +67,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 
 def beyond_three() -> Iterable[Case]:
-    """Steps of (1.1) with all d − 2 Casimirs given, d = 4 and 5, at the paper's steps and at long ones."""
+    """Make steps of systems (1.1) of dimension d = 4 and 5 with d − 2 given Casimirs, usual and long ones."""
     made = (_step(Random(seed), 4 + seed % 2) for seed in range(4 * SYSTEMS))
     return [case for case in made if case is not None][:SYSTEMS]
 

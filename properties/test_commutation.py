@@ -1,9 +1,9 @@
 """Several structures (§1): mean-square order 1 where the fields of the noises commute, ½ where they do not.
 
-A scheme that sees only increments cannot be better: it misses the iterated integrals ∫W_i∘dW_j, which are of the order
-of h and are multiplied by the commutators of the fields G_j∇H. Commutators of drift and noises do not matter: ∫W∘dt is
-of the order of h^(3/2). The law finds the orders in all of these cases. Where all flows commute, the exact solution has
-a closed form; elsewhere the reference is Heun's method with finer steps, whose own error is shown.
+A scheme that sees only the increments of W cannot have a higher order if the fields G_j∇H do not commute: their
+commutators are multiplied by iterated integrals ∫W_i∘dW_j, which are of the order of h. Commutators of the drift with a
+noise do not lower the order, because ∫W∘dt is of the order of h^(3/2). If all flows commute, the exact solution has a
+closed form. Otherwise the reference is Heun's method with finer steps, and the report shows its error.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from sepv.verification._law import pathwise
 T, STEPS = 0.5, (4, 16, 64)
 # Half the distance to the neighbouring multiples of ½.
 MARGIN = 0.25
-# The order of each problem, and True if no scheme that uses only increments has a higher one.
+# For each problem the expected order, and True if no scheme that sees only increments has a higher order.
 EXPECTED = {
     "commuting-rotations": (1.0, False),
     "commuting-oscillators": (1.0, False),
@@ -32,7 +32,7 @@ SETUPS = tuple(Setup(name, T, STEPS) for name in EXPECTED)
 
 
 def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) -> Assessment:
-    """Compare the measured order with that of the problem."""
+    """Compare the confidence interval of the measured mean-square order with the order in EXPECTED."""
     order, at_most = EXPECTED[problem.name]
     value, low, high = mean_square_order(errors, alpha, more=more)
     verdict = Verdict.INCONCLUSIVE
@@ -50,14 +50,14 @@ def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) ->
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
-    """Slopes on commuting families, on commuting noises with another drift, and on noises that do not commute."""
+    """Measure the order for flows that all commute, for commuting noises with another drift, and for other noises."""
     if scheme.systems != Systems.SEVERAL:
         return law.finding(Verdict.NOT_APPLICABLE, message="the scheme is not for several structures")
     return judge(law, scheme, this_run, assess, at_least=False, setups=SETUPS)
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
-    """Run the same paths again."""
+    """Repeat the run of a witness (a stored counterexample), with its seed and number of paths."""
     return run(law, scheme, Run(Effort(seed=int(witness["seed"]), paths=int(witness["paths"]))))
 
 

@@ -1,4 +1,4 @@
-"""With damping −γy dt Casimirs decay along each path: yᵀAy as e^{−2γt}, bᵀy as e^{−γt}."""
+"""With damping −γy dt, quadratic Casimirs yᵀAy decay as e^{−2γt} along each path, linear Casimirs bᵀy as e^{−γt}."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from sepv.verification._tolerance import casimir_ulp
 
 
 def with_casimirs(case: Case) -> Case | None:
-    """Keep steps of damped systems with a quadratic or linear Casimir."""
+    """Keep a case if its system is damped and has a quadratic or linear Casimir."""
     problem, *_ = case.build()
     return damped(case) if len(problem.casimirs) + len(problem.linear_casimirs) else None
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Measure the largest C(y1) − e^{−pγh}C(y0), p = 2 and 1; the bound is that of `sepv.properties._decay`."""
+    """Measure the largest C(y1) − e^{−pγh}C(y0) for C of degree p, with the bound of `sepv.properties._decay`."""
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)
     exact = exact_problem(case.problem, 40)

@@ -1,4 +1,4 @@
-"""With damping −γy dt a homogeneous H of degree p decays as e^{−pγt} along each path."""
+"""With damping −γy dt, a Hamiltonian H that is homogeneous of degree p decays as e^{−pγt} along each path."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from sepv.verification import Case, Cases, Effort, Measurement, energy_bound, en
 
 
 def degree_of(case: Case) -> int:
-    """The degree of a homogeneous H, 0 for other H."""
+    """Return the degree of H if H is a homogeneous polynomial, else 0."""
     if not isinstance(case.problem, PolynomialSystem):
         return 0
     degrees = {sum(e) for e, _ in case.problem.hamiltonian.terms}
@@ -20,12 +20,12 @@ def degree_of(case: Case) -> int:
 
 
 def homogeneous(case: Case) -> Case | None:
-    """Keep steps of damped systems whose H is homogeneous."""
+    """Keep a case if its system is damped and its H is homogeneous."""
     return damped(case) if degree_of(case) else None
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Measure H(y1) − e^{−pγh}H(y0); the bound is that of `sepv.properties._decay`."""
+    """Measure H(y1) − e^{−pγh}H(y0) for H of degree p, with the bound of `sepv.properties._decay`."""
     problem, y, h, dW = case.build()
     p = degree_of(case)
     if not p:

@@ -1,6 +1,6 @@
-"""Proposition 3.1: H(y1) = H(y0) for every skew B, every polynomial H and every step of a path.
+"""Proposition 3.1 of Cohen and Dujardin (2014): H(y1) = H(y0) for every skew B, polynomial H and step of a path.
 
-The last step of a path has no noise, ΔW = 0: a scheme may have a branch of its own for it.
+The last step of a tested path has no noise (ΔW = 0), because a scheme may have separate code for this case.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ STEPS = 3
 def check(scheme: Scheme, case: Case) -> Measurement:
     """Measure the largest defect of H over a few steps, evaluated at the binary64 states in extended precision.
 
-    The bound follows from the residual alone and needs no contraction. So there are steps beyond the radius too
-    (`sepv.verification._cases.fixed_cases.long_steps`, and their shrunk forms), which a scheme may refuse.
+    The bound follows from the step's residual alone, whether or not its equation is a contraction. So long steps are
+    tested too (`sepv.verification._cases.fixed_cases.long_steps` and simplified ones). A scheme may refuse long steps.
     """
     problem, y, h, increments = case.build()
     exact = exact_problem(case.problem, 40)
@@ -44,7 +44,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         try:
             y1, state = ask_next(scheme, problem, y, state, h, dW)
         except StepFailure:
-            if n and may_be_refused(case):  # the search handles the first step and counts it as skipped
+            if n and may_be_refused(case):  # the search counts a refused first step as skipped
                 break
             raise
         before, after = exact.hamiltonian(exact.state(y)), exact.hamiltonian(exact.state(y1))
@@ -64,7 +64,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         if n + 1 == STEPS:
             break
         length = abs(h) + float(abs(problem.c * dW).sum())
-        # Beyond the contraction radius of the reached state, the next step need not exist.
+        # A step from y1 that is longer than its contraction radius need not have a solution.
         if isinstance(case.problem, PolynomialSystem) and contraction_radius(problem, y) < length:
             break
     return worst

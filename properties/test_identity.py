@@ -1,4 +1,4 @@
-"""Δ = 0 gives y1 = y0 exactly, and so does ∇H(y0) = 0: both follow from (2.1)."""
+"""If the random step Δ = h + Σ c_jΔW_j is 0, or if ∇H(y0) = 0, then y1 = y0 exactly: both follow from (2.1)."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ PENDULUM_AT_REST = Case(NamedProblem("pendulum", (("noise", (1.0, 0.5)),)), (0.0
 
 
 def unmoved(case: Case) -> Case:
-    """Set Δ = 0 exactly for every c_1, by h = c_1 2^n and ΔW_1 = −2^n or by h = 0; a rest point stays unchanged.
+    """Make Δ = 0 exactly, by h = c_1 2^n and ΔW_1 = −2^n or by h = 0; a case with ∇H(y0) = 0 stays unchanged.
 
-    With several structures or Hamiltonians no noise cancels h: all increments and h are zero there.
+    If the noises have structures or Hamiltonians of their own, no noise cancels h: then h and all ΔW_j are set to 0.
     """
     problem, y, h, dW = case.build()
     c, others = problem.c, problem.noise_gradients if isinstance(problem, HamiltoniansProblem) else ()
@@ -35,7 +35,7 @@ def unmoved(case: Case) -> Case:
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """The largest component of |y1 − y0|; the bound is zero."""
+    """Measure the largest component of |y1 − y0|; its bound is zero."""
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)
     moved = float(np.max(np.abs(y1 - y)))
@@ -51,7 +51,7 @@ law = searched(
     steps=74,
     cases=Cases(
         where={"state": ("anywhere", "∇H = 0")},
-        # Most faults depend on Δ. They show neither at a rest point nor where h = 0 without noise.
+        # Most faults depend on Δ: neither steps with ∇H(y0) = 0 nor steps with h = 0 and no noise show them.
         blind={"state": ("∇H = 0",), "m": ("0",)},
         adapt=unmoved,
         fixed={Systems.SINGLE: lambda: (PENDULUM_AT_REST,)},

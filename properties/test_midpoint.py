@@ -1,6 +1,6 @@
-"""§3.3: for quadratic H = ½yᵀDy + eᵀy the scheme is the stochastic midpoint rule (3.4).
+"""§3.3 of Cohen and Dujardin (2014): if H = ½yᵀDy + eᵀy, the scheme (2.1) is the stochastic midpoint rule (3.4).
 
-For s stages (Cohen and Hairer, BIT 51, 2011) it is the s-stage Gauss method: b_i⁻¹∫ℓ_i ∇H(u) = ∇H(u(c_i)).
+The s-stage scheme (Cohen and Hairer, BIT 51, 2011) is then the s-stage Gauss method: b_i⁻¹∫ℓ_i ∇H(u) = ∇H(u(c_i)).
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from sepv.verification._tolerance import state_error
 
 
 def quadratic(problem: Problem) -> bool:
-    """True if H is quadratic, and the gradient of a Casimir that the scheme may average is that at the midpoint."""
+    """True if H, and C in a Nambu system, have degree at most 2: their averaged gradients are those at the midpoint."""
     C = problem.nambu
     return problem.degree in (1, 2) and (C is None or (C.degree or 2) <= 2)
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Measure the distance from the midpoint rule solved to 30 digits, or from the s-stage Gauss method."""
+    """Measure the distance of y1 from the midpoint rule, or the s-stage Gauss method, solved to 30 digits."""
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)
     method = "midpoint" if scheme.stages == 1 else f"gauss-{scheme.stages}"

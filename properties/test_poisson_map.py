@@ -1,8 +1,8 @@
 """A step is a Poisson map: Φ′(y0) B(y0) Φ′(y0)ᵀ = B(y1), with h and the increments held fixed.
 
-The flow of (1.1) is a Poisson map where B satisfies Jacobi's identity (Hairer, Lubich and Wanner, *Geometric Numerical
-Integration*, VII.2). (2.1) is not: no symplectic method keeps all energies too (Ge and Marsden, Phys. Lett. A
-133, 1988).
+If B satisfies Jacobi's identity, the exact flow is a Poisson map (Hairer, Lubich and Wanner, *Geometric Numerical
+Integration*, VII.2). The energy-preserving scheme (2.1) is not a Poisson map, because no symplectic method keeps
+every energy too (Ge and Marsden, Phys. Lett. A 133, 1988).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from sepv.verification._contraction import shortened
 
 
 def poisson(case: Case) -> Case | None:
-    """Keep a case where B satisfies Jacobi's identity at y, with a step of at most half the contraction radius."""
+    """Keep a case if B satisfies Jacobi's identity, and shorten its step to at most half the contraction radius."""
     problem, y, _, _ = case.build()
     return shortened(case) if is_poisson(problem, y) else None
 
