@@ -1,9 +1,9 @@
-"""Statistical verdicts: more paths only while the verdict is open, up to a budget, then inconclusive.
+"""Statistical verdicts: paths are added while a verdict is undecided. At the end of the budget it is inconclusive.
 
 FALSE_ALARM bounds the nominal probability that a whole run of all laws accuses a correct scheme by chance. It is split
-evenly over the statistical laws, the problems and the looks (Bonferroni): the intervals of each look together miss with
-that share. The intervals are asymptotic, so the bound is an extrapolation: `benchmarks.coverage` counts how often they
-miss at larger shares.
+evenly over the statistical laws, the problems and the looks, the numbers of paths after which a verdict is tried
+(Bonferroni). So the intervals of one look together miss with an equal part of FALSE_ALARM. They are asymptotic, so the
+bound is an extrapolation. `benchmarks.coverage` counts how often intervals miss at larger probabilities.
 """
 
 from __future__ import annotations
@@ -27,30 +27,30 @@ from sepv.verification._law import Effort, Finding, Law, Run, Verdict, sparing
 from sepv.verification._units import units_of
 
 FALSE_ALARM = 1e-4
-# mean-square-order, weak-order, right-limit, commutation, rounding.
+# The statistical laws: mean-square-order, weak-order, right-limit, commutation, rounding.
 STATISTICAL_LAWS = 5
 FIRST_LOOK = 512
-# The factor between the numbers of paths of two looks. With few looks each gets a larger share of the false alarms.
+# The factor between the numbers of paths of two looks. The fewer looks, the larger the part of FALSE_ALARM of each.
 GROWTH = 4
-# A scheme without batches gets this fraction of the paths, and at least a first look.
+# A scheme without batches gets the budget of paths divided by SINGLE, but at least FIRST_LOOK paths.
 SINGLE = 8
-# The early look of such a scheme, which may say "holds" but not "violated": 8,000 steps suffice for most right schemes.
+# Paths of an early look at a scheme without batches. It may decide "holds", in 8,000 steps for most, not "violated".
 EARLY = 96
-# The level at which its orders hold. Laws about one step detect a lower order by quadrature; sampling shows that steps
-# compose.
+# The level at which orders of a scheme without batches hold. It is larger, because laws about one step detect a lower
+# order by quadrature. Sampling only shows that steps compose.
 HOLD = 1e-3
-# From this claimed order on the mean square error depends on increments too rare for plain sampling.
+# The claimed order from which on the mean square error depends on increments too rare for plain sampling.
 TILTED = 1.5
-# At these orders finer steps are at the rounding floor.
+# (order p, numbers of steps) for claimed orders of p or more, at which finer steps have errors of rounding size.
 FEW = ((6, (8, 12, 16)), (5, (8, 16, 32)))
-# If at most this share of the paths cannot be solved the step sizes are halved, at most this often: a scheme may
-# refuse a step on a large increment, as a fixed-point iteration does where it is no contraction, and shows its order
-# at smaller steps. Leaving such paths out would be a bias.
+# If at most the share REFUSED of the paths cannot be solved, the step sizes are halved, at most HALVED times. A scheme
+# may refuse a step with a large increment, as a fixed-point iteration does if it is no contraction, and shows its order
+# at smaller steps. The results would be biased if such paths were left out.
 REFUSED, HALVED = 1 / 4, 2
-# An open slope whose interval is narrower than the margin between its bound and its order is not one of too few paths:
-# the steps are too long. The step sizes are halved once, at which right orders rise and wrong ones do not.
+# If a slope is undecided and its interval narrower than NARROW, the margin between the bound and the order, the steps are
+# too long, and more paths do not help. The step sizes are halved once, which raises right orders but not wrong ones.
 NARROW = 0.25
-# Multiples of the paths that are tried, to say how many paths would decide.
+# Multiples of the number of paths, tried in order to report how many paths would decide.
 _MORE = tuple(4**k for k in range(1, 9))
 
 
@@ -62,10 +62,10 @@ class Setup:
     T: float
     steps: tuple[int, ...]
     given: Problem | None = None
-    unit: float = 1.0  # of time, for A_h of Remark 2.1
+    unit: float = 1.0  # the unit of time, for A_h of Remark 2.1
 
     def build(self) -> Problem:
-        """The problem of the setup."""
+        """Return the given problem, or build the problem of this name."""
         return problems.by_name(self.problem) if self.given is None else self.given
 
 
@@ -73,7 +73,7 @@ class Setup:
 class Assessment:
     """An assessment of the errors of one problem: a verdict, and a number with its interval in the unit of the law.
 
-    `order` is the order that they show, for a law about one; None if they show none.
+    `order` is the order that the errors show, for a law about an order; None if they show none.
     """
 
     verdict: Verdict
@@ -85,18 +85,18 @@ class Assessment:
     order: float | None = None
 
 
-# (problem, errors, alpha, more): `more` asks for the intervals of that many times the paths.
+# A test (problem, errors, alpha, more) at level alpha, with intervals as of `more` times the number of paths.
 Assess = Callable[[Problem, StrongErrors, float, float], Assessment]
 
 
 def setups(
     systems: Systems = Systems.SINGLE, truncation: int | None = 2, order: float | None = None
 ) -> tuple[Setup, ...]:
-    """The problems, end times and steps on which schemes for a class of systems are judged.
+    """Return the problems, end times and numbers of steps on which schemes for a class of systems are judged.
 
-    For (1.1), a non-constant B with one noise and a non-quadratic H with two: no large step of theirs is unsolvable.
-    The coarsest step is halved where increments are not truncated or are drawn by
-    `sepv.properties._orders.tilting`: a random step then may be more than 1, far from any asymptotics.
+    For (1.1) these are a non-constant B with one noise and a non-quadratic H with two, of which all large steps are
+    solvable. If increments are not truncated or are drawn by `sepv.properties._orders.tilting`, the coarsest step is
+    halved, because a random step may then be more than 1, far from any asymptotics.
     """
     names = {
         Systems.NAMBU: ("rigid-body", "lotka-volterra"),
@@ -107,7 +107,7 @@ def setups(
 
 
 def _setup(name: str, truncation: int | None, order: float | None) -> Setup:
-    if name == "lotka-volterra":  # at steps that have solutions
+    if name == "lotka-volterra":  # step sizes at which all steps have solutions
         return Setup(name, 0.25, (32, 64, 128))
     if name == "kubo-oscillator":  # schemes for several Hamiltonians need their gradients
         return replace(_setup("", truncation, order), problem=name, given=problems.kubo_by_hamiltonians())
@@ -119,9 +119,9 @@ def _setup(name: str, truncation: int | None, order: float | None) -> Setup:
 
 
 def setups_for(scheme: Scheme, effort: Effort | None = None) -> tuple[Setup, ...]:
-    """The setups for a scheme: by its class and claims, or on a user's problems.
+    """Return the setups for a scheme: for its class and claims, or for the user's problems.
 
-    For class (1.1) one more problem has B(y), a quartic H and two noises together; with few steps it is the only one.
+    For class (1.1) a third problem has B(y), a quartic H and two noises. If steps are spared, it is the only problem.
     """
     facts = (scheme.truncation, scheme.mean_square_order)
     users = problems_of(scheme)
@@ -136,7 +136,7 @@ def setups_for(scheme: Scheme, effort: Effort | None = None) -> tuple[Setup, ...
 
 
 def _given(problem: Problem, truncation: int | None, order: float | None) -> Setup:
-    """The setup of a user's problem: the paper's if it is one of those, else over a time that its slopes allow."""
+    """Return the setup of a user's problem: that of the equal built-in problem, else a time that its slopes allow."""
     if problem.data in [known.data for known in map(problems.by_name, problems.PAPER)]:
         assert isinstance(problem.data, NamedProblem)
         return replace(_setup(problem.data.name, truncation, order), given=problem)
@@ -147,7 +147,7 @@ def _given(problem: Problem, truncation: int | None, order: float | None) -> Set
 
 
 def _built_in(problem: Problem) -> bool:
-    """True if it is the built-in problem of its name, from its own initial state."""
+    """True if a problem has the dimension, noise and initial state of the built-in problem of the same name."""
     known = problems.by_name(problem.name)
     return problem.dimension == known.dimension and all(
         np.array_equal(getattr(problem, key), getattr(known, key)) for key in ("c", "initial")
@@ -155,22 +155,22 @@ def _built_in(problem: Problem) -> bool:
 
 
 def is_tilted(scheme: Scheme) -> bool:
-    """True if `sepv.properties._orders.tilting` draws its errors, which then carry weights."""
+    """True if `sepv.properties._orders.tilting` draws the paths of a scheme, so that its errors carry weights."""
     return scheme.mean_square_order is not None and scheme.mean_square_order >= TILTED
 
 
 def hold_level(scheme: Scheme, run: Run) -> float:
-    """The level at which an order holds: HOLD if steps are spared, else that of the run's false alarms."""
+    """Return the level at which an order holds: HOLD if steps are spared, else 0, which means the run's own level."""
     return HOLD if sparing(scheme, run.effort) else 0.0
 
 
 def budget(scheme: Scheme, effort: Effort) -> int:
-    """The largest number of paths of a law: fewer for a scheme that takes one state at a time."""
+    """Return the largest number of paths of a law, which is smaller for a scheme that takes one state at a time."""
     return effort.paths if scheme.batched else min(effort.paths, max(FIRST_LOOK, effort.paths // SINGLE))
 
 
 def looks(paths: int, *, early: bool = False) -> list[int]:
-    """Numbers of paths after which to judge: 512, 2048, … up to the budget; before them an early look."""
+    """Return the numbers of paths after which to judge: 512, 2048, … up to the budget, and EARLY first if requested."""
     counts = [min(FIRST_LOOK, paths)]
     while counts[-1] < paths:
         counts.append(min(counts[-1] * GROWTH, paths))
@@ -178,12 +178,12 @@ def looks(paths: int, *, early: bool = False) -> list[int]:
 
 
 def share(scheme: Scheme, effort: Effort, problems: int) -> float:
-    """The share of FALSE_ALARM of one problem at one look of one law."""
+    """Return the part of FALSE_ALARM for one problem at one look (number of paths) of one law."""
     return FALSE_ALARM / (STATISTICAL_LAWS * problems * len(looks(budget(scheme, effort))))
 
 
 def sampled(scheme: Scheme, setup: Setup, paths: int, run: Run) -> StrongErrors:
-    """The errors of the first `paths` paths, computed once for all laws of a run."""
+    """Return the errors of the first `paths` paths of a setup, computed once for all laws of a run."""
     order = scheme.mean_square_order
     have = run.paths.get(setup)
     done = have.squared.shape[1] if have else 0
@@ -206,7 +206,7 @@ def judge(
     law: Law, scheme: Scheme, run: Run, assess: Assess, *,
     at_least: bool = True, setups: Sequence[Setup] | None = None,
 ) -> Finding:  # fmt: skip
-    """The worst verdict over the problems, each from as many paths as it takes; `at_least`: bounds are lower ones."""
+    """Return the worst verdict over the problems, with paths added as needed; `at_least` if bounds are lower bounds."""
     setups = setups_for(scheme, run.effort) if setups is None else setups
     alpha = share(scheme, run.effort, len(setups))
     judged: list[tuple[Setup, StrongErrors, Assessment]] = []
@@ -249,7 +249,7 @@ def _explained(
     scheme: Scheme, run: Run, assess: Assess, alpha: float, verdict: Verdict,
     judged: Sequence[tuple[Setup, StrongErrors, Assessment]],
 ) -> list[str]:  # fmt: skip
-    """The explanation of a law that does not hold: paths that would settle it, the worst path, the intervals."""
+    """Explain a law that does not hold: how many paths would decide, the worst path, the level of the intervals."""
     decisive = [(setup, errors) for setup, errors, a in judged if a.verdict is verdict]
     lines = []
     if verdict is Verdict.INCONCLUSIVE:
@@ -263,9 +263,9 @@ def _explained(
 
 
 def worst_path(problem: Problem, errors: StrongErrors, seed: int, *, drawn: bool) -> str:
-    """The path with the largest error at the finest step: y0, W(T), y(T), the scheme's end, and the increments.
+    """Describe the path with the largest error at the finest step: y0, W(T), y(T), the scheme's end, the increments.
 
-    `drawn` if paths are those of `sepv.simulate.increments`, and not of `sepv.properties._orders.tilting`.
+    `drawn` is True if paths are those of `sepv.simulate.increments`, not of `sepv.properties._orders.tilting`.
     """
     sizes = np.nan_to_num(errors.squared[-1], nan=np.inf)
     k = int(np.argmax(np.where(errors.weights[-1] > 0, sizes, -1.0)))
@@ -286,11 +286,11 @@ def worst_path(problem: Problem, errors: StrongErrors, seed: int, *, drawn: bool
 def _judge_one(
     scheme: Scheme, setup: Setup, run: Run, assess: Assess, alpha: float, *, slope: bool
 ) -> tuple[Setup, StrongErrors, Assessment | None, str]:
-    """Judge one problem at its step sizes, or at halved ones if paths failed or these are too long for its slope.
+    """Judge one problem at its step sizes, or at halved ones if paths failed or steps are too long for the slope.
 
-    The string says why they were halved. There is no assessment if paths failed in the end. Starting the looks again
-    adds to FALSE_ALARM its share of these looks times the probability that only a later look has a failing path, which
-    is a few per cent of it, or that the slope is near its bound.
+    The string says why step sizes were halved. If paths fail at the last ones too, there is no assessment. New looks at
+    halved steps increase the probability of false alarms: by their part of FALSE_ALARM times the probability that only
+    a later look has a failing path (a few per cent of it), or that the slope is near its bound.
     """
     why, halved = "", 0
     while True:
@@ -309,16 +309,16 @@ def _judge_one(
 
 
 def _near(assessment: Assessment) -> bool:
-    """True if a slope is open though its interval is narrow."""
+    """True if a slope is undecided although its interval is narrower than NARROW."""
     return assessment.verdict is Verdict.INCONCLUSIVE and assessment.high - assessment.low < NARROW
 
 
 def _look(
     scheme: Scheme, setup: Setup, run: Run, assess: Assess, alpha: float, *, leave: bool = False
 ) -> tuple[StrongErrors, Assessment | None]:
-    """Draw more paths of one problem while the verdict is open, or `leave` a slope that is near its bound.
+    """Draw more paths of one problem while the verdict is undecided, or `leave` a slope that is near its bound.
 
-    There is no assessment if paths failed.
+    If paths fail, the assessment is None.
     """
     problem = setup.build()
     most = budget(scheme, run.effort)
@@ -327,7 +327,7 @@ def _look(
         if any(errors.failures):
             return errors, None
         assessment = assess(problem, errors, alpha, 1.0)
-        # An early look refutes nothing: with so few paths intervals of heavy tails are too short.
+        # An early look decides no violation, because with few paths the intervals of heavy tails are too short.
         early = paths < min(FIRST_LOOK, most)
         settled = assessment.verdict is Verdict.VIOLATED or (leave and _near(assessment))
         if assessment.verdict is Verdict.HOLDS or (settled and not early):
@@ -336,7 +336,7 @@ def _look(
 
 
 def _wanted(scheme: Scheme, setup: Setup, assess: Assess, errors: StrongErrors, alpha: float) -> str:
-    """The number of paths that would decide, if the means stay as they are."""
+    """Say how many paths would decide if the means stayed unchanged."""
     paths, problem = errors.squared.shape[1], setup.build()
     for factor in _MORE:
         if assess(problem, errors, alpha, factor).verdict is not Verdict.INCONCLUSIVE:

@@ -1,8 +1,8 @@
 """The contract of schemes that carry a state from step to step: no call may change a state that exists already.
 
 Such a scheme is a `sepv.schemes._stateful.StatefulStep` with the functions init, step and value. The state of a path
-at y may differ from init(y), as in the reversible Heun method, so a path is never compared with a new path from the
-same y. It is computed again with steps of another path in between, and the bits of both results are compared.
+at y may differ from init(y), as in the reversible Heun method, so a path is never compared with a path begun at y.
+Instead the path is computed twice, once with steps of another path in between, and the bits of both are compared.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from sepv.schemes import answer_of as answer
 def keeps_states(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, apart: float) -> None:
     """Compare the bits of two steps from y (d,) or (d, M), computed alone and alternately with a path from y1.
 
-    `apart` is the allowed relative difference of value(init(y)) from y, since a state may use other coordinates, and of
-    a batch from a part of it. For schemes without a `StatefulStep` nothing is compared.
+    The relative difference of value(init(y)) from y may be up to `apart`, because a state may use other coordinates;
+    so may that of a batch from a part of the batch. If the scheme has no `StatefulStep`, nothing is compared.
 
     Raises
     ------
@@ -73,7 +73,7 @@ _APART = "give every array of the state the paths on its last axis, or leave out
 
 
 class _Path:
-    """Checked calls of init, step and value; y identifies the path in error messages."""
+    """Calls of a scheme's init, step and value with checks. The argument y identifies the path in error messages."""
 
     def __init__(self, scheme: Scheme, rule: StatefulStep, problem: Problem, h: float, dW: Array) -> None:
         self.scheme, self.rule, self.problem, self.h, self.dW = scheme, rule, problem, h, dW
@@ -95,7 +95,7 @@ class _Path:
         return after
 
     def read(self, state: Any, y: Array) -> Array:
-        """Return a copy of value(state)."""
+        """Return a copy of value(state), the state y (d,) or (d, M) that the scheme's own state stands for."""
         with translated(self.problem, y, self.h, self.dW):
             value = self.rule.value(state)
         return check_answer(value, y, self.scheme.dtype).copy()

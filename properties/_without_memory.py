@@ -1,6 +1,6 @@
-"""A step has no memory: one answer for one question, however often and in whichever order it is asked.
+"""Checks that a step has no memory: it returns the same state for the same arguments, however often, in any order.
 
-These are the questions of *contract* that take more than one call. Each raises SchemeFault with both answers.
+The law *contract* has these checks because they need more than one call. Each raises SchemeFault with both answers.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from sepv.problems.shown_to_schemes import shown
 from sepv.schemes import Scheme, ask
 from sepv.verification import Case
 
-# The least distance of states, as a share of the result: closer ones may have one result by rounding.
+# The least distance of two states, as a share of the result. By rounding, closer states may have equal results.
 APART = 2.0**-20
-# The steps in between are short: this share of the step without a solution.
+# The length of the steps between steps without a solution, as a share of them.
 SHORT_OF_FOLD = 2.0**-10
-# States in each repeated call of a scheme that takes batches: ten thousand steps, in less than twice the time.
+# The number of states in each repeated call of a scheme that takes batches: 1024 calls make ten thousand steps.
 LANES = 10
-# The most records that are built until one has the address of its predecessor, and until one has a new address.
+# The largest numbers of problem records that are built until one has its predecessor's address, or a new address.
 ADDRESSES, FRESH = 16, 64
-# A step of more than 30 ms is repeated only as often as fits in this many seconds.
+# The most seconds for repeating a step. So a step of more than 30 ms is repeated less often.
 MOST_SECONDS = 30.0
 
 
 def repeats(scheme: Scheme, case: Case) -> None:
-    """Repeat one step and compare the bits.
+    """Repeat the step of a case `case.times` times, and compare the bits of the results.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def repeats(scheme: Scheme, case: Case) -> None:
 
 
 def refuses_again(scheme: Scheme, case: Case) -> None:
-    """Ask for a step without a solution twice, and for a short one from there before, in between and at the end.
+    """Try a step without a solution twice, with a short step from the same y before, in between and at the end.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def refuses_again(scheme: Scheme, case: Case) -> None:
     def outcome(share: float) -> Array | None:
         try:
             return ask(scheme, problem, y, share * h, share * dW)
-        except SepvError:  # NaN, or a skipped system, is no state either
+        except SepvError:  # an answer NaN and a skipped system count as refusals too
             return None
 
     seen = [outcome(share) for share in (SHORT_OF_FOLD, 1.0, SHORT_OF_FOLD, 1.0, SHORT_OF_FOLD)]
@@ -84,10 +84,10 @@ def refuses_again(scheme: Scheme, case: Case) -> None:
 
 
 def tells_apart(y: Array, other: Array, answer: Array, to_other: Array, least: float) -> None:
-    """Check that two states have two results: a memory by h and dW alone passes every repetition.
+    """Check that two states have different results. Mere repetition does not find results cached by h and dW alone.
 
-    Inside the radius where the equation is a contraction with factor κ, a step leaves two states apart by at least
-    (1 − κ)/(1 + κ) of their distance. Distances that the rounding of the result may hide are not judged.
+    If the step's equation is a contraction with factor κ, the results of two states differ by at least (1 − κ)/(1 + κ)
+    of the states' distance. Distances below `least` of the result, which rounding may hide, are not judged.
 
     Raises
     ------
@@ -104,15 +104,15 @@ def tells_apart(y: Array, other: Array, answer: Array, to_other: Array, least: f
 
 
 def forgets_problems(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, first: Array) -> None:
-    """Step the same problem in a new record, at an address where one with half the noise and one with half of H were.
+    """Step the same problem in a new record, whose address belonged to a problem with half the noise or half of H.
 
-    Python mostly gives a freed record's memory to the next one of its size. A memory by `id`, or by `id` and Δ, then
-    returns the wrong problem's result. Where the address differs, other addresses are tried.
+    Python mostly reuses a freed record's memory for the next record of the same size. A scheme that caches results by
+    `id`, or by `id` and Δ, then returns the wrong problem's result. If the address differs, other addresses are tried.
     """
     if np.array_equal(first, y):  # at a rest point half the noise gives the same result
         return
     whole, missed = shown(problem), 0
-    # The last of them has the noise of the whole, so that a memory of the noise still has half of it.
+    # Factors of noise and H. The last pair leaves the noise alone, so that a cached noise is still the half of before.
     parts = [(0.5, 1.0)] * bool(problem.noises) + [(1.0, 0.5)]
     elsewhere: list[Problem] = []
     while missed < ADDRESSES and len(elsewhere) < FRESH:
@@ -120,7 +120,7 @@ def forgets_problems(scheme: Scheme, problem: Problem, y: Array, h: float, dW: A
         for factors in parts:
             half = _as_others(whole, *factors)
             addresses.add(id(half))
-            # If the memory already held the whole, the half gets its result, and this comparison is blind.
+            # If a cache has the whole problem's result at this address, it returns that: no comparison is possible.
             blind = np.array_equal(first, ask(scheme, half, y, h, dW)) or blind
             del half
         twin = _as_others(whole)
@@ -138,7 +138,7 @@ def forgets_problems(scheme: Scheme, problem: Problem, y: Array, h: float, dW: A
 
 
 def _as_others(problem: Problem, of_noise: float = 1.0, of_energy: float = 1.0) -> Problem:
-    """The problem with multiples of its noises and of H and ∇H, which are new functions."""
+    """Return the problem with its noises, H and ∇H multiplied by factors. H and ∇H are new functions."""
 
     def times(function: Any) -> Any:
         return function and (lambda y: of_energy * function(y))
@@ -153,7 +153,7 @@ def _as_others(problem: Problem, of_noise: float = 1.0, of_energy: float = 1.0) 
 
 
 def again(scheme: Scheme, case: Case, before: Array | None) -> None:
-    """Measure a case once more, after all others."""
+    """Repeat the step of a case after those of all other cases, and compare it with its result `before`."""
     if before is not None and not np.array_equal(before, answer := ask(scheme, *case.build())):
         raise SchemeFault(
             expected="one answer for one question, in whichever order questions come",

@@ -1,22 +1,23 @@
 """Steps of (2.1) that are proved to have no solution at all, in exact numbers.
 
-Let row k of B have one entry, B_kj, and let B_kj(y) ∂_jH(y) = q(y_k) with q(x) = q0 + q1 x + q2 x² without real root.
-One of the two factors is constant. Then component k of (2.1) is an equation for z = y1_k − y0_k alone, with x = y0_k:
+Let row k of B have one entry, B_kj, and let B_kj(y) ∂_jH(y) = q(y_k) with q(x) = q0 + q1 x + q2 x² without real root,
+where B_kj or ∂_jH is constant. Then component k of (2.1) is an equation for z = y1_k − y0_k alone, with x = y0_k:
 
-    z = Δ (q(x) + ½ q′(x) z + w q2 z²),    w = ⅓ where B_kj is constant, ¼ where ∂_jH is,
+    z = Δ (q(x) + ½ q′(x) z + w q2 z²),    w = ⅓ if B_kj is constant, ¼ if ∂_jH is,
 
-since ∫₀¹ τ² dτ = ⅓ is averaged along the segment and (½)² = ¼ taken at its middle. It has no real z, and (2.1) no
-solution, where (½ q′(x) Δ − 1)² < 4 w q2 q(x) Δ². That holds beyond one fold Δ* > 0 and one Δ* < 0: the difference of
-both sides is 1 at Δ = 0, and its leading coefficient (½ q′)² − 4 w q2 q(x) is negative, by q′² < 4 q2 q(x).
+because ∇H is averaged along the segment from y0 to y1, ∫₀¹ τ² dτ = ⅓, and B is taken at its middle, (½)² = ¼. If
+(½ q′(x) Δ − 1)² < 4 w q2 q(x) Δ², no real z satisfies the equation, and (2.1) has no solution. This is so beyond one
+fold Δ* > 0 and one fold Δ* < 0, because the difference of both sides is 1 at Δ = 0, and its leading coefficient
+(½ q′)² − 4 w q2 q(x) is negative, by q′² < 4 q2 q(x).
 
 With s stages and constant B_kj, u̇ of the collocation polynomial u is the L² projection of Δ q(u) on the polynomials of
 degree s − 1: z = Δ∫₀¹ q(u) dτ. With q = γ + q2 (x − μ)², v = u − μ and |v(1) − v(0)|² ≤ K_s ∫v², K_s = 4 Σ (2n + 1)
 over odd n ≤ s (the Legendre polynomials P_n(2τ − 1) have the norms (2n + 1)^{−½} and differ by 2 at the ends),
 
-    |z| ≥ |Δ| (|γ| + |q2| z² / K_s),    which no z obeys where Δ² > K_s / (4 γ q2).
+    |z| ≥ |Δ| (|γ| + |q2| z² / K_s),    which no z satisfies if Δ² > K_s / (4 γ q2).
 
-Several structures whose rows k are g_l times that of B: h + Σ g_l c_l ΔW_l stands for Δ. The method that averages ∇C
-too is (2.1) for linear C.
+With several structures, if row k of each is g_l times row k of B, h + Σ g_l c_l ΔW_l takes the place of Δ. For linear
+C, the method that averages ∇C too is (2.1).
 """
 
 from __future__ import annotations
@@ -33,20 +34,20 @@ from sepv.verification._cases import random_parts as parts
 from sepv.verification._cases.case import Case
 from sepv.verification._cases.strata import Stratum
 
-# A scheme's Δ differs by its roundings, a share of 2⁻⁵⁰: the proof holds for every Δ within this share.
+# A scheme computes Δ with rounding errors of a share of 2⁻⁵⁰. The proof holds for every Δ within the share ROOM.
 ROOM = Fraction(1, 1024)
-# The classes of systems with such steps.
+# The classes of systems for which `made` makes steps without a solution.
 MADE = (Systems.SINGLE, Systems.NAMBU, Systems.SEVERAL)
-# Exponents of 2 of the share by which a step is beyond a fold: mostly small, so that two half steps have solutions.
+# Exponents n if a step is longer than a fold by the share 2^n: mostly small, so that two half steps have solutions.
 BEYOND = (-6, -6, -6, -5, -4, -3, -1, 0, 3)
 _NONE = (Fraction(0), Fraction(0), Fraction(0))
 
 
 @dataclass(frozen=True)
 class NoSolution:
-    """Component `place` of (2.1) leaves a residual of |a z² + b z + c|, which has no real root, at z = y1 − y0.
+    """A proof that a step has no solution: the residual |a z² + b z + c| of one component of (2.1) has no real zero.
 
-    With several stages it leaves at least that at |z|.
+    Here z is component `place` of y1 − y0. With several stages the residual is at least |a z² + b |z| + c|.
     """
 
     place: int
@@ -56,24 +57,24 @@ class NoSolution:
     stages: int = 1
 
     def residual(self, y0: float, y1: float) -> Fraction:
-        """The residual of the equation at y1."""
+        """Return the residual |a z² + b z + c| at z = y1 − y0, of which y0 and y1 are the component `place`."""
         z = Fraction(y1) - Fraction(y0)
         z = z if self.stages == 1 else abs(z)
         return abs(self.a * z * z + self.b * z + self.c)
 
     @property
     def least(self) -> Fraction:
-        """The smallest residual over all y1."""
+        """Return the smallest residual over all real z."""
         return abs(self.c - self.b * self.b / (4 * self.a))
 
 
 def legendre_sum(stages: int) -> int:
-    """The sum K_s = 4 Σ (2n + 1) over odd n ≤ s."""
+    """Return the sum K_s = 4 Σ (2n + 1) over odd n ≤ s, for s stages."""
     return 4 * sum(2 * n + 1 for n in range(1, stages + 1, 2))
 
 
 def proof(case: Case, stages: int = 1) -> NoSolution | None:
-    """The proof that the step has no solution; None if this argument does not apply."""
+    """Return the proof that the step of a case has no solution, or None if the argument above does not apply."""
     data = case.problem
     if not isinstance(data, PolynomialSystem) or data.noise_hamiltonians:
         return None
@@ -113,13 +114,13 @@ def _at(case: Case, data: PolynomialSystem, k: int, stages: int) -> NoSolution |
 
 
 def _row(structure: Structure, k: int) -> dict[int, Polynomial]:
-    """Row k of a skew matrix."""
+    """Return the nonzero entries of row k of a skew matrix, by column."""
     upper = {j: entry for i, j, entry in structure if i == k and entry.terms}
     return upper | {i: poly.scale(-1.0, entry) for i, j, entry in structure if j == k and entry.terms}
 
 
 def _quadratic(p: Polynomial, k: int) -> tuple[Fraction, Fraction, Fraction] | None:
-    """(q0, q1, q2) of a polynomial of degree 2 in y_k alone that has no real root; None for any other."""
+    """Return (q0, q1, q2) if the polynomial p depends on y_k alone, has degree 2 and no real root, else None."""
     found = list(_NONE)
     for exponents, value in p.terms:
         if sum(exponents) != exponents[k] or exponents[k] > 2:
@@ -130,7 +131,7 @@ def _quadratic(p: Polynomial, k: int) -> tuple[Fraction, Fraction, Fraction] | N
 
 
 def _step(case: Case, data: PolynomialSystem, j: int, k: int) -> Fraction | None:
-    """Δ, or h + Σ g_l c_l ΔW_l; None where row k of a structure is no multiple of that of B."""
+    """Return Δ, or h + Σ g_l c_l ΔW_l; None if row k of a structure is no multiple of row k of B."""
     shares = [Fraction(1)] * len(data.noise)
     own = _row(data.structure, k)
     for n, G in enumerate(data.noise_structures):
@@ -143,12 +144,12 @@ def _step(case: Case, data: PolynomialSystem, j: int, k: int) -> Fraction | None
 
 
 def _value(p: Polynomial) -> Fraction:
-    """The value of a constant polynomial."""
+    """Return the value of a constant polynomial as a fraction."""
     return sum((Fraction(v) for _, v in p.terms), Fraction(0))
 
 
 def made(random: Random, systems: Systems, stages: int = 1) -> Case:
-    """A step beyond a fold, by 2⁻⁶ to eight times of it, of a random system; one in four is for batches."""
+    """Make a step of a random system, longer than a fold by the share 2⁻⁶ to 8. One step in four is for batches."""
     while True:
         case = _drawn(random, systems, stages)
         if proof(case, stages) is not None:
@@ -192,7 +193,7 @@ def _drawn(random: Random, systems: Systems, stages: int) -> Case:
 
 
 def _folds(q: list[float], x: float, factor: float, w: float, stages: int) -> list[float]:
-    """Δ* of both signs: where 1 − q′(x) t + (¼q′(x)² − 4 w q2 q(x)) t² = 0 for t = factor Δ."""
+    """Return the folds Δ* of both signs, the roots of 1 − q′(x) t + (¼q′(x)² − 4 w q2 q(x)) t² with t = factor Δ."""
     q0, q1, q2 = q
     if stages > 1:
         t = sqrt(legendre_sum(stages) / (4 * q2 * (q0 - q1 * q1 / (4 * q2))))
@@ -204,7 +205,7 @@ def _folds(q: list[float], x: float, factor: float, w: float, stages: int) -> li
 
 
 def _in(d: int, k: int, coefficients: dict[int, float]) -> Polynomial:
-    """A polynomial in y_k from its coefficients."""
+    """Return the polynomial in y_k with the given coefficients, in d variables."""
     return poly.polynomial(d, [(tuple(n * (i == k) for i in range(d)), v) for n, v in coefficients.items()])
 
 
@@ -216,7 +217,7 @@ def _system(
     H: Polynomial,
     entry: Polynomial,
 ) -> PolynomialSystem:
-    """A random system with the given entry B_kj, other entries of B outside of row k, and noises."""
+    """Make a random system with the given H and entry B_kj, random entries of B outside of row k, and noises."""
     k, j, others = places
     if systems is Systems.NAMBU:
         # B(y)v = g v × ∇C with C = y_l: the only entries are ±g at (k, j), l the third place.
@@ -236,7 +237,7 @@ def _system(
 
 
 def _sign(k: int, j: int) -> float:
-    """The sign of B_kj in v × e_l, l the third place: (v × e_3)_1 = v_2."""
+    """Return the sign of B_kj if Bv = v × e_l, with l the third index: (v × e_3)_1 = v_2."""
     return 1.0 if (j - k) % 3 == 1 else -1.0
 
 

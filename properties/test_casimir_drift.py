@@ -1,8 +1,8 @@
-"""E[C(y1)] = C(y0) + hσ for additive noise and Casimirs C of B: the trace formula for yᵀAy and bᵀy.
+"""Trace formula: E[C(y1)] = C(y0) + hσ for additive noise and Casimirs C = yᵀAy or bᵀy of B.
 
-For dy = B(y)∇H dt + Σ_j c_j g_j dW_j, ∇CᵀB = 0 leaves LC = ½ Σ_j c_j² g_jᵀC″g_j of the generator: E[C(y(t))] grows at
-the rate σ = Σ_j c_j² g_jᵀAg_j for C = yᵀAy, and E[bᵀy(t)] is constant (D. Cohen and G. Vilmart, arXiv 2005.13991, state
-it of energy and quadratic Casimirs). The expectation is by quadrature over what the step sees.
+For dy = B(y)∇H dt + Σ_j c_j g_j dW_j, ∇CᵀB = 0 reduces the generator L to LC = ½ Σ_j c_j² g_jᵀC″g_j. So E[C(y(t))]
+grows at the rate σ = Σ_j c_j² g_jᵀAg_j if C = yᵀAy, and E[bᵀy(t)] is constant (D. Cohen and G. Vilmart,
+arXiv 2005.13991, for energy and quadratic Casimirs). A quadrature over the increments gives the expectation.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from sepv.verification._tolerance import casimir_bound, casimir_ulp, pushes
 
 
 def with_casimirs(case: Case) -> Case | None:
-    """A short step of a system whose B has a quadratic or linear Casimir."""
+    """Keep a case of additive noise and a quadratic or linear Casimir, with a step inside the contraction radius."""
     problem, *_ = case.build()
     named = len(problem.casimirs) + len(problem.linear_casimirs)
     return short(case) if named and len(noise_vectors(problem)) else None
 
 
 def quantity(problem: Problem, A: Array, y: Array, h: float) -> Quantity:
-    """A Casimir C with its rate. States inside the step may be farther out than its ends by the push of each noise."""
+    """Return C with its rate σ. States inside a step may be farther out than y0 and y1, by the additive noise."""
     form, rate = "bᵀy", 0.0
     if A.ndim == 2:
         vectors = noise_vectors(problem)
@@ -48,7 +48,7 @@ def _size(A: Array, y: Array) -> Array:
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Measure the worst Casimir; the bound is that of `sepv.properties._trace_formula` with |∇C| ≤ |A|(|y0| + |y1|)."""
+    """Measure the largest defect of C; the bound of `sepv.properties._trace_formula` uses |∇C| ≤ |A|(|y0| + |y1|)."""
     problem, y, h, _ = case.build()
     casimirs = (*problem.casimirs, *problem.linear_casimirs)
     measurements = (measured(scheme, problem, y, h, quantity(problem, A, y, h)) for A in casimirs)

@@ -1,9 +1,9 @@
 """The contract of ``step``: it is pure and deterministic, keeps shape and dtype, and changes nothing in place.
 
-Each case is stepped a few times, also from arrays that lie otherwise in memory; of a step with a state two paths are
-walked in turn. At the end all cases are stepped in the opposite order, steps without a solution are asked twice, and
-the simplest measured case is stepped TIMES times in a row, which no other law does: an error in each thousandth call
-would move the paths of the sampled laws too little to be seen, and the laws about steps make a few hundred calls each.
+Each case is stepped a few times, also from arrays with another memory layout. If a scheme carries a state from step to
+step, two paths are computed alternately. At the end all cases are stepped in the opposite order, steps without a
+solution are tried twice, and the simplest case is stepped TIMES times in a row. No other law finds an error in each
+thousandth call: it changes sampled paths too little, and laws about single steps make a few hundred calls each.
 """
 
 from __future__ import annotations
@@ -43,22 +43,23 @@ from sepv.verification._search_log import Check
 
 # The number of states in a batch. It is small, because the law "reproducibility" has larger batches.
 BATCH = 3
-# The roundings by which a sum in another order may differ; in single precision they are more than APART.
+# The roundings by which a sum in another order may differ. In single precision this is more than the share APART.
 OTHERWISE = 64
-# The distance of a state that rounded keys and single precision do not tell apart: 256 roundings of the result.
+# NEAR times y is a state so near to y that rounded keys and single precision do not distinguish the two. Their results
+# must differ if the distance is LEAST_APART, 256 roundings, of the result.
 NEAR, LEAST_APART = 1 + 2.0**-40, 2.0**-44
-# The number of steps without a solution that are asked for twice.
+# The number of steps without a solution that are tried, each twice.
 REFUSED = 2
-# Calls for the last case: a fault with a shorter period is met for certain. They take a quarter of a second of (2.1).
-# For a step of 200 µs a state, the sampled laws make a hundred times as many calls.
+# The number of calls of the last case, which finds every fault with a shorter period. They take (2.1) a quarter of a
+# second. If a step takes 200 µs, the sampled laws make a hundred times as many calls.
 TIMES = 1024
-# Timing of a step: a share of the last case, because long steps take more iterations; for this many seconds or calls;
-# and for a scheme that takes batches, as one state of this many.
+# A step is timed at the share SHORT of the last case, because longer steps take more iterations, for TIMING seconds or
+# MANY calls. For a scheme that takes batches, it is the time for one of MANY states.
 SHORT, TIMING, MANY = 0.125, 0.0625, 256
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Step one state, and a small batch where the scheme takes batches: some errors show only there."""
+    """Check steps from one state and, if the scheme takes batches, from a small batch, where other faults show."""
     if case.times:
         repeats(scheme, case)
         return Measurement(0.0, 0.0)
@@ -68,11 +69,11 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     problem, y, h, dW = _as_seen(scheme, case)
     first = _keeps(scheme, problem, y, h, dW, (0.75, 0.5))
     keeps_states(scheme, problem, y, h / 8, dW / 8, APART)
-    # A third of the cases suffices, and saves time.
+    # To save time, this is checked only for the cases with bare functions, a third of all.
     if (np.any(problem.c * dW) or not problem.noises) and case.given == "bare functions":
         forgets_problems(scheme, problem, y, h, dW, first)
     if scheme.batched:
-        # Nearer to 0 and with less noise than the state itself, so that these steps have solutions too.
+        # States of the batch are nearer to 0 than y, with less noise, so that their steps have solutions too.
         factors = scheme.numbers(1 - np.arange(BATCH) / 128)
         states = y[:, None] * factors
         if not may_ask(scheme, problem, states):
@@ -91,7 +92,7 @@ def _as_seen(scheme: Scheme, case: Case) -> tuple[Problem, Array, float, Array]:
 def _keeps(
     scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, between: Sequence[float]
 ) -> Array:
-    """Repeat a step with others of these multiples of y in between; compare bits, arguments and global state.
+    """Repeat a step, with steps from multiples `between` of y in between; compare bits, arguments, global state.
 
     Raises
     ------
@@ -114,7 +115,7 @@ def _keeps(
     _takes_any_layout(scheme, problem, y, h, dW, first)
     if max(scheme.solver_tolerance, scheme.eps) <= LEAST_APART and may_ask(scheme, problem, NEAR * y):
         tells_apart(y, NEAR * y, first, ask(scheme, problem, NEAR * y, h, dW), LEAST_APART)
-    # Zero components move a little in between, to reveal a step that starts from its last result.
+    # In the steps in between, zero components are moved, to reveal a step that starts from its last result.
     moved = np.where(y == 0, np.max(np.abs(y)) / 64, y)
     for factor in between:
         if may_ask(scheme, problem, factor * moved):
@@ -138,10 +139,10 @@ def _keeps(
 
 
 def _takes_any_layout(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, first: Array) -> None:
-    """Ask with the same numbers as every other one of an array, in Fortran's order, and in arrays that are read-only.
+    """Repeat a step with the same numbers as strided views, in Fortran's order, and in read-only arrays.
 
-    Sums may then be made in another order: answers agree to a share of APART. A step that takes none of these arrays,
-    as compiled ones may, is not judged; one that tries to write into its arguments is at fault.
+    Sums may be made in another order with these arrays, so answers need to agree only to the share APART. A step that
+    takes none of the arrays, such as a compiled step, is not judged. An attempt to write into an argument is a fault.
 
     Raises
     ------
@@ -171,15 +172,15 @@ def _takes_any_layout(scheme: Scheme, problem: Problem, y: Array, h: float, dW: 
 
 
 def _spread(a: Array) -> Array:
-    """A strided view with the same numbers: it skips every other place of its memory."""
+    """Return a strided view with the numbers of `a`, which skips every other place of its memory."""
     spread: Array = np.repeat(a, 2, axis=-1)[..., ::2]
     return spread
 
 
 def _watched(scheme: Scheme, handling: dict[str, str]) -> Scheme:
-    """Make floating-point errors warn inside the scheme; `handling` receives the error handling that it leaves.
+    """Make floating-point errors warn inside the scheme; `handling` receives NumPy's error handling after the step.
 
-    `sepv.schemes._guard` restores the error handling of the process after each call, whatever the scheme set.
+    After each call `sepv.schemes._guard` restores the process's error handling, whatever the scheme set.
     """
 
     def step(problem: Problem, y: Array, h: float, dW: Array, *further: Array) -> Array:
@@ -193,7 +194,7 @@ def _watched(scheme: Scheme, handling: dict[str, str]) -> Scheme:
 
 
 def _surroundings() -> dict[str, Any]:
-    """The global state that a step may disturb for others. What imports change is left out: a step may import late."""
+    """Return global state that a step must not change, without what imports change, because a step may import."""
     kind, keys, *rest = np.random.get_state(legacy=True)  # noqa: NPY002  (the global generator is the point)
     return {
         "NumPy's global random numbers": (kind, keys.tobytes(), *rest),  # type: ignore[union-attr]  # legacy tuple
@@ -220,7 +221,7 @@ def _searched(check: Check) -> Law:
 
 
 def _simplest(scheme: Scheme, cases: Sequence[Case]) -> Case:
-    """The best case to repeat often: it moves forward, is fast, and has a short description."""
+    """Choose the case to repeat often: with noise and h > 0, if possible, a fast system and a short description."""
     ordered = sorted(
         cases, key=lambda c: (c.h < 0, isinstance(c.problem, PolynomialSystem), len(c.describe()))
     )
@@ -234,9 +235,9 @@ def _moves(scheme: Scheme, case: Case) -> bool:
 
 
 def _step_seconds(scheme: Scheme, case: Case) -> float | None:
-    """The seconds that a state takes in a step as short as those of paths; with batches, as one state of MANY.
+    """Measure the seconds for one state in a short step, in a batch of MANY if the scheme takes batches.
 
-    None where the scheme refuses the step.
+    Return None if the scheme refuses the step.
     """
     problem, y, h, dW = case.build()
     h, dW = SHORT * h, SHORT * dW
@@ -254,9 +255,9 @@ def _step_seconds(scheme: Scheme, case: Case) -> float | None:
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
-    """Search for a fault; without one, repeat all cases backwards, refused steps, and one step TIMES times.
+    """Search for a fault. If there is none, repeat all cases backwards, unsolvable steps, and one step TIMES times.
 
-    A corpus witness with a problem given by name is repeated too.
+    If a stored witness already repeats a step, the simplest step is not repeated again.
     """
     measured: list[tuple[Case, Array | None]] = []
 
@@ -287,7 +288,7 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
 
 
 def _refused(scheme: Scheme, seed: int) -> list[Case]:
-    """Steps without a solution of (2.1), where the scheme is for all systems of a class that has them."""
+    """Make steps of (2.1) without a solution, if the scheme is for all systems of a class with such steps."""
     if scheme.systems not in MADE or scheme.problems:
         return []
     cases = (made(Random(f"{seed} {n}"), scheme.systems) for n in range(REFUSED))

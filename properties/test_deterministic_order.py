@@ -1,7 +1,7 @@
-"""y1 = φ_h(y0) + O(h^(p+1)) for a method of order p and c = (): the order without noise.
+"""The order of a method without noise, c = (): order p means y1 = φ_h(y0) + O(h^(p+1)) with the exact flow φ.
 
-The slope of the error of one step against the exact flow is extrapolated to h = 0
-(`sepv.properties._orders.without_noise`). The least order of all problems and states counts; a higher one holds.
+The slope of the error of one step in h is extrapolated to h = 0 (`sepv.properties._orders.without_noise`). The lowest
+order of all problems and states counts. The law holds if it is the claimed order or higher.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:  # noqa: ARG001 - nothing is drawn
-    """Compare the least power of h with p + ½, for the claimed order p, or 1 where none is claimed."""
+    """Compare the least power of h in the error of a step with p + ½, for the claimed order p (1 without a claim)."""
     if scheme.asks or scheme.systems in OF_SEVERAL:
         return law.finding(
             Verdict.NOT_APPLICABLE, message="the scheme is for several fields, which c = () leaves alone"
@@ -55,7 +55,7 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:  # noqa: ARG001 - n
         s = min(range(len(seen)), key=lambda k: _first(seen[k], _OF_STATES))
         judged.append((errors, s, seen[s]))
         order: float | None = seen[s].order
-        if order is None and seen[s].verdict is Verdict.HOLDS:  # a bound of the power, or none
+        if order is None and seen[s].verdict is Verdict.HOLDS:  # no power, or only a bound
             order = claimed if scheme.order or np.isnan(seen[s].value) else max(1, int(seen[s].value) - 1)
         lines.append(f"{problem.name}: {_words(seen[s])}the error of a step is {seen[s].text}")
         measured.append({"problem": problem.name, "order": order, "verdict": seen[s].verdict.value})
@@ -79,13 +79,13 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:  # noqa: ARG001 - n
     )  # fmt: skip
 
 
-# A state whose errors show no slope decides only if no other state does: no problem is left out.
+# Ranks of verdicts. An inconclusive state counts only if no other state of its problem decides; each problem counts.
 _OF_STATES = (Verdict.VIOLATED, Verdict.HOLDS, Verdict.INCONCLUSIVE)
 _OF_PROBLEMS = (Verdict.VIOLATED, Verdict.INCONCLUSIVE, Verdict.HOLDS)
 
 
 def _first(order: Order, ranks: tuple[Verdict, ...]) -> tuple[int, float]:
-    """The rank of a verdict, and among equal ones the least slope."""
+    """Return the sorting key of an order: the rank of its verdict, then its slope."""
     return ranks.index(order.verdict), float(np.nan_to_num(order.value, nan=np.inf))
 
 
@@ -101,7 +101,7 @@ def _example(errors: StepErrors, s: int) -> str:
 
 
 def replay(law: Law, scheme: Scheme, _witness: dict[str, Any]) -> Finding:
-    """Run again; nothing is random here."""
+    """Run the law again, because it draws no random numbers that a witness would have to store."""
     return run(law, scheme, Run())
 
 

@@ -1,8 +1,8 @@
-"""E[H_0(y1)] = H_0(y0) + hσ where LH_0 = ½ Σ_j c_j² {{H_0, H_j}, H_j} is a constant σ: the trace formula.
+"""Trace formula: E[H_0(y1)] = H_0(y0) + hσ if LH_0 = ½ Σ_j c_j² {{H_0, H_j}, H_j} is a constant σ.
 
-L is the generator. Where LH_0 = σ everywhere, d/dt E[H_0] = σ for the exact solution, over any time: additive noise
-along which H_0 is quadratic, σ = ½ Σ c_j² f_jᵀH_0″f_j, with fields f_j = B∇H_j or any vectors (D. Cohen and G. Vilmart,
-Int. J. Comput. Math. 99, 2022). The expectation is by quadrature over what the step sees; nothing is sampled.
+L is the generator. If LH_0 = σ everywhere, the exact solution has d/dt E[H_0] = σ at all times, as with additive noise
+along which H_0 is quadratic: σ = ½ Σ c_j² f_jᵀH_0″f_j, with fields f_j = B∇H_j or any vectors (D. Cohen and G. Vilmart,
+Int. J. Comput. Math. 99, 2022). A quadrature over the increments gives the expectation; nothing is sampled.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from sepv.verification import Case, Cases, Effort, Measurement, energy_bound, en
 
 
 def steady(case: Case) -> Case | None:
-    """The step of a system whose E[H_0] changes at a constant rate, made short."""
+    """Keep a case if E[H_0] of its system changes at a constant rate, with a step inside the contraction radius."""
     data = case.problem
     if isinstance(data, GivenProblem) and isinstance(data.problem.data, PolynomialSystem):
         data = data.problem.data
@@ -32,7 +32,7 @@ def steady(case: Case) -> Case | None:
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """|E[H_0(y1)] − H_0(y0) − hσ|, with the bound of `sepv.properties._trace_formula`."""
+    """Measure |E[H_0(y1)] − H_0(y0) − hσ|, with the bound of `sepv.properties._trace_formula`."""
     problem, y, h, _ = case.build()
     if (
         not isinstance(case.problem, PolynomialSystem)
@@ -47,7 +47,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 
 def quantity(problem: Problem, rate: float, y: Array) -> Quantity:
-    """H_0, with the unit of its defects at y."""
+    """Return H_0, with its rate σ and the unit of its defects at y, as the quantity of the trace formula."""
     H = problem.hamiltonian
     assert isinstance(H, PolynomialMap)
     return Quantity(

@@ -15,9 +15,9 @@ from sepv.verification._tolerance import correction_rounding
 
 
 def transformations(y: Array) -> list[tuple[str, Array, Array, Array]]:
-    """(name, P, P⁻¹, b), dyadic: a reversal of the axes with a sign, a scaling, a shear, translations.
+    """Return (name, P, P⁻¹, b) of dyadic maps Py + b: axes reversed with a sign, a scaling, a shear, translations.
 
-    Translations are of the size of y: longer ones make H in the new variables a sum of large terms that cancel.
+    Translations b are as long as y, because longer ones make H in the new variables a sum of large terms that cancel.
     """
     d, size = len(y), float(np.max(np.abs(y)))
     reversal = np.eye(d)[::-1].copy()
@@ -43,7 +43,7 @@ def transformations(y: Array) -> list[tuple[str, Array, Array, Array]]:
 
 
 def inverse_map(rows: Array, b: Array) -> list[Polynomial]:
-    """The components of Q(z − b) for the matrix Q."""
+    """Return the components of Q(z − b), as polynomials in z, for the matrix Q with the given rows."""
     d = len(b)
     return [
         poly.add(
@@ -55,7 +55,7 @@ def inverse_map(rows: Array, b: Array) -> list[Polynomial]:
 
 
 def substitute(p: Polynomial, forms: list[Polynomial]) -> Polynomial:
-    """The polynomial p of the forms; exact for small dyadic coefficients, else rounded as by one more evaluation."""
+    """Substitute forms for the variables of p: exact for small dyadic coefficients, else rounded as one evaluation."""
     products = [poly.polynomial(p.dimension, {})]
     for exponents, coefficient in p.terms:
         term = poly.constant(p.dimension, coefficient)
@@ -67,11 +67,11 @@ def substitute(p: Polynomial, forms: list[Polynomial]) -> Polynomial:
 
 
 def transformed(system: PolynomialSystem, P: Array, inverse: Array, b: Array) -> PolynomialSystem:
-    """The system in z = Py + b: H(P⁻¹(z − b)) and P B(P⁻¹(z − b)) Pᵀ."""
+    """Return the system in the variables z = Py + b, with H(P⁻¹(z − b)) and P B(P⁻¹(z − b)) Pᵀ."""
     d, forms = system.dimension, inverse_map(inverse, b)
     H = substitute(system.hamiltonian, forms)
     if system.nambu is not None:
-        # P hat(c) Pᵀ = det(P) hat(P⁻ᵀc): the determinant multiplies the factor g, and C is transformed like H.
+        # With hat(c)v = v × c, P hat(c) Pᵀ = det(P) hat(P⁻ᵀc): det(P) multiplies g, and C is transformed like H.
         g, C = (substitute(p, forms) for p in system.nambu)
         return nambu_system(H, poly.scale(float(round(np.linalg.det(P))), g), C, system.noise)
     B, *G = (_congruent(d, part, P, forms) for part in (system.structure, *system.noise_structures))
@@ -85,7 +85,7 @@ def transformed(system: PolynomialSystem, P: Array, inverse: Array, b: Array) ->
 def _congruent(
     d: int, structure: tuple[tuple[int, int, Polynomial], ...], P: Array, forms: list[Polynomial]
 ) -> tuple[tuple[int, int, Polynomial], ...]:
-    """P B Pᵀ above the diagonal, for B in terms of the forms."""
+    """Return the entries of P B Pᵀ above the diagonal, with the forms substituted for the variables of B."""
     old = [(i, j, substitute(entry, forms)) for i, j, entry in structure]
     rows = P.tolist()
     entries = []
@@ -100,12 +100,12 @@ def _congruent(
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """|Φ_z(Py + b) − PΦ_y(y) − b| for a step so short that the equations of both steps are contractions with factor κ.
+    """Measure |Φ_z(Py + b) − PΦ_y(y) − b| for a step so short that both equations are contractions with factor κ.
 
-    Both steps have a residual r at rounding, which is an error of at most r/(1 − κ) in the largest component; |P|_∞
-    multiplies that of y1. Py + b is rounded at both ends, at most twice in each component; ‖∂z1/∂z0‖ ≤ (1 + κ)/(1 −
-    κ) carries the rounding at the start to the end. A scheme that claims *random-step* has no Itô correction; for any
-    other the correction's rounding is added, since Hamiltonians in moved coordinates have terms that cancel.
+    A residual r causes an error of at most r/(1 − κ) in the largest component, and |P|_∞ multiplies the error of y1.
+    Py + b is rounded at most twice in each component, before the step and after it. A step multiplies the rounding
+    before it by at most ‖∂z1/∂z0‖ ≤ (1 + κ)/(1 − κ). If a scheme does not claim *random-step*, it may have an Itô
+    correction: its rounding is added, because H in the new variables has terms that cancel.
     """
     problem, y, h, dW = case.build()
     assert isinstance(case.problem, PolynomialSystem)
@@ -148,7 +148,7 @@ law = searched(
     cost=1.1,
     steps=298,
     cases=Cases(
-        # Substitutions multiply the terms.
+        # Systems are limited in size, because substitution multiplies the number of terms.
         where={
             "d": ("2", "3", "4–6", "7–9"),
             "degree of H": ("1–2", "3–4", "5–6"),

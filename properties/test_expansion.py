@@ -1,11 +1,11 @@
-"""Lemma 3.2: y1 − y0 = aΔ + bΔ² + O(Δ³) with a = f and b = f′f/2, f = B∇H.
+"""Lemma 3.2: y1 − y0 = aΔ + bΔ² + O(Δ³) with the random step Δ, f = B∇H, a = f and b = f′f/2.
 
-A scheme of mean-square order p > 1 agrees with the flow up to Δ^2p, so that the local error is O(h^{p+1}) in the mean
-and O(h^{p+1/2}) in the root mean square. So the coefficients of Δ³ … Δ^2p are measured too, up to Δ⁸.
+If a scheme has mean-square order p > 1, it agrees with the flow up to Δ^2p, so that the local error is O(h^{p+1}) in
+the mean and O(h^{p+1/2}) in the root mean square. So the coefficients of Δ³ … Δ^2p are measured too, up to Δ⁸.
 
-Rounding would drown b if y0 had size 1: y1 is then known to eps only, and b to eps/Δ². Here y0 = 0, so
-y1 itself is the increment, with relative precision eps, and b is known to eps/Δ. The polynomial systems
-have all the terms that f(0) and f′(0) need.
+All cases have y0 = 0. If y0 had size 1, y1 would have a rounding error of eps, and b an error of eps/Δ². With y0 = 0,
+y1 itself is the increment, with relative precision eps, so that b has an error of eps/Δ. The polynomial systems have
+all the terms that f(0) and f′(0) need.
 """
 
 from __future__ import annotations
@@ -34,19 +34,19 @@ from sepv.verification import Case, Cases, Effort, Measurement, require, searche
 from sepv.verification._cases.random_cases import ORIGIN_SHARE
 from sepv.verification._contraction import contraction_ball
 
-# Nodes of the interpolation, and the last coefficient beyond b that is judged. With 24 or more nodes in |Δ| ≤ ϱ/2, the
-# coefficient of Δ⁸ is known to 2e-6 r/ϱ⁸; its natural size is 1e-7 to 1e-2 of that.
+# The number of nodes of the interpolation, and the power of Δ of the last coefficient that is judged. From 24 or more
+# nodes in |Δ| ≤ ϱ/2, the coefficient of Δ⁸ has an error of 2e-6 r/ϱ⁸. Its usual size is 1e-7 to 1e-2 of r/ϱ⁸.
 NODES, LAST = 24, 8
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Both coefficients from the steps ±Δ and ±Δ/2, by parity and one Richardson extrapolation.
+    """Measure a and b from steps with ±Δ and ±Δ/2, by parity and one Richardson extrapolation.
 
-    y1(Δ) = Σ c_k Δ^k is analytic for |Δ| ≤ ϱ and bounded by r there, so that |c_k| ≤ r/ϱ^k (Cauchy). The odd part
-    over Δ is a + c3Δ² + c5Δ⁴ + …, the even part over Δ² is b + c4Δ² + c6Δ⁴ + …; extrapolation removes the
-    second term, and with x = Δ/ϱ the rest is at most (r/ϱ)x⁴/(1 − x²) and (r/ϱ²)x⁴/(1 − x²). Rounding of a step
-    goes into a and b with at most 4/Δ and 16/Δ² (weights 4/3 and 1/3 at Δ/2 and Δ). h is positive throughout, and
-    the noise makes Δ of either sign from it: drift and noise are weighted differently in ±Δ.
+    y1(Δ) = Σ c_k Δ^k is analytic and bounded by r for |Δ| ≤ ϱ, so that |c_k| ≤ r/ϱ^k (Cauchy). The odd part divided
+    by Δ is a + c3Δ² + c5Δ⁴ + …, the even part divided by Δ² is b + c4Δ² + c6Δ⁴ + …. Extrapolation removes the second
+    terms. With x = Δ/ϱ the rest is at most (r/ϱ)x⁴/(1 − x²) and (r/ϱ²)x⁴/(1 − x²). The rounding of a step enters a and
+    b with factors of at most 4/Δ and 16/Δ² (weights 4/3 and 1/3 at Δ/2 and Δ). With one structure, h is positive in
+    all steps and the noise gives Δ either sign, so that h and ΔW have different weights in Δ and in −Δ.
     """
     problem, y, h, dW = case.build()
     radius, r = contraction_ball(problem, y)
@@ -58,7 +58,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         for sign in (1.0, -1.0):
             step = share * h
             noise = share * dW if sign > 0 else turned(problem, step, share * dW)
-            if several:  # no noise reverses the drift
+            if several:  # no noise reverses the drift: h changes its sign too
                 step, noise = sign * share * h, sign * share * dW
             y1 = ask(scheme, problem, y, step, noise)
             values[share, sign] = y1
@@ -66,7 +66,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
             rounding = max(rounding, float(residual.max()))
     x = delta / radius
     tail = x**4 / (1 - x * x)
-    # A system at rest has no scale of its own: its scale is r/ϱ, the largest field it may have.
+    # Units are r/ϱ^k, from the largest field r/ϱ that the ball allows, because the field may vanish at y0.
     measurements = []
     for name, power, parity, expected in (
         ("a = f", 1, -1.0, vector_field(field, y)),
@@ -83,14 +83,14 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 
 def turned(problem: Problem, h: float, dW: Array) -> Array:
-    """Increments that give −Δ with the same h: the first noise reverses the drift too."""
+    """Return increments that give −Δ together with h itself: the first one also reverses the drift."""
     noise = -dW
     noise[0] -= 2 * h / problem.c[0]
     return noise
 
 
 def frozen(problem: Problem, h: float, dW: Array) -> tuple[Problem, float]:
-    """The system (1.1) that equals several structures for fixed increments, and its Δ = |h| + Σ|c_j ΔW_j|.
+    """Combine several structures, for fixed increments, into one system (1.1); return it and Δ = |h| + Σ|c_j ΔW_j|.
 
     Several Hamiltonians become one system with the structure B and the Hamiltonian (hH_0 + Σ c_j ΔW_j H_j)/Δ.
     """
@@ -128,11 +128,11 @@ def frozen(problem: Problem, h: float, dW: Array) -> tuple[Problem, float]:
 
 
 def higher_coefficients(scheme: Scheme, case: Case, radius: float, r: float) -> list[Measurement]:
-    """The coefficients of Δ³ … Δ^2p, compared with those of the flow, for a scheme that claims mean-square order p.
+    """Compare the coefficients of Δ³ … Δ^2p with those of the flow, for a scheme that claims mean-square order p.
 
-    The halved radius covers the Lebesgue constants of the stages (at most 1.7 for six). c_k is a combination
-    Σ_j w_kj y1(Δ_j) of values at Chebyshev points, exact for polynomials without constant term: the rest of the
-    series, with |c_m| ≤ r/ϱ^m (Cauchy), and the rounding of each value bound its error.
+    The halved radius covers the Lebesgue constants of the stages (at most 1.7 for six). A coefficient c_k is computed
+    as Σ_j w_kj y1(Δ_j) from values at Chebyshev points, exactly for polynomials without constant term. Its error is
+    bounded by the rest of the series, with |c_m| ≤ r/ϱ^m (Cauchy), and by the rounding of each value.
     """
     last = min(LAST, round(2 * (scheme.mean_square_order or 1.0)))
     if last < 3:
@@ -153,7 +153,7 @@ def higher_coefficients(scheme: Scheme, case: Case, radius: float, r: float) -> 
     exact = flow_series(case.problem, case.y, last)
     coefficients = []
     for k in range(3, last + 1):
-        # Values in units of r/ϱ^k.
+        # `measured` and `expected` are coefficients in units of r/ϱ^k.
         measured = weights[k - 1] @ np.array(values) / r
         expected = np.array([float(v) * radius**k for v in exact[k]]) / r
         bound = tails[k - 1] + np.abs(weights[k - 1]) @ np.array(rounding) / r + TINY
@@ -165,7 +165,7 @@ def higher_coefficients(scheme: Scheme, case: Case, radius: float, r: float) -> 
 
 @lru_cache(maxsize=1)
 def interpolation() -> tuple[Array, Array, Array]:
-    """Points x_j = ½ cos(…) (n,), weights w_kj (k, n) of c_k, and Σ_{m>n} |Σ_j w_kj x_j^m| (k,), at 50 digits."""
+    """Return points x_j = ½ cos(…) (n,), weights w_kj (k, n) of coefficients, and Σ_{m>n} |Σ_j w_kj x_j^m| (k,)."""
     ctx = mpmath.mp.clone()
     ctx.dps = 50
     n = NODES
@@ -180,7 +180,7 @@ def interpolation() -> tuple[Array, Array, Array]:
 
 
 def admits(case: Case) -> bool:
-    """True for y0 = 0, a first noise of size one, and a step of the share of the radius that the bound is made for."""
+    """True if y0 = 0, c_1 = 1, h > 0, and the step is no longer than the share of the radius that the bound needs."""
     if not isinstance(case.problem, PolynomialSystem):
         return False
     problem, y, h, dW = case.build()

@@ -1,4 +1,4 @@
-"""(3.8): the mean error of one step is O(h^(p+1)) for a claimed mean-square order p, by quadrature over ΔW."""
+"""Estimate (3.8): the mean error of one step is O(h^(p+1)) for a claimed mean-square order p; quadrature over ΔW."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from sepv.verification._law import pathwise
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
-    """Compare the slope with the claimed order, or with order 1 where none is claimed."""
+    """Compare the slope of the mean error of one step with the claimed mean-square order (1 without a claim)."""
     return judge(
         law,
         scheme,
@@ -27,7 +27,7 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
 
 
 def replay(law: Law, scheme: Scheme, _witness: dict[str, Any]) -> Finding:
-    """Run again; nothing is random here."""
+    """Run the law again, because it draws no random numbers that a witness would have to store."""
     return run(law, scheme, Run())
 
 

@@ -1,7 +1,7 @@
-"""(3.9): the rms error of one step is O(h^(p+1/2)) for a claimed mean-square order p, by quadrature over ΔW.
+"""Estimate (3.9): the rms error of one step is O(h^(p+1/2)) for a claimed mean-square order p; quadrature over ΔW.
 
-The slope is read off where it is asymptotic. At h drawn from the whole range, with noises of several sizes, no error is
-of a lower order than elsewhere (`sepv.properties._orders.any_step`).
+The slope is measured at step sizes at which it is asymptotic. Further step sizes h are drawn from the whole range, with
+noises of several sizes: no error there may be of a lower order (`sepv.properties._orders.any_step`).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from sepv.verification._law import pathwise
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
-    """Compare the slope with the claimed order, or with order 1 where none is claimed."""
+    """Compare the slope of the rms error of one step with the claimed order (1 without a claim), also at drawn h."""
     claimed = scheme.mean_square_order
 
     def needs(_: LocalErrors, order: float) -> float:
@@ -53,7 +53,7 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
-    """Run again, with the same steps drawn."""
+    """Run the law again with the seed of a witness, so that it draws the same steps."""
     return run(law, scheme, Run(Effort(seed=int(witness.get("seed", 0)))))
 
 

@@ -1,7 +1,7 @@
 """The weak error of one step is O(h^(q+1)) for a claimed weak order q, by quadrature over ΔW.
 
-Test functions are polynomials of degree 1, …, 2q + 1 in y − y0: G. N. Milstein, Numerical Integration of Stochastic
-Differential Equations (1995), §9.
+Test functions are polynomials of degree 1, …, 2q + 1 in y − y0, as in G. N. Milstein, Numerical Integration of
+Stochastic Differential Equations (1995), §9.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from sepv.verification._law import about_noise
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
-    """Compare the slope with the claimed order, or with order 1 where none is claimed."""
+    """Compare the slope of the weak error of one step with the claimed weak order (1 without a claim)."""
     return judge(
         law,
         scheme,
@@ -31,7 +31,7 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
 
 
 def replay(law: Law, scheme: Scheme, _witness: dict[str, Any]) -> Finding:
-    """Run again; nothing is random here."""
+    """Run the law again, because it draws no random numbers that a witness would have to store."""
     return run(law, scheme, Run())
 
 

@@ -1,12 +1,12 @@
-"""|H(y_n) − H(y_0)| = O(h^p) without growth in n: a symplectic or reversible method of order p, c = ().
+"""Without noise, a symplectic or reversible method of order p has |H(y_n) − H(y_0)| = O(h^p) without growth in n.
 
-Such a method keeps a modified Hamiltonian, or has a reversible modified equation, for times of the order exp(c/h)
-(E. Hairer, C. Lubich and G. Wanner, *Geometric Numerical Integration*, IX.8 and XI.3). It is asked on orbits where that
-theory speaks (`sepv.properties._orders.integrable`). Two things are judged
-(`sepv.properties._orders.long_times`): the mean energy has no trend beyond what the windows of the means leave of the
-oscillation, and the oscillation falls like h^p.
+For times of the order exp(c/h) such a method keeps a modified Hamiltonian or has a reversible modified equation
+(E. Hairer, C. Lubich and G. Wanner, *Geometric Numerical Integration*, IX.8 and XI.3). The law tests it on orbits to
+which this theory applies (`sepv.properties._orders.integrable`). It judges (`sepv.properties._orders.long_times`) that
+the mean energy over windows of time has no trend, except for what the means leave of the oscillation, and that the
+oscillation falls like h^p.
 
-A claim of *symplecticity* and of an order does not imply this one. It is measured without a claim, as every law is.
+Claims of *symplecticity* and of an order do not imply this law. Like every law it is measured without a claim too.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ from sepv.verification._cases.from_problem import describe
 from sepv.verification._cases.users_problems import items
 from sepv.verification._law import sparing
 
-# The number of paths on an orbit, over which the growth has an interval. A scheme without batches gets fewer.
+# The number of paths on an orbit, for a confidence interval of the growth. A scheme without batches gets fewer.
 PATHS, SPARED_PATHS = 8, 4
-# The factor on the distance of the means with `--deep`, and the examples there.
+# With at least DEEP_EXAMPLES examples (option `--deep`), the means of the energy are DEEPER times as far apart.
 DEEPER, DEEP_EXAMPLES = 8, 1000
-# The most halvings of the step for a scheme that states a longest step.
+# The largest number of halvings of the step size for a scheme that states a longest step.
 SHORTER = 3
 _RANKS = (Verdict.VIOLATED, Verdict.ERROR, Verdict.INCONCLUSIVE, Verdict.HOLDS)
 
 
 def run(law: Law, scheme: Scheme, own: Run) -> Finding:
-    """Judge the trend and the power of h on all orbits; the worst share of what is allowed decides."""
+    """Judge the trend of the energy and the power of h on all orbits. The worst ratio to an allowed value decides."""
     if scheme.asks or scheme.systems in OF_SEVERAL:
         why = "the scheme is for several fields, which c = () leaves alone"
         return law.finding(Verdict.NOT_APPLICABLE, message=why)
@@ -66,7 +66,7 @@ def run(law: Law, scheme: Scheme, own: Run) -> Finding:
 
 
 def _orbits(scheme: Scheme, seed: int) -> Iterator[Any]:
-    """The orbits of the class, or the user's problems with c = (), of which families stand for their classes."""
+    """Yield the orbits of the scheme's class, or users' problems without noise. Families of problems mean a class."""
     if not scheme.problems:
         yield from orbits_of_class(scheme.systems, seed)
     for item in items(scheme.problems) if scheme.problems else ():
@@ -79,7 +79,7 @@ def _orbits(scheme: Scheme, seed: int) -> Iterator[Any]:
 
 
 def _taken(scheme: Scheme, orbits: Orbits) -> Orbits:
-    """The orbits with steps that the scheme accepts; raises Skipped if they are too short."""
+    """Halve the steps of the orbits until the scheme takes them, at most SHORTER times; else raise Skipped."""
     y = orbits.of(1)[:, 0]
     for halved in range(SHORTER + 1):
         shorter = replace(orbits, steps=orbits.steps << halved)
@@ -89,7 +89,7 @@ def _taken(scheme: Scheme, orbits: Orbits) -> Orbits:
 
 
 def _judged(scheme: Scheme, orbits: Orbits, effort: Effort) -> list[Judged]:
-    """The trend, and the power of h where H oscillates and no trend was found."""
+    """Judge the trend of the energy on the orbits and, if H oscillates and has no trend, the power of h."""
     paths = SPARED_PATHS if sparing(scheme, effort) else PATHS
     first = trend(scheme, orbits, paths, DEEPER if effort.examples >= DEEP_EXAMPLES else 1)
     if first.verdict in (Verdict.VIOLATED, Verdict.ERROR) or first.kept:
@@ -98,7 +98,7 @@ def _judged(scheme: Scheme, orbits: Orbits, effort: Effort) -> list[Judged]:
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
-    """Run the same paths again."""
+    """Repeat the run of a witness (a stored counterexample), with its seed and number of examples."""
     return run(law, scheme, Run(Effort(seed=int(witness["seed"]), examples=int(witness.get("examples", 8)))))
 
 

@@ -1,7 +1,7 @@
 """Theorems 3.3 and 3.4: mean-square order, measured against the exact flow at the random time.
 
-`violated` needs two intervals below the order: that of the slope of the rms error, and that of the slope of a quantile
-of the error, which does not depend on the tails (`sepv.properties._orders.convergence.mean_square_order`).
+The law is violated only if two confidence intervals are below the order: those of the slopes of the rms error and of a
+quantile of the error, which does not depend on the tails (`sepv.properties._orders.convergence.mean_square_order`).
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from sepv.schemes import Scheme, order_of
 from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 from sepv.verification._law import pathwise
 
-# Orders of one-step methods for (1.1) are multiples of ½. An interval of the slope above the middle between p and the
-# next lower order rejects that order. The middle also leaves room for the pre-asymptotic part of a slope, which for the
-# schemes of the paper at these step sizes is below 0.06.
+# Orders of one-step methods for (1.1) are multiples of ½. If the interval of the slope is above p − MARGIN, the middle
+# between p and the next lower order, it rejects the lower order. The margin also allows for the pre-asymptotic part of
+# a slope, which is below 0.06 for the paper's schemes at these step sizes.
 MARGIN = 0.25
 
 
 def assessing(claimed: float | None, tilted: bool, hold: float = 0.0) -> Assess:
-    """Make the test that the slopes lie above the order less the margin; weighted samples have no quantile.
+    """Make the test that slopes are above the claimed order less MARGIN. `tilted` samples are weighted: no quantile.
 
-    `hold` is the level of the interval that shows the order, if that is more than alpha.
+    If `hold` is larger than alpha, it is the level of the interval that must lie above for the law to hold.
     """
 
     def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) -> Assessment:
@@ -50,9 +50,9 @@ def assessing(claimed: float | None, tilted: bool, hold: float = 0.0) -> Assess:
 
 
 def order_above(low: float) -> float:
-    """The largest multiple p of ½ with p − MARGIN below `low`, the lower end of a slope's interval; 0 if there is none.
+    """Return the largest multiple p of ½ with p − MARGIN < `low`, the lower end of a slope's interval, or 0.
 
-    The interval proves it with the confidence of the run, for any claimed order.
+    The interval proves the order p with the confidence of the run, whatever order is claimed.
     """
     return max(0.0, math.ceil(2 * (low + MARGIN) - 1) / 2) if math.isfinite(low) else 0.0
 
@@ -60,7 +60,7 @@ def order_above(low: float) -> float:
 def at_the_floor(errors: StrongErrors, order: float) -> Assessment:
     """Judge errors at the rounding floor: a bound C h^p with tiny C holds, so nothing contradicts the order.
 
-    Where only the coarsest step is above the floor, the others must lie below the order's prediction from it.
+    If only the error of the coarsest step is above the floor, it must fall to the floor as fast as the order demands.
     """
     usable, rms, floor, bound = above_floor(errors), errors.rms(), floors(errors), order - MARGIN
     if not usable.any():
@@ -73,7 +73,7 @@ def at_the_floor(errors: StrongErrors, order: float) -> Assessment:
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
-    """Compare the slope with the claimed order; without a claim with 1, or ½ for noises that do not commute."""
+    """Compare the slope of the error with the claimed order; without a claim with 1, or ½ for noncommuting noises."""
     return judge(
         law,
         scheme,
@@ -83,7 +83,7 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
-    """Run the same paths again."""
+    """Repeat the run of a witness (a stored counterexample), with its seed and number of paths."""
     return run(law, scheme, Run(Effort(seed=int(witness["seed"]), paths=int(witness["paths"]))))
 
 

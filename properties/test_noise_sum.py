@@ -1,4 +1,4 @@
-"""§1 and (2.1): m noises act only through Σ c_j ΔW_j, so one noise can replace them, in any order."""
+"""§1 and (2.1): m noises act only through Σ c_j ΔW_j, so their order is irrelevant and one noise can replace them."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from sepv.verification import Case, Cases, Effort, Measurement, require, searche
 from sepv.verification._amplification import amplification
 from sepv.verification._cases.case import with_noise
 
-# A noise: its c_j, its G_j or H_j, and ΔW_j.
+# A noise: its coefficient c_j, its structure G_j or Hamiltonian H_j, and its increment ΔW_j.
 Noise = tuple[float, tuple[tuple[int, int, Polynomial], ...] | Polynomial, float]
 
 
 def several_noises(case: Case) -> Case | None:
-    """The case with at least two noises: a single one is halved into two, which keeps Δ."""
+    """Split a single noise into two with the same Σ c_jΔW_j. A case without noise gets two noises with the sum h."""
     problem = case.build()[0]
     c = tuple(float(v) for v in problem.c)
     if len(c) > 1 or is_several(problem):
@@ -34,10 +34,10 @@ def several_noises(case: Case) -> Case | None:
 def check(scheme: Scheme, case: Case) -> Measurement:
     """Compare the steps with all noises, with the noises reversed, and with their sum as one noise of c = 1.
 
-    Several structures or Hamiltonians cannot be summed. There the noises are also rotated by one place, and one with
-    c = 0 is put before them: an exchange of places that both permutations leave alone, as that of two noises, shows
-    in the third. All steps solve one equation, with residuals r; their distance is at most 2r‖(I − ∂R/∂y1)⁻¹‖ in the
-    largest component. The rounding of Δ is part of r.
+    Noises with structures or Hamiltonians of their own cannot be summed. Instead they are moved on by one place, and a
+    noise with c = 0 is put before them. If a scheme exchanges two noises, both permutations may hide this, but the
+    additional noise shows it. All steps solve one equation, with residuals at most r that contain the rounding of Δ, so
+    their distance is at most 2r‖(I − ∂R/∂y1)⁻¹‖ in the largest component.
     """
     problem, _, _, dW = case.build()
     data, c = case.problem, tuple(float(v) for v in problem.c)
@@ -64,20 +64,20 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 
 def _key(data: PolynomialSystem) -> str:
-    """The field of the data that has an entry for each noise."""
+    """Return the name of the field of the data that has a structure, Hamiltonian or vector for each noise."""
     keys = ("noise_structures", "noise_hamiltonians", "noise_vectors")
     return next(key for key in keys if getattr(data, key))
 
 
 def _ordered(case: Case, data: PolynomialSystem, noises: Sequence[Noise]) -> Case:
-    """The case with its noises replaced by the given ones, each with its structure or Hamiltonian and increment."""
+    """Replace the noises of a case by the given ones, each with its structure or Hamiltonian and its increment."""
     c, parts, dW = zip(*noises, strict=True)
     changes: dict[str, Any] = {"noise": c, _key(data): parts}
     return replace(case, problem=replace(data, **changes), dW=dW)
 
 
 def _given_orders(case: Case, given: GivenProblem) -> dict[str, Case]:
-    """The reordered cases for several Hamiltonians that are functions."""
+    """Return cases with the noises reordered, by name, for several Hamiltonians that are given as functions."""
     m = given.problem.noises
     orders = {"reversed": [*range(m)][::-1], "moved on by one": [m - 1, *range(m - 1)]}
     by_order = {}
@@ -93,7 +93,7 @@ def _given_orders(case: Case, given: GivenProblem) -> dict[str, Case]:
 
 
 def _furthest(scheme: Scheme, case: Case, others: dict[str, Case]) -> Measurement:
-    """The largest distance of the steps of other cases from the step of `case`."""
+    """Measure the largest distance of the steps of the cases `others` from the step of `case`."""
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)
     residual = float(step_residual(problem, y, y1, h, dW, scheme).max())

@@ -1,7 +1,7 @@
-"""A step stays in the problem's domain: the positive octant for Lotka-Volterra, which its exact flow never leaves.
+"""A step stays in the problem's domain: for Lotka-Volterra the positive octant, which the exact flow never leaves.
 
-ẏ_i = y_i r_i(y) keeps the sign of every component, for stochastic systems of this form too. A scheme with this property
-needs no rejected steps: the domain-keeping integrators that Cohen and Dujardin (2014), §1, [23], point to.
+Solutions of ẏ_i = y_i r_i(y), also of stochastic systems of this form, keep the sign of every component. A scheme that
+stays in the domain need not reject steps. Cohen and Dujardin (2014), §1, [23], point to such integrators.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from sepv.verification._cases.of_law import only
 from sepv.verification.strategies import coefficients, noises
 
 NAMES = ("a", "b", "d", "nu", "mu", "noise")
-# Few systems, with all signs, and many steps, because recording a system takes as long as a dozen steps. The first is
-# the paper's.
+# Six systems with parameters of all signs, the first one the paper's. They are few, with many steps each, because sepv
+# needs as much time to record a system as for a dozen steps.
 SYSTEMS = tuple(
     NamedProblem("lotka-volterra", tuple((n, tuple(v)) for n, v in zip(NAMES, values, strict=True)))
     for values in (
@@ -32,7 +32,7 @@ SYSTEMS = tuple(
         ([1.0], [-1.0], [2.0], [0.5], [4.0], [0.0, 1.0]),
     )
 )
-# Strategies are built once (`sepv.verification.strategies`).
+# Hypothesis strategies, built once for all tests (see `sepv.verification.strategies`).
 _SYSTEMS, _SIGNS = st.sampled_from(SYSTEMS), st.sampled_from([1.0, -1.0])
 _STATES = st.tuples(*[st.tuples(st.sampled_from([1.0, 1.5]), st.integers(-10, 2))] * 3)
 _NOISES = noises(least=1, most=3).filter(any)
@@ -41,10 +41,10 @@ _LENGTHS, _SHARES = st.sampled_from([2.0, 1.0, 0.5, 0.125]), st.sampled_from([0.
 
 @st.composite
 def lotka_volterra_steps(draw: st.DrawFn) -> Case:
-    """States from 2⁻¹⁰ to 6, and steps up to twice the length after which a tangent reaches zero.
+    """Draw states with components from 2⁻¹⁰ to 6, and steps up to twice as long as an Euler step that reaches zero.
 
-    Methods that keep the octant use exponentials of such steps. Cases where those of the splitting leave 2^±64 are left
-    out: another right method might overflow or underflow there.
+    Methods that keep the octant use exponentials. If a step of the splitting method ends outside of [2⁻⁶⁴, 2⁶⁴], the
+    case is dropped, because another correct method might overflow or underflow.
     """
     data = draw(_SYSTEMS)
     y = tuple(size * 2.0**power for size, power in draw(_STATES))
@@ -53,7 +53,7 @@ def lotka_volterra_steps(draw: st.DrawFn) -> Case:
     field = problem.structure(state) @ problem.gradient(state)
     rate = float(np.max(np.abs(field) / state))
     length = draw(_LENGTHS) / max(rate, 1.0)
-    # h first, the rest in the first noise with c ≠ 0: Δ of either sign.
+    # After h, the first noise with c ≠ 0 gets the rest of the length, so that Δ has either sign.
     h = length * draw(_SHARES)
     first = next(j for j, v in enumerate(c) if v)
     rest = draw(_SIGNS) * length - h
@@ -66,9 +66,10 @@ def lotka_volterra_steps(draw: st.DrawFn) -> Case:
 
 @st.composite
 def species_steps(draw: st.DrawFn) -> Case:
-    """Lotka-Volterra with any parameters and noises at its species; all components positive.
+    """Draw steps of Lotka-Volterra systems with any parameters and noises on the species; all components are positive.
 
-    Steps move a logarithm by up to 4 with each of the fields. Large exponentials are left out as above.
+    Each field moves the logarithm of a component by up to 4. As in `lotka_volterra_steps`, cases are dropped if a step
+    of the stochastic splitting ends outside of [2⁻⁶⁴, 2⁶⁴].
     """
     c = draw(_NOISES)
     beta = tuple(draw(coefficients()) for _ in range(3))
@@ -88,16 +89,16 @@ def species_steps(draw: st.DrawFn) -> Case:
 
 
 def _rate(field: Array, y: Array) -> float:
-    """The rate of the logarithms, at least 1."""
+    """Return the largest |field_i/y_i|, the rate of the logarithm of y_i, but at least 1."""
     return max(1.0, float(np.max(np.abs(field) / y)))
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Measure 1 for a state outside the domain or NaN, else 0. A refused step leaves no state, and is not measured."""
+    """Measure 1 if y1 is outside the domain or NaN, else 0. A refused step is skipped, because it returns no state."""
     problem, y, h, dW = case.build()
     if problem.domain is None:
         raise Skipped("the problem has no domain to leave")
-    if not np.all(problem.domain(y)):  # the shrinker reaches zeros, from which no scheme comes back
+    if not np.all(problem.domain(y)):  # simplified cases have zeros, which every scheme keeps
         raise Skipped("the state is outside of the domain")
     try:
         y1 = guarded(scheme).step(problem, y, h, dW)

@@ -1,4 +1,4 @@
-"""(2.1) sees h and the increments only through the random step Δ = h + Σ_j c_jΔW_j."""
+"""The scheme (2.1) uses h and the increments ΔW_j only through the random step Δ = h + Σ_j c_jΔW_j."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from sepv.verification._cases.of_law import only
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """The distance between steps with one Δ, split into h and increments in different ways.
+    """Measure the distance between steps with equal Δ, split into h and increments in different ways.
 
-    All solve one equation, with residuals r1 and r2: their distance solves (I − ∂R/∂y1)e = r1 − r2. The rounding of Δ
-    is part of r. Random systems are inside their contraction radius, where ‖(I − ∂R/∂y1)⁻¹‖ ≤ 1/(1 − CONTRACTION).
+    Two such steps solve one equation y1 = y0 + R(y0, y1) with residuals r1 and r2, and with Δ rounded. Their distance
+    e satisfies (I − ∂R/∂y1)e = r1 − r2. Inside the contraction radius ‖(I − ∂R/∂y1)⁻¹‖ ≤ 1/(1 − CONTRACTION).
     """
     problem, y, h, dW = case.build()
     others = splits(problem, h, dW)
@@ -32,7 +32,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         except (StepFailure, SchemeFault):
             if other_h:
                 raise
-            continue  # no path has a step with h = 0
+            continue  # a scheme may refuse h = 0, which no path has
         residual = own_residual + step_residual(problem, y, answer, other_h, other_dW, scheme)
         allowed = amplified * float(residual.max())
         distance = float(np.max(np.abs(answer - y1)))
@@ -45,7 +45,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     return worst
 
 
-# Ways to move a share of h into the noise.
+# Names of splits of Δ, each with the share of h that remains in h. The noise gets the rest.
 _SHARES = (
     ("half of h in the noise", 0.5),
     ("nearly all of h in the noise", 2.0**-10),
@@ -54,7 +54,7 @@ _SHARES = (
 
 
 def splits(problem: Problem, h: float, dW: Array) -> list[tuple[str, float, Array]]:
-    """Splits (name, h, dW) of the same Δ up to rounding, h of the same sign or 0, |h| + Σ|c_jΔW_j| no larger."""
+    """Return other (name, h, dW) with equal Δ up to rounding, no change of h's sign, and |h| + Σ|c_jΔW_j| no larger."""
     c = problem.c
     driven = np.flatnonzero(c)
     if not driven.size:

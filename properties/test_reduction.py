@@ -1,4 +1,4 @@
-"""§2: for constant B the scheme is (2.2), and for c = 0 it is the deterministic method with step h."""
+"""§2 of Cohen and Dujardin (2014): for constant B the scheme (2.1) is (2.2), for c = 0 a deterministic method."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from sepv.verification._tolerance import state_error
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Measure the distance from (2.2), or from the deterministic step, at 30 digits."""
+    """Measure the distance of y1 from (2.2), (2.1) (if all G_j = B) or the deterministic method, each at 30 digits."""
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)
     if scheme.systems == Systems.SEVERAL and isinstance(case.problem, PolynomialSystem):
@@ -30,7 +30,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         exact, condition = exact_step("averaged-vector-field", case.problem, case.y, h, case.dW)
         name = "(2.2)"
     elif problem.c.any():
-        # Constant B, s stages: the equations are the general ones, with one matrix at all stages.
+        # For s stages the reference solves the general equations, whose matrix is equal at all stages if B is constant.
         exact, condition = exact_step(method, case.problem, case.y, h, case.dW)
         name = "the method for constant B"
     else:
@@ -46,7 +46,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 
 def reduced(case: Case) -> Case | None:
-    """Keep a case with constant B, or all G_j = B; else remove the noise and make h as long as the step was."""
+    """Keep a case if B is constant, c = 0 or all G_j = B. Else drop several structures, or make the step h alone."""
     if isinstance(case.problem, GivenProblem):
         return None
     problem, y, h, dW = case.build()

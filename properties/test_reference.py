@@ -1,8 +1,8 @@
-"""The step is the solution of (2.1) in extended precision, computed by code that shares nothing with the core.
+"""A step solves equation (2.1): it is compared with a solution in extended precision by code independent of schemes.
 
-With s stages it solves the collocation equations of Cohen and Hairer (2011) with the random step. Random systems come
-first, and their steps are solved anew. Then come the reference vectors: states of extreme size, steps next to a fold,
-separatrices, which a random search does not reach.
+A step with s stages solves the collocation equations of Cohen and Hairer (2011) with the random step. Random systems
+are tested first, and their steps are solved by the reference code. Then come the reference vectors, stored solutions
+that a random search does not reach: states of extreme size, steps next to a fold, separatrices.
 """
 
 from __future__ import annotations
@@ -42,14 +42,14 @@ from sepv.verification import (
 from sepv.verification._cases.commuting import critical_step
 from sepv.verification._tolerance import quadrature_rounding, state_error
 
-# A vector's `rounding` bounds the error of one evaluation of the equation in binary64. As in
-# sepv.verification._tolerance, a factor of 4 covers implementations that order the same operations differently.
+# The `rounding` of a reference vector bounds the error of one evaluation of the equation in binary64. As in
+# sepv.verification._tolerance, this factor covers implementations that order the same operations differently.
 ORDER_OF_OPERATIONS = 4.0
-# The reference's error for a step with several Hamiltonians from a critical point of the first
-# (`sepv.problem._structures`).
+# The beginning of the reference solver's error for a step of several Hamiltonians from a critical point of H_0, where a
+# structure is undefined (`sepv.problem._structures`).
 UNDEFINED = "a structure is undefined"
 
-# The number of critical points of H_0 that are tried.
+# The number of steps from critical points of H_0 that are tested.
 CRITICAL = 16
 
 
@@ -60,22 +60,22 @@ def _vectors(name: str) -> dict[Case, ReferenceVector]:
 
 
 def vectors(scheme: Scheme) -> dict[Case, ReferenceVector]:
-    """The reference vectors of the equation that the scheme is compared with, each under its case.
+    """Return the reference vectors of the equation that the scheme solves, each with its case as key.
 
-    None for a scheme in single precision: bounds and conditions of vectors are for roundings of binary64.
+    For a scheme in single precision the result is empty, because bounds of vectors are for roundings of binary64.
     """
     method = equation_for(scheme.systems, scheme.stages)
     return _vectors(method if isinstance(method, str) else method.name) if scheme.eps == EPS else {}
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """The distance from the solution of (2.1), against a bound scaled by the condition."""
+    """Measure the distance of y1 from the solution of (2.1). The bound is proportional to the condition of the step."""
     vector = vectors(scheme).get(case)
     return _against_mpmath(scheme, case) if vector is None else _against_vector(scheme, case, vector)
 
 
 def _against_mpmath(scheme: Scheme, case: Case, near: Array | None = None) -> Measurement:
-    """Compare with the equation solved anew, near a given state where it has several solutions."""
+    """Compare with a new solution of the equation, the one near the state `near` if it is given and has one stage."""
     problem, y, h, dW = case.build()
     try:
         y1 = ask(scheme, problem, y, h, dW)
@@ -85,7 +85,7 @@ def _against_mpmath(scheme: Scheme, case: Case, near: Array | None = None) -> Me
         raise
     start = None if near is None else near.tolist()
     method = equation_for(scheme.systems, scheme.stages)
-    # Stages cannot be computed from y1: their equation is solved from y.
+    # With several stages the iteration starts from y, because stages cannot be computed from the state `near`.
     try:
         exact, condition = exact_step(
             method, case.problem, case.y, h, case.dW, start if scheme.stages == 1 else None
@@ -101,7 +101,7 @@ def _against_mpmath(scheme: Scheme, case: Case, near: Array | None = None) -> Me
 
 
 def _undefined(scheme: Scheme, case: Case) -> bool:
-    """True if the equation of the step does not exist in exact numbers."""
+    """True if the reference solver finds a structure of the case undefined, so that the step has no equation."""
     try:
         reference_step(equation_for(scheme.systems, scheme.stages), case.problem, case.y, case.h, case.dW)
     except StepFailure as failure:
@@ -121,9 +121,9 @@ def _against_vector(scheme: Scheme, case: Case, vector: ReferenceVector) -> Meas
     ctx, unit = context(60), state_ulp(y, y1)
     errors = [abs(float(ctx.mpf(exact) - float(value))) for exact, value in zip(vector.y1, y1, strict=True)]
     scale = max(map(abs, (*y, *y1)))
-    # An iteration may stop where its correction is below the rounding of the largest component.
+    # An iteration may stop once its correction is below the rounding of the largest component.
     floor = max(scheme.solver_tolerance, EPS) * scale + TINY
-    # The vector's quadrature has the fewest exact nodes; others may have more.
+    # The vector's rounding is that of the exact quadrature with the fewest nodes. A scheme may use more nodes.
     other_nodes = vector.condition * float(np.max(quadrature_rounding(problem, y, y1, h, dW)))
     bounds = [ORDER_OF_OPERATIONS * r + other_nodes + floor for r in vector.rounding]
     k = max(range(len(errors)), key=lambda i: errors[i] / bounds[i])
@@ -131,7 +131,7 @@ def _against_vector(scheme: Scheme, case: Case, vector: ReferenceVector) -> Meas
     detail = f"y1 = {y1.tolist()}, {ulps:.3g} ulp from the answer of {name}: {', '.join(vector.y1)}"
     measured = Measurement(ulps, bounds[k] / unit, detail)
     if vector.hard and measured.violates:
-        # So long a step may have other solutions. One of them is no violation of (2.1); any other state is.
+        # A step as long as this may have other solutions. If y1 is one of them, it does not violate (2.1).
         with suppress(StepFailure):
             other = _against_mpmath(scheme, case, near=y1)
             return measured if other.violates else other
@@ -139,7 +139,7 @@ def _against_vector(scheme: Scheme, case: Case, vector: ReferenceVector) -> Meas
 
 
 def _statistics(scheme: Scheme, seen: list[tuple[Case, Measurement]]) -> str:
-    """Summarise the errors as shares of their bounds: the largest with its place, and the median."""
+    """Summarise the errors divided by their bounds: the largest ratio with its step, and the median."""
     known = vectors(scheme)
     measured = [(m.ratio, case, m) for case, m in seen if m.bound > 0]
     if not measured:
@@ -158,7 +158,7 @@ def _statistics(scheme: Scheme, seen: list[tuple[Case, Measurement]]) -> str:
 
 @cache
 def _critical() -> tuple[Case, ...]:
-    """Steps from critical points, which must be refused."""
+    """Make steps of several Hamiltonians from critical points of H_0. Schemes must refuse these steps."""
     return tuple(critical_step(Random(seed)) for seed in range(CRITICAL))
 
 
@@ -190,7 +190,7 @@ def _law(seen: list[tuple[Case, Measurement]], extra: Iterable[Case] = ()) -> La
 
 def _run(_: Law, scheme: Scheme, this_run: Run) -> Finding:
     seen: list[tuple[Case, Measurement]] = []
-    # Vectors are long steps, with a solution of their own: without its noise each would be another step.
+    # A scheme without noise gets no vectors with noise, because without the noise their steps would be others.
     inner = _law(seen, [case for case in vectors(scheme) if not (scheme.deterministic and case.dW)])
     finding = inner.run(inner, scheme, this_run)
     if finding.verdict is not Verdict.HOLDS:

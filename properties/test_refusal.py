@@ -1,9 +1,9 @@
-"""A step of (2.1) that is proved to have no solution is refused: by an ArithmeticError, or by the status of its lane.
+"""If a step of (2.1) has no solution, a scheme refuses it by an ArithmeticError, or by the step's status in a batch.
 
-Any state that is returned is wrong, y0 and the explicit step among them. The proof is in
-`sepv.properties._without_solution`: one component of (2.1) is a quadratic equation without real root, in exact
-numbers. The residual that a returned state leaves in that component is compared with what a solved step may leave.
-Whoever does not claim *reference* solves another equation: the report says what the scheme returns, and judges nothing.
+Any returned state is wrong, also y0 and the explicit step. `sepv.properties._without_solution` proves that there is no
+solution: one component of (2.1) is a quadratic equation without real root, in exact numbers. The residual that a
+returned state leaves in this component is compared with the residual that a solved step may leave. A scheme that does
+not claim the law *reference* may solve another equation. Then the report says what it returns, without a judgement.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ from sepv.verification import (
 )
 from sepv.verification._cases.case import taken_by
 
-# Steps of a run before its random search, and those that a scheme is asked about which claims another equation. Few: an
-# iteration that finds nothing takes fifty times as long as one that converges.
+# STEPS is the number of steps tested before the random search, SHOWN the number tried for a scheme that does not claim
+# *reference*. They are small, because an iteration without a solution takes fifty times as long as one that converges.
 STEPS, SHOWN = 8, 8
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """The state by itself; in cases of batches, where the scheme takes them, also between two that do not move."""
+    """Measure the residual of the step alone and, if case and scheme take batches, between two steps with Δ = 0."""
     why = proof(case, scheme.stages)
     if why is None:
         raise Skipped("nothing proves that the step has no solution")
@@ -55,7 +55,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         return alone
     states, noises = np.repeat(y[:, None], 3, axis=1), np.repeat(dW[:, None], 3, axis=1)
     if problem.noises and problem.c[0]:
-        # Δ = 0 of the states beside it, but for several structures.
+        # Both other steps of the batch get Δ = 0. With several structures they may move nevertheless.
         noises[0, ::2] -= (h + float(problem.c @ dW)) / problem.c[0]
     among = _judged(scheme, case, why, lambda: ask(scheme, problem, states, h, noises)[:, 1], "y1 in a batch")
     if among.violates or scheme.solve is None:
@@ -70,7 +70,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 
 def _judged(scheme: Scheme, case: Case, why: NoSolution, answer: Any, name: str) -> Measurement:
-    """The residual in the component that has no solution, in ulp of y; 0 if the step is refused."""
+    """Measure the residual of an answer in the component without solution, in ulp of y, or 0 if the step is refused."""
     problem, y, h, dW = case.build()
     try:
         y1 = answer()
@@ -93,7 +93,7 @@ def _judged(scheme: Scheme, case: Case, why: NoSolution, answer: Any, name: str)
 
 
 def _float(value: Any) -> float:
-    """A Fraction as a binary64 number, infinite where it is too large."""
+    """Convert a Fraction to binary64. Numbers above 2^1000 become infinite."""
     return math.inf if value > 2**1000 else float(value)
 
 
@@ -124,7 +124,7 @@ def _run(_: Law, scheme: Scheme, this_run: Run) -> Finding:
     inner = _law(scheme.stages)
     if "reference" in scheme.claims:
         finding = inner.run(inner, scheme, this_run)
-        # A step longer than the scheme's `longest_step` need not be refused.
+        # Steps longer than the scheme's `longest_step` are skipped. Too few other steps are no failure.
         if (
             finding.verdict in (Verdict.INCONCLUSIVE, Verdict.NOT_APPLICABLE)
             and scheme.longest_step is not None
@@ -139,7 +139,7 @@ def _run(_: Law, scheme: Scheme, this_run: Run) -> Finding:
 
 
 def _returned(scheme: Scheme, seed: int) -> str:
-    """A sentence on the states that a scheme returns for steps at which (2.1) has no solution."""
+    """Describe the states that a scheme returns for steps at which (2.1) has no solution."""
     seen: Counter[str] = Counter()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the scheme's own warnings are not findings
@@ -157,7 +157,7 @@ def _returned(scheme: Scheme, seed: int) -> str:
 
 
 def _named(problem: Problem, y: Array, h: float, dW: Array, y1: Array) -> str:
-    """The name of a returned state: y0, the explicit step, or another."""
+    """Name a returned state y1: "y0", "the explicit step" or "another state"."""
     if np.array_equal(y1, y):
         return "y0"
     explicit = y + problem.random_step(h, dW) * vector_field(problem, y)

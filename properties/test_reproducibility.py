@@ -1,4 +1,4 @@
-"""A state's bits do not depend on the states computed beside it: any batch size, any place, any chunking."""
+"""The bits of a result in a batch do not depend on the other states of the batch, its size, place or division."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from sepv.schemes import Scheme, ask
 from sepv.verification import Case, Cases, Effort, Measurement, require, searched, state_ulp
 from sepv.verification._cases.users_problems import may_ask
 
-# Sizes of the parts of a batch: libraries change their code path near the widths of vector registers and unrolled
-# loops, and one part has as many states as components. The cases of the design have further sizes, up to thousands.
+# Sizes of parts of a batch. Libraries change their code path near the widths of vector registers and unrolled loops, so
+# these sizes differ; a further part has as many states as y has components. Some cases have batches of thousands.
 PARTS = (2, 7, 24)
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Compare a state in the middle of batches with its result alone, and all states with those of parts of the batch.
+    """Compare a result from the middle of a batch with that of a step alone, and all results with those in parts.
 
-    Each state is stepped in the whole batch and in a part of it, where other vector registers and blocks end: the
-    first or last state of a part is an inner one of the whole.
+    Each state is stepped in the whole batch and in a part of it, in which vector registers and blocks end at other
+    states: the first or last state of a part is an inner state of the whole.
     """
     problem, y, h, dW = case.build()
     alone = ask(scheme, problem, y, h, dW)
@@ -26,7 +26,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     for sizes in ((1,), (third, case.batch - third) if case.batch else (len(y), *PARTS)):
         size = sum(sizes)
         place = size // 2
-        # The others are nearer to 0 with smaller noise, so that their steps have solutions too.
+        # Other states are nearer to 0 than y, with smaller noise, so that their steps have solutions too.
         factors = 1 - np.abs(np.arange(size) - place) % 17 / 128
         states, noise = y[:, None] * factors, dW[:, None] * factors
         if not may_ask(scheme, problem, states):
@@ -48,7 +48,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 
 def one_at_a_time(scheme: Scheme) -> str:
-    """The reason why the law does not apply to a scheme without batches, or ""."""
+    """Return the reason why the law does not apply if the scheme takes no batches, else ""."""
     return "" if scheme.batched else "the scheme takes one state at a time: there is no batch to depend on"
 
 
@@ -58,7 +58,7 @@ law = searched(
     source="contract",
     unit="ulp of y",
     cost=1.9,
-    # The 140 000 steps of batches are not counted: they are of polynomial systems, and of schemes that take batches.
+    # `steps` is left at 0, because it counts steps of given problems; the 140 000 here are of polynomial systems.
     cases=Cases(damped=True, where={"batch": ("2–9", "33–129", "500–2000", "4097–9000")}),
     check=check,
     not_applicable=one_at_a_time,

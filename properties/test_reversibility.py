@@ -1,8 +1,8 @@
-"""ρ ∘ Φ ∘ ρ ∘ Φ = id, ρ the reversal of momenta, with the same h and ΔW in both steps: what hybrid Monte Carlo needs.
+"""Two steps Φ with equal h and ΔW return, ρ ∘ Φ ∘ ρ ∘ Φ = id with the reversal ρ of momenta (for hybrid Monte Carlo).
 
-Where H(ρy) = H(y) and B(ρy) = −ρB(y)ρᵀ the flow is reversible (`sepv.properties._reversal`), and the flow at the random
-time too. A symmetric scheme that commutes with ρ is reversible (Hairer, Lubich and Wanner, *Geometric Numerical
-Integration*, V.1, Theorem 1.5). No step has h < 0.
+If H(ρy) = H(y) and B(ρy) = −ρB(y)ρᵀ, the exact flow is reversible (`sepv.properties._reversal`), also at the random
+time t + Σ c_jW_j. A symmetric scheme that commutes with ρ is reversible (Hairer, Lubich and Wanner, *Geometric
+Numerical Integration*, V.1, Theorem 1.5). Unlike the law "symmetry", this law takes no step with −h.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from sepv.verification import Case, Cases, Effort, Measurement, require, searche
 
 
 def reversible(case: Case) -> Case | None:
-    """Keep a case whose system is reversible."""
+    """Keep a case if the reversal of momenta reverses the flow of its system."""
     return case if momentum_flip(build(case.problem)) is not None else None
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
     """Measure |y0′ − y0| for y0′ = ρΦ(ρΦ(y0)).
 
-    R(ρa, ρb; Δ) = −ρR(a, b; Δ) = ρR(a, b; −Δ): y0′ solves the equation of the step from y1 with −h and −ΔW, up to the
-    residual of the second step, and the bound is that of the law "symmetry".
+    The step's equation y1 = y0 + R(y0, y1; Δ) has R(ρa, ρb; Δ) = −ρR(a, b; Δ) = ρR(a, b; −Δ). So y0′ solves the step
+    from y1 with −h and −ΔW up to the residual of the second step, and the law "symmetry" has the same bound.
     """
     problem, _, h, dW = case.build()
     rho = momentum_flip(problem)

@@ -1,14 +1,14 @@
-"""The scheme converges to the Stratonovich solution of (1.1), and not to another, such as the Itô one.
+"""The scheme converges to the Stratonovich solution of (1.1), and not to another process such as the Itô solution.
 
 The error is decomposed into shares that a wrong limit would have: an excess of drift, of noise, of Itô's correction.
-Each share is extrapolated to h = 0 from three step sizes, with its interval and its change without the coarsest one.
-The law holds where drift and noise of the limit are right to RESOLUTION with the confidence of the run, and the rms
-error falls; it is violated where a share differs from zero by more than LEAST, or where neither the rms error nor a
-quantile of it falls.
+Each share is extrapolated to h = 0 from three step sizes, with a confidence interval, and with its change if the
+coarsest step size is left out. The law holds if drift and noise of the limit are right to RESOLUTION with the
+confidence of the run and the rms error falls with h. It is violated if a share differs from zero by more than LEAST, or
+if neither the rms error nor a quantile of the error falls.
 
-A strong noise hides the drift, over any time that paths resolve: with L the slope of f, the drift moves y by 1/(c√L) of
-the noise's movement, in every unit of time. So where the drift moves y by less than a HIDDEN-th of all, it is judged to
-RESOLUTION of a HIDDEN-th of all; "local-mean" judges the drift by itself. Movements by rounding alone are not judged.
+A strong noise c hides the drift: if L is the slope of the field f, the drift moves y by 1/(c√L) of what the noise moves
+it by, in every unit of time. So if the drift causes less than 1/HIDDEN of all movement, its allowed error is RESOLUTION
+of 1/HIDDEN of all movement. The law "local-mean" judges the drift alone. Movements by rounding alone are not judged.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ from sepv.schemes import Scheme
 from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 from sepv.verification._law import pathwise, sparing
 
-# The share of noise or drift that must be found wrong; twice as much for a scheme without batches.
+# An error of noise or drift of this share must be detected; of SPARED if the scheme takes one state at a time.
 RESOLUTION, SPARED = 0.01, 0.02
-# Smaller shares are no violation: powers of h that the extrapolation leaves out could cause them.
+# A smaller share is no violation, because powers of h that the extrapolation neglects could cause it.
 LEAST = 0.001
-# The least fall of the rms error: half-way between order ½ and a wrong limit, whose error does not fall.
+# The least order of the rms error: half-way between order ½ and 0, the order of a scheme with a wrong limit.
 FALL = 0.25
-# A drift that causes less than a quarter of the movement is judged more coarsely; no problem of the suite has one.
+# A drift that causes less than 1/HIDDEN of the movement is judged more coarsely. No problem of the suite has one.
 HIDDEN = 4.0
 
 
 def assessing(tilted: bool, orders: tuple[float, ...] = (1.0,), resolution: float = RESOLUTION) -> Assess:
-    """Make the test of the shares, with half of alpha, and of the error's fall, with the other half.
+    """Make the test of a limit: half of its error probability alpha is for the shares, half for the fall of the error.
 
-    Means of a scheme of weak order 1 or more expand in whole powers of h. Those of a lower order may have h^½, as a
-    difference over a length of √h has: they are extrapolated in powers of h^½, which takes more paths. Where several
-    orders are possible, a limit is wrong only if each of them shows it.
+    Means of a scheme of weak order 1 or more expand in whole powers of h. Means of a scheme of lower order may have a
+    term h^½, for example from differences over a length of √h. They are extrapolated in powers of h^½, which needs more
+    paths. If several `orders` are possible, the limit is judged wrong only if it is wrong for each of them.
     """
 
     def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) -> Assessment:
@@ -70,7 +70,7 @@ def assessing(tilted: bool, orders: tuple[float, ...] = (1.0,), resolution: floa
             _, low, high = mean_square_order(errors, alpha / 2, more=more, weighted=tilted)
             falls, stays = low > FALL, high < FALL
         else:
-            falls = bool(above_floor(errors)[0])  # all finer steps are at the floor
+            falls = bool(above_floor(errors)[0])  # errors of all finer steps are rounding
         # The worst share is the one that moves y most.
         k = int(np.argmax(np.where(sure > least, sure * sizes, -np.inf)))
         if sure[k] > least[k]:
@@ -85,7 +85,7 @@ def assessing(tilted: bool, orders: tuple[float, ...] = (1.0,), resolution: floa
         judged = [n for n, name in enumerate(names) if name in ("drift", "noise")]
         for n in [n for n in judged if hidden[n] > 1 or rounding[n] > resolution]:
             text += f" the {names[n]} moves y by {sizes[n] / np.max(sizes):.1e} of all,"
-        # The worst share relative to its limit, in units of `resolution`.
+        # The largest possible share of drift or noise, relative to the factor by which it is judged more coarsely.
         worst = max(float(most[n] / hidden[n]) if rounding[n] <= resolution else 0.0 for n in judged)
         if stays:
             text = f"the error does not fall; {text}"
@@ -97,27 +97,27 @@ def assessing(tilted: bool, orders: tuple[float, ...] = (1.0,), resolution: floa
 
 
 def _hidden(names: list[str], sizes: Array) -> Array:
-    """The factor (K,) by which each share is judged more coarsely: 1 for the noises, whose shares are covariances."""
+    """Return the factors (K,) by which shares are judged more coarsely: 1 for noises, whose shares are covariances."""
     moved = np.sqrt(sum(sizes[n] ** 2 for n, name in enumerate(names) if name in ("drift", "noise")))
     alone = np.array([name.startswith("noise") for name in names])
     return np.where(alone, 1.0, np.maximum(1.0, moved / (HIDDEN * sizes)))
 
 
 def mean_orders(scheme: Scheme) -> tuple[float, ...]:
-    """The possible orders of the means: the claimed weak order, else the mean-square one; without a claim 1 or ½."""
+    """Return the possible orders of the means: the claimed weak order, else the mean-square one, else 1 and ½."""
     claimed = [order for order in (scheme.weak_order, scheme.mean_square_order) if order is not None]
     return tuple(claimed[:1]) or (1.0, 0.5)
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
-    """Extrapolate the shares on every problem."""
+    """Extrapolate the shares of drift and noise in the error to h = 0 on every problem, and judge the limit."""
     resolution = SPARED if sparing(scheme, this_run.effort) else RESOLUTION
     assess = assessing(is_tilted(scheme), mean_orders(scheme), resolution)
     return judge(law, scheme, this_run, assess, at_least=False)
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
-    """Run the same paths again."""
+    """Repeat the run of a witness (a stored counterexample), with its seed and number of paths."""
     return run(law, scheme, Run(Effort(seed=int(witness["seed"]), paths=int(witness["paths"]))))
 
 

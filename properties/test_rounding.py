@@ -1,18 +1,18 @@
-"""Brouwer's law: over many steps an exactly energy-preserving scheme drifts like the random walk of rounding.
+"""Brouwer's law: over many steps the energy of an energy-preserving scheme moves like a random walk of roundings.
 
-A solver stopped at a tolerance leaves a residual of one sign: its energy drifts linearly.
+If the solver of a scheme stops at a tolerance, its residuals have one sign, and the energy drifts linearly.
 
-Three quantities are judged, for D the defect of H after n steps in ulp of H, and w the change of H by the rounding of
-y0 + z alone in a step (`sepv.verification._tolerance`, with a predicted walk w√n):
+Let D be the defect of H after n steps in ulp of H, and w the change of H in a step by the rounding of y0 + z alone, so
+that w√n is the predicted random walk (`sepv.verification._tolerance`). Three quantities are judged:
 
 - size: the root mean square of D over paths is at most ALLOWED·w√n at every checkpoint;
-- drift: the mean of D over P paths is at most BIAS·w·n plus Student's t of level LEVEL times its standard error, the
-  larger of the sample's and w√(n/P);
-- growth: the mean of D²/n does not rise from the first checkpoint to the last, nor beyond w², by more than the quantile
-  of level LEVEL of F with (P, P) degrees of freedom.
+- drift: the mean of D over P paths is at most BIAS·w·n plus Student's t of level LEVEL times the standard error of the
+  mean, which is the larger of the sample's and w√(n/P);
+- growth: the mean of D²/n at the last checkpoint is at most the larger of its value at the first checkpoint and w²,
+  times the quantile of level LEVEL of Fisher's F with (P, P) degrees of freedom.
 
-For a sum of independent roundings each of the last two fails with probability LEVEL at most, in each of four runs:
-below 1e-6 in all.
+If D is a sum of independent roundings, drift and growth fail with probability at most LEVEL each in each of four runs,
+and so with less than 1e-6 in all.
 """
 
 from __future__ import annotations
@@ -44,43 +44,43 @@ from sepv.verification._tolerance import rounding_variances
 from sepv.verification._units import units_for, units_of
 
 PATHS = 60
-# (problem, h, steps): two long runs; large steps, which show a solver that stops early; and B(y) with a quartic H, for
-# what cancels where one of them is simple. The smallest visible drift depends on paths times steps alone.
+# (problem, h, steps): two long runs; one with large steps, which show a solver that stops early; one with B(y) and a
+# quartic H, because some errors cancel if B or H is simple. The smallest visible drift depends on paths times steps.
 TOP = ("quartic-top", 2.0**-5, 128)
 RUNS = (("rigid-body", 0.01, 256), ("pendulum", 0.01, 256), ("rigid-body", 0.125, 128), TOP)
-# Runs of schemes for Nambu systems.
+# Runs (problem, h, steps) of schemes for Nambu systems.
 NAMBU_RUNS = (RUNS[0], ("lotka-volterra", 2.0**-8, 256), RUNS[2])
-# Runs for several structures.
+# Runs (problem, h, steps) of schemes for several structures.
 SEVERAL_RUNS = (("commuting-rotations", 0.01, 256), ("commuting-oscillators", 0.01, 256))
-# With `--deep`: the factor on the steps, and the number of examples.
+# With at least DEEP_EXAMPLES examples a law (option `--deep`), runs have DEEPER times as many steps.
 DEEPER, DEEP_EXAMPLES = 8, 1000
-# The number of paths where steps are spared, with half the steps, and for each problem the run with the largest ones.
-# Paths times steps fall from 46,080 to 7,168, and the smallest visible drift is 2.1 times as large.
+# The number of paths for a scheme that takes one state at a time. Each problem then has one run, of half the steps and
+# the largest h. Paths times steps fall from 46,080 to 7,168, and the smallest visible drift is 2.1 times as large.
 SPARED_PATHS = 28
 FIRST = 32  # the first checkpoint; each later one has twice the steps
-# The allowed multiple of √n of the predicted rounding of a step (`sepv.verification._tolerance`). The core is at 1,
-# where 60 paths measure a root mean square to 9 %; the rest is room for other orders of operations: a hundred
-# roundings of y a step.
+# The allowed root mean square of D, as a multiple of the predicted walk w√n (`sepv.verification._tolerance`). Schemes
+# of sepv are at 1, which 60 paths measure to 9 %. The factor allows for other orders of operations, with up to a
+# hundred roundings of y in a step.
 ALLOWED = 10.0
-# The mean that roundings of a correct scheme may have, as a share of w: rounding to nearest is slightly biased, and an
-# iteration leaves a little. Measured over 10⁸ steps: 7e-4 for the pendulum, less elsewhere (docs/long-times.md).
+# The allowed mean change of H in a step of a correct scheme, as a share of w: rounding to nearest is slightly biased,
+# and an iteration leaves a residual. Over 10⁸ steps it is 7e-4 for the pendulum, less elsewhere (docs/long-times.md).
 BIAS = 2.0**-6
-# The level of each test of drift and growth.
+# The probability with which each test of drift or growth rejects independent roundings.
 LEVEL = 1e-7
-# Noises spread paths over an orbit. Where they move the random time by less than this share of the drift, paths start
-# from places spread over the orbit: along one short piece of it, roundings of a right scheme need not average out
-# (Kepler near its pericentre: 0.09 w a step), and without noise all paths would be one.
+# If the noises change the random time by less than ALIKE times the time itself, paths start from states spread over
+# SPREAD units of time of the orbit. Over a short piece of an orbit roundings of a correct scheme need not average out
+# (Kepler near its pericentre: 0.09 w a step), and without noise all paths would be equal.
 ALIKE, SPREAD = 0.25, 256
-# Bounds for exploding paths: squares of defects must stay finite, and rounding does not excuse an explosion.
+# Defects are cut off at BEYOND, so that squares stay finite. Roundings above EXPLODED (exploding paths) do not count.
 BEYOND, EXPLODED = 1e150, 1e100
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
-    """Judge size, drift and growth of the defects of all runs, in ulp of H over √n."""
+    """Judge size, drift and growth of the energy defects of all runs, in ulp of H over √n after n steps."""
     judged: list[Judged] = []
     effort = this_run.effort
     lines, broken, skipped, checks = [], [], [], 0
-    ratio = scheme.eps / EPS  # of the roundings of single precision to those of H's unit
+    ratio = scheme.eps / EPS  # the scheme's rounding relative to that of binary64
     deeper = DEEPER if effort.examples >= DEEP_EXAMPLES else 1
     spared = sparing(scheme, effort)
     paths, runs = (SPARED_PATHS, _fewer(runs_for(scheme))) if spared else (PATHS, runs_for(scheme))
@@ -117,7 +117,7 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
 
 
 class Judged(NamedTuple):
-    """One quantity in ulp of H over √n, and its limit."""
+    """A judged quantity (size, drift or growth) in ulp of H over √n after n steps, and its limit."""
 
     name: str
     size: float
@@ -126,9 +126,10 @@ class Judged(NamedTuple):
 
 
 def judge(defects: Array, predicted: float, solver_tolerance: float = 0.0) -> list[Judged]:
-    """Judge size, drift and growth (see above) of defects (checkpoints, paths), checkpoints doubled from FIRST.
+    """Judge size, drift and growth of energy defects (checkpoints, paths) after FIRST, 2·FIRST, 4·FIRST, … steps.
 
-    A solver's stated tolerance, relative to |y|, moves H by as many eps of |∇H||y| in each step, all of one sign.
+    The module's docstring defines the quantities. A solver's stated tolerance, relative to |y|, may change H by
+    `solver_tolerance` |∇H||y| in each step, always in one direction.
     """
     paths = defects.shape[1]
     n = FIRST * 2.0 ** np.arange(len(defects))
@@ -162,7 +163,7 @@ def judge(defects: Array, predicted: float, solver_tolerance: float = 0.0) -> li
 
 
 def runs_for(scheme: Scheme) -> list[tuple[Problem, float, int]]:
-    """Runs (problem, h, steps) on the scheme's problems, or its class's, with steps that their slopes allow."""
+    """List runs (problem, h, steps), on the problems that the scheme is given for or else on those of its class."""
     users = problems_of(scheme)
     if users is not None:
         users = tuple(problem for problem in users if not isinstance(problem, HamiltoniansProblem))
@@ -175,7 +176,7 @@ def runs_for(scheme: Scheme) -> list[tuple[Problem, float, int]]:
         names, *lengths = zip(*runs.get(scheme.systems, RUNS), strict=True)
         return list(zip(as_taken(scheme, map(_named, names)), *lengths, strict=True))
     share = max(1, -(-len(users) // 2))
-    # Numbers of steps are the first checkpoint, doubled.
+    # Numbers of steps are FIRST times a power of two, so that the last step is a checkpoint.
     long, short = (FIRST * 2 ** max(1, int(np.log2(steps / FIRST / share))) for steps in (256, 128))
     times = [units_of(p).time for p in users]
     return [
@@ -190,18 +191,18 @@ def _named(name: str) -> Problem:
 
 
 def _fewer(runs: list[tuple[Problem, float, int]]) -> list[tuple[Problem, float, int]]:
-    """The last run of each problem, with half as many steps."""
+    """Keep only the last run of each problem, the one with the largest h, with half as many steps."""
     last = {problem.name: (problem, h, max(2 * FIRST, steps // 2)) for problem, h, steps in runs}
     return list(last.values())
 
 
 @lru_cache(maxsize=16)
 def _spread(problem: Problem, paths: int) -> Array:
-    """States (d, P) along the drift's flow from the initial state, for up to SPREAD units of time, to six digits.
+    """Compute P = `paths` states (d, P) along the drift's flow over SPREAD units of time, to six digits.
 
-    Where that flow ends before, or leaves the domain, the states are the initial one, moved a little apart.
+    If the flow ends earlier, states are near the initial one. If one leaves the domain, all equal the initial state.
     """
-    from scipy.integrate import solve_ivp  # half a second, and only problems of a user are spread
+    from scipy.integrate import solve_ivp  # takes half a second; only users' problems need it
 
     start, end = np.array(problem.initial, dtype=np.float64), SPREAD * units_of(problem).time
     share = np.arange(paths) / paths
@@ -212,7 +213,7 @@ def _spread(problem: Problem, paths: int) -> Array:
 
     with np.errstate(all="ignore"):
         flow = solve_ivp(field, (0.0, end), start, "DOP853", end * share, rtol=1e-6, atol=near or 1e-6)
-    # A flow that ends has fewer states.
+    # A flow that ends too early returns fewer states than paths.
     moved = flow.y if flow.y.shape[1] == paths else start[:, None] * (1 + share / 1024)
     inside = problem.domain is None or np.all(problem.domain(moved))
     return moved if inside else np.repeat(start[:, None], paths, axis=1)
@@ -221,9 +222,10 @@ def _spread(problem: Problem, paths: int) -> Array:
 def energy_walk(
     scheme: Scheme, problem: Problem, h: float, steps: int, seed: int, paths: int = PATHS
 ) -> tuple[np.ndarray, float, str]:
-    """Signed energy defects in ulp of H (checkpoints, paths), H in extended precision; NaN for failed paths.
+    """Return signed energy defects (checkpoints, paths) in ulp of H, NaN for failed paths, and two other results.
 
-    The others are the movement of H by rounding alone in a step, in the same unit, and the first failed step in words.
+    H is evaluated in extended precision. The second result is the change of H by rounding alone in a step, in ulp of H.
+    The third is a description of the first failed step.
     """
     guarded_scheme, exact = guarded(scheme), exact_problem(describe(problem), 30)
     raw = wiener.increments(seed, T=h * steps, steps=steps, noises=problem.noises, paths=paths)
@@ -236,7 +238,7 @@ def energy_walk(
     rows: list[np.ndarray] = []
     carried = Carried(scheme)
     alive, checkpoint, failed = np.arange(paths), FIRST, ""
-    # The variance of each path's own roundings so far, and their mean in a step at each checkpoint.
+    # `spent` sums variances of a path's roundings; `widths` has their root mean square per step at each checkpoint.
     spent, widths = np.zeros(paths), []
     for n in range(1, steps + 1):
         value, status, *_ = advance(guarded_scheme, problem, y[:, alive], h, dW[n - 1][:, alive], carried)
@@ -251,7 +253,7 @@ def energy_walk(
         spent[alive] += rounding_variances(problem.gradient(y[:, alive]), y[:, alive])
         if n == checkpoint:
             if not rows and unit <= TINY and alive.size:
-                # From y0 = 0, or from a rest point of the drift, the unit is that of the states reached.
+                # If y0 = 0 or the drift rests at y0, the ulp of H at y0 is 0: the unit is that of reached states.
                 unit = float(np.median(energy_ulp(problem, y[:, alive], y[:, alive])))
             row = np.full(paths, np.nan)
             for k in alive:
@@ -268,20 +270,20 @@ def energy_walk(
 
 
 def in_own_roundings(defects: Array, widths: Array) -> tuple[Array, float]:
-    """Defects (checkpoints, paths) as if all paths had equal roundings, and the rounding of a step that they then have.
+    """Scale defects (checkpoints, paths) as if all paths had the same rounding of a step. Also return this rounding.
 
-    `widths` has the root mean square rounding of a step up to each checkpoint, on each path. From the origin, or where
-    paths differ, it grows and differs a lot; a defect over its own √n-fold is normal nevertheless.
+    `widths` has the root mean square rounding of a step up to each checkpoint, on each path. It varies a lot if paths
+    start at the origin or differ. A defect divided by √n times its own width is normally distributed nevertheless.
     """
     alive = np.isfinite(widths)
-    known = np.where(alive & (widths < EXPLODED), widths, 0.0)  # what an explosion reaches does not excuse it
+    known = np.where(alive & (widths < EXPLODED), widths, 0.0)  # roundings of an exploding path do not excuse it
     common = float(np.sqrt(np.sum(known**2) / max(1, np.count_nonzero(alive))))
     own = np.where(known > 0, np.maximum(known, common / SPREAD), common)
     return (defects * (common / own) if common else defects), common
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
-    """Run the same paths again."""
+    """Repeat the run of a witness (a stored counterexample), with its seed and numbers of examples and paths."""
     effort = Effort(
         seed=int(witness["seed"]), examples=int(witness.get("examples", 100)), paths=int(witness["paths"])
     )

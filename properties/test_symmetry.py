@@ -1,6 +1,6 @@
-"""(2.1) is symmetric: exchanging y0 with y1, h with −h and ΔW with −ΔW gives the same equation, so the step leads back.
+"""(2.1) is symmetric: with y0 and y1 exchanged and −h, −ΔW for h, ΔW its equation is the same, so a step can return.
 
-The dependence on h and ΔW through Δ alone is the law "random-step".
+The law "random-step" tests separately that h and ΔW act through the random step Δ alone.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 
 def _back(scheme: Scheme, problem: Problem, y1: Array, h: float, dW: Array) -> Array:
-    """The step with (−h, −ΔW) from y1.
+    """Return the state after a step with (−h, −ΔW) from y1.
 
     Raises
     ------
     Skipped
-        Where the scheme refuses h < 0: this step and a hundred thousandth of it.
+        If the scheme refuses h < 0: it fails with this step and with 2⁻¹⁷ of its h without noise.
     """
     try:
         return ask(scheme, problem, y1, -h, -dW)
@@ -44,13 +44,13 @@ def _solves(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> 
 
 
 def _first_line(error: Exception) -> str:
-    """The first line of an error: equal lines are counted together."""
+    """Return the name and text of an error's cause, for a message in which equal reasons are counted together."""
     cause = error.__cause__
     return f"{type(cause).__name__}: {cause}" if cause is not None else type(error).__name__
 
 
 def in_time(case: Case) -> Case | None:
-    """Keep a case with h ≠ 0: with h = 0 a scheme that takes no step back in time would be judged by that alone."""
+    """Keep a case if h ≠ 0. Otherwise a scheme that refuses h < 0 would be judged by its steps with h = 0 alone."""
     return case if case.h else None
 
 

@@ -1,7 +1,7 @@
-"""Φ′(y0) B Φ′(y0)ᵀ = B for constant B: symplecticity where B is canonical, as of the midpoint rule and Gauss methods.
+"""A step Φ has Φ′(y0) B Φ′(y0)ᵀ = B for constant B, which is symplecticity if B is the canonical matrix.
 
-It is the law "poisson-map" for constant B alone: Runge-Kutta methods that keep all quadratic invariants are symplectic
-(J. M. Sanz-Serna, BIT 28, 1988), also with the random step Δ, but they are not Poisson maps for other B.
+The law "poisson-map" demands this for every B. Runge-Kutta methods that keep all quadratic invariants, such as Gauss
+methods, are symplectic (J. M. Sanz-Serna, BIT 28, 1988), also with the random step Δ, but no Poisson maps for other B.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from sepv.verification._contraction import shortened
 
 
 def constant(case: Case) -> Case | None:
-    """Keep a case with constant B, with a step of at most half the contraction radius."""
+    """Keep a case if its B is constant, and shorten its step to at most half the contraction radius."""
     problem, y, _, _ = case.build()
     return shortened(case) if is_constant(problem, y) else None
 

@@ -1,17 +1,17 @@
 """Remark 2.1 and Lemma 3.1: |ζ| ≤ A_h exactly, the moment bounds by exact integrals, k large enough, no second clip.
 
-The bound of Remark 2.1 is printed with "=" in the paper; it is "≤", as here.
+Increments √h ξ are truncated to √h ζ. The paper prints the bound of Remark 2.1 with "=", but it is "≤", as here.
 
 The scheme must use the increments that it declares: at every h its step must respond to each ΔW_j in every sixteenth
-of [−√h A_h, √h A_h], of which the innermost, the outermost and one more are asked. A step y1 = y0 + Δf + ½Δ²f′f + O(Δ³)
-responds with c_j|f|(1 ± x), x = L(h + c_j√h A_h) for L ≥ |f′|: its largest response is at most (1 + x)/(1 − x) times
-the smallest, 1.3 for x ≤ REACH, and 2 is allowed. A scheme that clips at less than 31/32 of A_h, that is with k′ <
-0.93 k, responds by less than half in the last sixteenth.
+of [−√h A_h, √h A_h]. The innermost and outermost sixteenths and one more are tested. The response |∂y1/∂ΔW_j| of a step
+y1 = y0 + Δf + ½Δ²f′f + O(Δ³) is c_j|f|(1 ± x), x = L(h + c_j√h A_h) with L ≥ |f′|. So the largest is at most
+(1 + x)/(1 − x) times the smallest, 1.3 for x ≤ REACH, and 2 is allowed. If a scheme clips at less than 31/32 of A_h,
+that is with k′ < 0.93 k, its response in the outermost sixteenth is less than half of the largest.
 
-The h are drawn from 2⁻⁶⁰ to ½, and H is divided where x is too large (`sepv.properties._orders.any_step`). On a
-user's problem, and where H is not given as data, they end at x = REACH, and h, also in A_h, is in the problem's own
-time; a scheme that clips by itself, by h alone, is judged to its own clip. A noise that moves y by less than a
-solver's possible error is not judged.
+Step sizes h are drawn from 2⁻⁶⁰ to ½, and H is divided if x is too large (`sepv.properties._orders.any_step`). On
+users' problems, or if H is not data, h ends at x = REACH, and h, also in A_h, is in the problem's own unit of time. A
+scheme that itself clips by h alone is judged up to its clip. If a noise moves y by less than a solver's possible error,
+the response is not judged.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ from sepv.verification._law import about_noise
 from sepv.verification._units import rates_at, units_for
 
 STEPS = tuple(2.0**-n for n in range(1, 21))
-# The number of step sizes for each noise, and their range in the unit of time. No two noises have the same sizes.
+# The number of step sizes for each noise, and their range in units of time. No two noises have the same step sizes.
 SIZES, SMALLEST, LARGEST = 11, 2.0**-60, 0.5
 PARTS, REACH = 16, 1 / 8
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
-    """Measure increments truncated with the scheme's k, for h from 1/2 to 2⁻²⁰."""
+    """Measure increments truncated with the scheme's k, for h from 1/2 to 2⁻²⁰, and the step's responses to them."""
     k, points = scheme.truncation, point_law(scheme.increments)
     if points is not None:
         text = f"{points.name} increments are bounded by {points.bound:.4g} √h: there is nothing to truncate"
@@ -52,7 +52,7 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
         return law.finding(Verdict.NOT_APPLICABLE, message="the scheme takes its increments untruncated")
     order = scheme.mean_square_order
     if order is not None and k < 2 * order:
-        # E|ξ − ζ|² ≤ C h^k |ln h|^½ makes a local rms error h^((k+1)/2), and order p needs h^(p + 1/2).
+        # E|ξ − ζ|² ≤ C h^k |ln h|^½ causes a local rms error h^((k+1)/2), and order p needs h^(p + 1/2).
         return law.finding(
             Verdict.VIOLATED,
             defect=float(k),
@@ -81,7 +81,7 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
 
 
 def _ratios(h: float, k: int, seed: int) -> list[tuple[float, str]]:
-    """Each quantity divided by its bound, with its description."""
+    """Return |ζ|, the lost variance and the moments of ζ, each divided by its bound, with descriptions."""
     raw = wiener.increments(seed, T=h, steps=1, noises=1, paths=512)
     # Random draws hardly reach A_h, so multiples of them are added.
     zeta = bounded.truncate(np.concatenate([raw, 8 * raw]), h, k) / math.sqrt(h)
@@ -89,7 +89,7 @@ def _ratios(h: float, k: int, seed: int) -> list[tuple[float, str]]:
     loss = float(lost_variance(h, k))
     allowed = (1 + 2 * math.sqrt(2 * k * abs(math.log(h)))) * h**k
     ratios = [
-        # Roundings of √h, the product and the quotient, one each.
+        # The bound is enlarged by roundings of √h, of the product and of the quotient.
         (
             float(np.max(np.abs(zeta))) / (bound * (1 + 4 * 2.0**-53)),
             f"|ζ| exceeds A_h = {bound!r} at h = {h!r}",
@@ -103,11 +103,11 @@ def _ratios(h: float, k: int, seed: int) -> list[tuple[float, str]]:
 
 
 def _responses(scheme: Scheme, k: int, seed: int) -> Iterator[tuple[float, str]]:
-    """Half the largest response of the step over the smallest, for each problem, noise and h."""
+    """Yield half the largest response |∂y1/∂ΔW_j| over the smallest, and its text, for each problem, noise and h."""
     skipped: list[Skipped] = []
     problems, rng = problems_for(scheme), np.random.default_rng((seed, 2))
     count = sum(np.count_nonzero(problem.c) for problem in problems)
-    # One h for each noise in each of SIZES parts of the range, and there in a place of its own.
+    # Each noise has one h in each of SIZES parts of the range. Within a part, no two noises have the same place.
     places = rng.permuted(np.tile(np.arange(count), (SIZES, 1)), axis=1) + rng.random((SIZES, count))
     shares = iter(((np.arange(SIZES)[:, None] + places / count) / SIZES).T)
     for problem in problems:
@@ -130,11 +130,11 @@ def _responses(scheme: Scheme, k: int, seed: int) -> Iterator[tuple[float, str]]
 def _steps(
     scheme: Scheme, problem: Problem, j: int, k: int, shares: Array
 ) -> Iterator[tuple[Problem, float, float]]:
-    """The problem as posed, h and A_h, for h at these shares of the range of noise j."""
+    """Yield the problem (H divided if steps are too long), h and A_h, for the h at `shares` of the range of noise j."""
     time, slope = units_for(scheme, problem).time, rates_at(problem, np.array(problem.initial))[1]
 
     def clip(h: float) -> float:
-        # Remark 2.1 is about h < 1. A clip in seconds may have h > 1 here, where its |ln h| is still a number.
+        # Remark 2.1 needs h < 1. A scheme that clips by h in seconds may have h > 1 here: its |ln h| is used too.
         return math.sqrt(2 * k * min(abs(math.log(t)) for t in (h / time, h)))
 
     def reach(h: float) -> float:
@@ -153,7 +153,7 @@ def _steps(
 def _weakest(
     scheme: Scheme, problem: Problem, h: float, A: float, j: int, between: int
 ) -> tuple[float, float]:
-    """½ max/min of |∂y1/∂ΔW_j| over five parts of [−A, A], in √h, and the place of the minimum."""
+    """Return ½ max/min of |∂y1/∂ΔW_j| over parts of [−A, A]√h, and the place of the minimum in units of √h."""
     edges = {-PARTS, 1 - PARTS, -1, 0, 1, PARTS - 1, PARTS, between, between + 1}
     number = np.array(sorted(edges))
     xi = A * number / PARTS
@@ -166,7 +166,7 @@ def _weakest(
         ends = np.stack([ask(scheme, problem, y[:, i], h, dW[:, i]) for i in range(xi.size)], axis=1)
     parts = np.flatnonzero(np.diff(number) == 1)
     responses = np.linalg.norm(np.diff(ends, axis=1), axis=0)[parts]
-    # Differences below a solver's possible error in a step are not judged.
+    # If all responses are below the solver's possible error in a step, they are not judged.
     if np.max(responses) < CLEAR * (FLOOR * EPS + scheme.precision) * np.max(np.abs(ends)):
         return 0.0, 0.0
     least = int(np.argmin(responses))
@@ -176,7 +176,7 @@ def _weakest(
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
-    """Run again, with the same steps drawn."""
+    """Run the law again with the seed of a witness, so that it draws the same steps."""
     return run(law, scheme, Run(Effort(seed=int(witness.get("seed", 0)))))
 
 

@@ -1,9 +1,9 @@
-"""det Φ′(y0) = 1 wherever the flow keeps volume: div(B∇H) = 0.
+"""A step Φ has det Φ′(y0) = 1 wherever the exact flow keeps volume, that is, div(B∇H) = 0.
 
-By Liouville's theorem det φ_θ′ = exp ∫₀^θ div f dt for f = B∇H; B is skew, so that div f = Σ_ij ∂_iB_ij ∂_jH. It
-vanishes for every H where B is constant, for rotations, and for a charge in any magnetic field, whose map by J. P.
-Boris (1970) keeps volume and is not symplectic (H. Qin et al., Phys. Plasmas 20, 2013). Poisson maps need not
-keep volume, nor do symmetric schemes: for d = 3 the midpoint rule does not.
+By Liouville's theorem det φ_θ′ = exp ∫₀^θ div f dt for f = B∇H. Because B is skew, div f = Σ_ij ∂_iB_ij ∂_jH. This is 0
+for every H if B is constant, for rotations, and for a charge in any magnetic field. The map of J. P. Boris (1970) for
+such a charge keeps volume and is not symplectic (H. Qin et al., Phys. Plasmas 20, 2013). Poisson maps and symmetric
+schemes need not keep volume: for d = 3 the midpoint rule does not.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ from sepv.schemes import Scheme
 from sepv.verification import Case, Cases, Effort, Measurement, require, searched
 from sepv.verification._contraction import shortened
 
-# A divergence below this share of its terms counts as 0: beyond the error of differences of B. It is in the bound.
+# A divergence counts as 0 up to this share of its terms, above the error of derivatives of B; the bound includes it.
 NONE = 1e-8
 
 
 def divergence(problem: Problem, y: Array) -> tuple[float, float]:
-    """div(B∇H) at y (d,), and the sum of the sizes of its terms."""
+    """Return div(B∇H) at y (d,), and the sum of the absolute values of its terms."""
     slope, gradient = derivative_of_structure(problem, y), problem.gradient(y)
     terms = np.einsum("iji->ij", slope) * gradient
     return float(np.sum(terms)), float(np.sum(np.abs(terms)))
 
 
 def volume_kept(case: Case) -> Case | None:
-    """Keep a case whose flow keeps volume, with a step of at most half the contraction radius."""
+    """Keep a case if its flow keeps volume, and shorten its step to at most half the contraction radius."""
     problem = build(case.problem)
     for state in places(problem, np.array(case.y)):
         value, size = divergence(problem, state)
@@ -43,10 +43,10 @@ def volume_kept(case: Case) -> Case | None:
 def check(scheme: Scheme, case: Case) -> Measurement:
     """Measure |det Φ′ − 1|, with det from an LU factorisation with partial pivoting.
 
-    Its error is d u|L||U| (Higham, Theorem 9.3). As |L| ≤ 1, each of its steps at most doubles the largest entry of a
-    column: the sums of the columns of |U| are below 2^d times these entries.
-    A determinant is linear in each column, and at most the product of their lengths (Hadamard): errors E of the columns
-    D_j change it by at most Π(|D_j| + |E_j|) − Π|D_j|. The divergence that is taken for 0 adds twice its integral.
+    The factorisation's error is d u|L||U| with unit roundoff u (Higham, Theorem 9.3). Because |L| ≤ 1, elimination at
+    most doubles a column's largest entry d times, so a column of |U| sums to less than 2^d times this entry of Φ′.
+    det is linear in each column D_j and at most the product of their lengths (Hadamard). So errors E_j of the columns
+    change det by at most Π(|D_j| + |E_j|) − Π|D_j|. A divergence that counts as 0 adds twice its integral to the bound.
     """
     problem, y, h, dW = case.build()
     slope, E, _, y1 = tangent(scheme, case)
@@ -69,7 +69,7 @@ law = searched(
     cost=0.5,
     steps=1500,
     cases=Cases(
-        # Then div(B∇H) = 0, whatever H is.
+        # If B or the factor g of a Nambu system is constant, div(B∇H) = 0 for every H.
         where={
             "degree of B": ("0",),
             "degree of g": ("0",),

@@ -1,22 +1,20 @@
-"""Weak order: E g(y_N) against E g(y(T)) for g = y_i and y_i y_j, coupled with the exact path.
+"""Weak order q: the errors E g(y_N) − E g(y(T)) are O(h^q), for g = y_i and g = y_i y_j, with the noise of exact paths.
 
-There are four statements. The first three show that a weak order q holds; the fourth, with the second, that it does
-not.
+The mean errors of all g are called means here. Any of the first three statements shows that the order q holds:
 
-- |E g(y_N) − E g(y(T))| ≤ L (E|e|²)^½: a mean-square order of q implies it. Most schemes need no more.
-- The largest of the means falls from the coarsest step to the finest faster than h^(q − ½), an upper bound of the
-  one against a lower bound of the other.
-- q ≥ 2, and the part of order h^(q − 1) in the means is, at the coarsest step, less than SMALL times the rms error,
-with confidence. Where the errors of paths are of a lower order than their means no sample sees the fall itself;
-"local-weak" does, by quadrature.
+- The rms error has mean-square order q, because |E g(y_N) − E g(y(T))| ≤ L (E|e|²)^½. This suffices for most schemes.
+- The means fall faster than h^(q − ½) from the coarsest step to the finest, by a lower bound of the largest mean at the
+  coarsest step and an upper bound at the finest.
+- q ≥ 2, and at the coarsest step the part of order h^(q − 1) in the means is less than SMALL times the rms error, with
+  confidence. If errors of paths have a lower order than their means, sampling cannot show the fall of the means; the
+  law "local-weak" shows it by quadrature.
 - The coefficient of h^(q − 1) in the means, extrapolated from three step sizes, is not zero.
 
-`violated` needs the fall and the coefficient. A mean that happens to vanish at the coarsest step must not be a
-violation, hence the coefficient. A coefficient that is small beside the error proper does not show at these steps,
-hence the fall. Where the means are within the noise, the verdict is `inconclusive`, with the number of paths needed.
+The law is violated if the last statement is true and the means fall too slowly. The coefficient is needed because a
+mean may vanish at the coarsest step by chance, and the fall because a small coefficient does not show at these steps.
+If the means are within the noise, the verdict is `inconclusive`, with the number of paths needed.
 
-With increments of a few points nothing is sampled: E g(y_N) is a sum over all paths
-(`sepv.properties._orders.weak_trees`), and its error has a slope without noise.
+For increments with few values nothing is sampled: `sepv.properties._orders.weak_trees` sums E g(y_N) over all paths.
 """
 
 from __future__ import annotations
@@ -36,20 +34,20 @@ from sepv.schemes import Scheme, order_of, point_law
 from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 from sepv.verification._law import about_noise
 
-# Weak orders are integers (the expansion is in powers of h): half the distance to the next lower one.
+# Half the distance between weak orders, which are integers, because the expansion of means is in powers of h.
 MARGIN = 0.5
-# Means relative to rms errors: 0.2 to 0.5 for the schemes of weak order 1 here.
+# A mean counts as small below this share of the rms error. For the schemes of weak order 1 here it is 0.2 to 0.5.
 SMALL = 0.15
-# The margin of a mean-square slope, whose orders are multiples of ½.
+# Half the distance between mean-square orders, which are multiples of ½.
 STRONG_MARGIN = 0.25
-# The smallest part of order q − 1, relative to the finest mean, that counts. Where the part of order q happens to
-# vanish, the extrapolation leaves out more than its remainder says (0.009 with hardly any noise, when c h³ is left).
-# Means that fall more slowly than the order less MARGIN have 0.8.
+# The smallest part of order q − 1 that counts, relative to the largest mean at the finest step. If the part of order q
+# happens to vanish, the error of extrapolation exceeds its remainder (0.009 with hardly any noise, when c h³ remains).
+# If means fall more slowly than the order less MARGIN, the part is 0.8 or more.
 LEAST = 1 / 32
 
 
 def assessing(claimed: float | None, tilted: bool, hold: float = 0.0) -> Assess:
-    """Make the test of the three statements, a third of alpha each; `hold` is the level for the rms error's order."""
+    """Make the test of a weak order, with a third of alpha for each interval, or `hold` for that of the rms error."""
 
     def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) -> Assessment:
         order = order_of(claimed, column(problem))
@@ -92,7 +90,7 @@ def _small(samples: Array, h: Array, lower: Coefficient, alpha: float, more: flo
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
-    """Compare the weak order with the claimed one, or with 1 where none is claimed."""
+    """Compare the measured weak order with the claimed one (1 without a claim), by sampled paths or a sum over all."""
     order = order_of(scheme.weak_order, "general")
     if point_law(scheme.increments) is not None:
         return local_orders.judge(
@@ -106,7 +104,7 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
-    """Run the same paths again, or the same sum over all of them."""
+    """Repeat the run of a witness (a stored counterexample): its sampled paths, or the sum over all paths."""
     drawn: dict[str, Any] = {key: int(witness[key]) for key in ("seed", "paths") if key in witness}
     return run(law, scheme, Run(Effort(**drawn)))
 
