@@ -1,8 +1,7 @@
 """Decay of homogeneous invariants under damping, for the laws *conformal-casimir* and *conformal-energy*.
 
 With the damping −γy dt, an invariant F that is homogeneous of degree p has F(y1) = e^{−pγh}F(y0) after a step of size
-h. A scheme computes y1 = ρ(ρy0 + z) with ρ = e^{−γh/2}, where z is the increment of an undamped step from ρy0 and
-F(ρy0 + z) = F(ρy0).
+h. A scheme computes y1 = ρ(ρy0 + z) with ρ = e^{−γh/2} and the increment z of an undamped step from ρy0, which keeps F.
 
 **Bound.** The residual r of the undamped step changes F by at most |∇F|ᵀr. The rounding of both products by ρ is added
 to r: if |γh| ≤ 1, ρ has a relative error of 1.5 eps and each product is rounded once, which is 4 eps |y|_∞ together.

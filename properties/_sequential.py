@@ -47,7 +47,7 @@ FEW = ((6, (8, 12, 16)), (5, (8, 16, 32)))
 # may refuse a step with a large increment, as a fixed-point iteration does if it is no contraction, and shows its order
 # at smaller steps. The results would be biased if such paths were left out.
 REFUSED, HALVED = 1 / 4, 2
-# If a slope is undecided and its interval narrower than NARROW, the margin between the bound and the order, the steps are
+# If a slope is undecided and its interval narrower than NARROW, the margin between bound and order, then the steps are
 # too long, and more paths do not help. The step sizes are halved once, which raises right orders but not wrong ones.
 NARROW = 0.25
 # Multiples of the number of paths, tried in order to report how many paths would decide.

@@ -45,8 +45,8 @@ from sepv.verification._search_log import Check
 BATCH = 3
 # The roundings by which a sum in another order may differ. In single precision this is more than the share APART.
 OTHERWISE = 64
-# NEAR times y is a state so near to y that rounded keys and single precision do not distinguish the two. Their results
-# must differ if the distance is LEAST_APART, 256 roundings, of the result.
+# A state NEAR·y, which rounded keys and single precision do not distinguish from y, must have another result than y if
+# its distance from y is more than LEAST_APART, 256 roundings, of the result.
 NEAR, LEAST_APART = 1 + 2.0**-40, 2.0**-44
 # The number of steps without a solution that are tried, each twice.
 REFUSED = 2

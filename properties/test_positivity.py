@@ -68,8 +68,7 @@ def lotka_volterra_steps(draw: st.DrawFn) -> Case:
 def species_steps(draw: st.DrawFn) -> Case:
     """Draw steps of Lotka-Volterra systems with any parameters and noises on the species; all components are positive.
 
-    Each field moves the logarithm of a component by up to 4. As in `lotka_volterra_steps`, cases are dropped if a step
-    of the stochastic splitting ends outside of [2⁻⁶⁴, 2⁶⁴].
+    Each field moves a logarithm by up to 4. If a splitting step ends outside of [2⁻⁶⁴, 2⁶⁴], the case is dropped.
     """
     c = draw(_NOISES)
     beta = tuple(draw(coefficients()) for _ in range(3))

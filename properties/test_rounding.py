@@ -128,8 +128,7 @@ class Judged(NamedTuple):
 def judge(defects: Array, predicted: float, solver_tolerance: float = 0.0) -> list[Judged]:
     """Judge size, drift and growth of energy defects (checkpoints, paths) after FIRST, 2·FIRST, 4·FIRST, … steps.
 
-    The module's docstring defines the quantities. A solver's stated tolerance, relative to |y|, may change H by
-    `solver_tolerance` |∇H||y| in each step, always in one direction.
+    A solver's stated tolerance, relative to |y|, may change H by `solver_tolerance` |∇H||y| a step in one direction.
     """
     paths = defects.shape[1]
     n = FIRST * 2.0 ** np.arange(len(defects))
@@ -222,10 +221,10 @@ def _spread(problem: Problem, paths: int) -> Array:
 def energy_walk(
     scheme: Scheme, problem: Problem, h: float, steps: int, seed: int, paths: int = PATHS
 ) -> tuple[np.ndarray, float, str]:
-    """Return signed energy defects (checkpoints, paths) in ulp of H, NaN for failed paths, and two other results.
+    """Return signed energy defects (checkpoints, paths), with H in extended precision, NaN for failed paths; and more.
 
-    H is evaluated in extended precision. The second result is the change of H by rounding alone in a step, in ulp of H.
-    The third is a description of the first failed step.
+    Further results are the change of H by rounding alone in a step, and a description of the first failed step. Defects
+    and changes are in ulp of H.
     """
     guarded_scheme, exact = guarded(scheme), exact_problem(describe(problem), 30)
     raw = wiener.increments(seed, T=h * steps, steps=steps, noises=problem.noises, paths=paths)
@@ -276,7 +275,7 @@ def in_own_roundings(defects: Array, widths: Array) -> tuple[Array, float]:
     start at the origin or differ. A defect divided by √n times its own width is normally distributed nevertheless.
     """
     alive = np.isfinite(widths)
-    known = np.where(alive & (widths < EXPLODED), widths, 0.0)  # roundings of an exploding path do not excuse it
+    known = np.where(alive & (widths < EXPLODED), widths, 0.0)  # an explosion does not excuse itself
     common = float(np.sqrt(np.sum(known**2) / max(1, np.count_nonzero(alive))))
     own = np.where(known > 0, np.maximum(known, common / SPREAD), common)
     return (defects * (common / own) if common else defects), common

@@ -1,6 +1,6 @@
-"""Measurement of orders: on one step by quadrature, and over paths.
+"""Measurement of orders of convergence, for one step by quadrature and over sampled paths.
 
-One step: `local_errors` (errors at falling h), `local_orders` (the verdict on their slope), with `gaussian` and
-`local_moments` for the expectations. Paths: `convergence` (rms errors), `means` (weak errors and limits), `tilting`
-(importance sampling for high orders), `weak_trees` (all paths of increments with a few values).
+For one step, `local_errors` has errors at falling h and `local_orders` the verdict on their slope; `gaussian` and
+`local_moments` compute expectations. For paths, `convergence` has rms errors, `means` weak errors and limits, `tilting`
+importance sampling for high orders, and `weak_trees` sums over all paths if increments have a few values.
 """

@@ -1,9 +1,9 @@
-"""Laws about one small step, at steps h drawn from the whole range where they can speak.
+"""Tests of one small step at step sizes h drawn from the whole range in which laws about small h apply.
 
-From below the range ends where a fault could not be told from rounding. From above it ends where a statement about
-small h loses its meaning: with L a bound of |f′| and fields c_jf, where x = L(h + Σ c_j|ΔW_j|) is no longer small. A
-problem that is polynomial data is posed in a longer unit of time there, H → νH, which makes x as small as needed for
-any h: so a scheme that is wrong in some window of h, in its own units, is met in it.
+Below this range a fault could not be distinguished from rounding. Above it x = L(h + Σ c_j|ΔW_j|) is not small, with a
+bound L of |f′| for the fields f and c_jf, and statements about small h have no meaning. A problem that is polynomial
+data is given a longer unit of time there, H → νH, which makes x as small as needed for any h. So a scheme that is wrong
+in some interval of h is also tested at h in this interval.
 """
 
 from __future__ import annotations
@@ -37,20 +37,20 @@ from sepv.verification._cases.users_problems import problems_of
 from sepv.verification._law import Run
 from sepv.verification._units import units_for
 
-# Pairs of step sizes, one drawn from each of as many equal parts of the range: at most 2.1 octaves are between two, so
-# that no decade is left out. From 2⁻⁴⁰, where an error of order 1 is 1e-12 of y, to 2⁻², where A_h is 1.66 for k = 1.
+# Step sizes are drawn from PAIRS equal parts of the range, at most 2.1 octaves apart, so that no decade is left out.
+# The range is from 2⁻⁴⁰, where an error of order 1 is 1e-12 of y, to 2⁻², where A_h is 1.66 for k = 1.
 PAIRS, SMALLEST, LARGEST = 36, 2.0**-40, 2.0**-2
 # The ratio of the two step sizes of a pair.
 APART = 4.0
-# Factors on c_j, in turn: the problem's own noises, and larger and smaller ones.
+# Factors on the c_j, used in turn: the problem's own noises, larger ones and smaller ones.
 LOUDER = (1.0, 16.0, 1 / 16)
-# The range's upper end in the problem's own time, as a share of the coarsest step of a slope: errors are O(x) from the
-# first term of their expansion, and slopes change by O(x).
+# The upper end of the range in the problem's own time, as a share of the coarsest step size for slopes. Errors differ
+# from the first term of their expansion by O(x), and slopes by O(x).
 FINER = 2.0**-6
-# Errors in the same units of time are equal for every formula of hf and ΔW_jf. The room is for schemes that are not
-# such a formula, but choose between two of different constants.
+# If y1 is a formula of hf and ΔW_jf, errors in the same unit of time are equal. The factor ROOM is for schemes that
+# choose between two formulas with different constants.
 ROOM = 2.0
-# Larger errors are cut to this size, so that their squares stay finite.
+# Errors are cut off at this size, so that their squares stay finite.
 MOST = 1e100
 
 
@@ -61,7 +61,7 @@ def drawn(rng: np.random.Generator, low: float, high: float, count: int) -> Arra
 
 
 def scaled(problem: Problem, factor: float, louder: float = 1.0) -> Problem | None:
-    """The problem with H, H_j, vectors and damping times `factor` and c_j times `louder`; None without data."""
+    """Multiply H, H_j, vectors and damping of a problem by `factor`, and c_j by `louder`; None if it is not data."""
     data = problem.data
     if factor == louder == 1:
         return problem
@@ -81,7 +81,7 @@ def scaled(problem: Problem, factor: float, louder: float = 1.0) -> Problem | No
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """Errors of a step of h and of one of h / APART, in a unit of time in which h is `unit` times as long."""
+    """Errors of a step of size h and of one of size h / APART, of a problem with H multiplied by `unit`."""
 
     problem: Problem
     h: float
@@ -91,28 +91,28 @@ class Pair:
     floor: float
 
     def slope(self) -> float:
-        """The order in h; of errors below the floor the one to the floor, which is a lower bound."""
+        """Return the slope of the two errors in h. An error below the floor is replaced by it: a lower bound."""
         coarse, fine = np.maximum(self.errors, self.floor)
         return float(np.log(coarse / fine) / np.log(APART))
 
     def growth(self, other: Pair, order: float) -> float:
-        """The most by which a sum of terms u^a v^b, 2a + b = 2p + 1, with positive factors is larger than in `other`.
+        """Bound the ratio of an error of order p, a sum of terms u^a v^b with 2a + b = 2p + 1, to that of `other`.
 
-        u is the finer h in the problem's own unit of time, v = Σ c_j√u in that unit: all that an error of order p has.
+        u is the finer h in the problem's own unit of time, and v = Σ c_j√u in this unit. Factors of terms are positive.
         """
         longer = np.sqrt(self.unit * self.h / (other.unit * other.h))
         return float((longer * max(1.0, self.louder / other.louder)) ** (2 * order + 1))
 
 
 def lower_order(scheme: Scheme, run: Run) -> tuple[tuple[float, float, str] | None, int]:
-    """Find a slope that is too low at some h: the slope, the one needed and both in words, or None; and the steps made.
+    """Find a slope that is too low at some h: return it, the needed one and a text, or None; and the number of steps.
 
-    In the problem's own unit of time a right scheme's error is Σ K_ab u^a v^b (1 + O(√h)), 2a + b = 2p + 1, with the
-    same K_ab whatever that unit is. So a pair accuses where its slope is that of a lower order, and its error exceeds
-    by ROOM what follows from the pairs of the right slope with the same noise, or else the problem's own, and from the
-    longest step whose error may be as large as the floor. Both are needed: a scheme that divides steps beyond a length
-    of its own has small errors there, with a slope of ½. Where no pair has the right slope nobody is accused: there
-    the slope of the law itself is wrong.
+    In the problem's own unit of time a correct scheme's error is Σ K_ab u^a v^b (1 + O(√h)), 2a + b = 2p + 1, with K_ab
+    that do not depend on the unit. A pair shows a violation if its slope is that of a lower order and its error is more
+    than ROOM times what follows from pairs with the right slope and the same noise (or the problem's own noise), and
+    from the longest step whose error may be as large as the floor. Both conditions are needed: a scheme that divides
+    steps above some length has small errors there, with a slope of ½. If no pair has the right slope, this test finds
+    no violation, because then the law's own slope is wrong.
     """
     if scheme.asks:
         return None, 0
@@ -147,7 +147,7 @@ def _judged(scheme: Scheme, problem: Problem, pairs: list[Pair]) -> tuple[float,
     for pair in (pair for pair in visible if pair.slope() < needed):
         louder = pair.louder if any(p.louder == pair.louder for p in right) else 1.0
         beside = [p for p in right if p.louder == louder]
-        # The longest step with an error below the floor: it could have had one as large as that.
+        # Of the steps with an error below the floor the longest is used, as if its error were the floor.
         hidden = [p for p in pairs if p.louder == louder and p not in visible]
         beside += sorted(hidden, key=lambda p: p.unit * p.h)[-1:] if beside else []
         most = max((max(p.floor, p.errors[1]) * pair.growth(p, order) for p in beside), default=np.inf)
@@ -162,7 +162,7 @@ def _judged(scheme: Scheme, problem: Problem, pairs: list[Pair]) -> tuple[float,
 
 
 def _pairs(scheme: Scheme, problem: Problem, seed: int) -> Iterator[Pair]:
-    """The pairs of a problem, from its initial state, at four increments ±ξ√h, ±ξ′√h that are the same for all."""
+    """Yield the pairs of a problem, from its initial state, with four increments ±ξ√h, ±ξ′√h, equal ξ for all pairs."""
     rng, units = np.random.default_rng((seed, 20140203)), units_for(scheme, problem)
     order, m = strong_order(scheme, column(problem)), problem.noises
     xi = rng.uniform(0.5, 1.6, (m, 2)) * rng.choice([-1.0, 1.0], (m, 2))
@@ -175,7 +175,7 @@ def _pairs(scheme: Scheme, problem: Problem, seed: int) -> Iterator[Pair]:
     for n, h in enumerate(drawn(rng, SMALLEST * largest / LARGEST, largest, PAIRS)):
         louder = 1.0 if given else LOUDER[n % len(LOUDER)]
         unit = 1.0 if given else min(1.0, top / (h * max(1.0, louder) ** 2))
-        # With t = τs, c_j√τ is the coefficient of the same noise.
+        # In the time s = t/τ, τ = `unit`, the system is dy = τf(ds + Σ c_j/√τ dW_j).
         posed = scaled(problem, unit, louder / np.sqrt(unit))
         assert posed is not None
         made.append((posed, float(h), unit, louder))

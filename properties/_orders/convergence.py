@@ -1,14 +1,14 @@
-"""Strong errors against the exact flow, and slopes with intervals whose false-alarm rate is stated.
+"""Strong errors of paths against the exact solution, and slopes with intervals whose false-alarm rate is stated.
 
-For one path all step sizes see the same Wiener process: increments of coarse steps are sums of those of
-the finest grid, truncated at each step size as Remark 2.1 says. Where the exact solution is a function of W(T) it is
-taken at the sum Ŵ(T) of the increments that the scheme saw:
+On one path all step sizes use the same Wiener process: increments of coarse steps are sums of increments of the finest
+grid, truncated at each step size as in Remark 2.1. If the exact solution is a function of W(T), it is evaluated at the
+sum Ŵ(T) of the truncated increments that the scheme gets:
 
     y_N − φ_θ(y0) = (y_N − φ_θ̂(y0)) + (φ_θ̂(y0) − φ_θ(y0)),    θ̂ = T + Σ_j c_j Ŵ_j(T).
 
-The first bracket is the scheme's error and is sampled. The second is the clip's, the same for every scheme: its rms is
-known (`sepv.exact.clipping_error`), of order k/2, and the law "truncation" says that k ≥ 2p. Together they have order p
-where both have. A reference with finer steps sees the increments untruncated.
+The first bracket is the scheme's error and is sampled. The second is the error of truncation, equal for all schemes.
+Its rms is known (`sepv.exact.clipping_error`) and of order k/2, and the law "truncation" demands k ≥ 2p. If both
+brackets have order p, so has their sum. A reference with finer steps gets the increments untruncated.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from sepv.simulate import Ensemble, areas, run_chunk, seen, wiener
 from sepv.solve import Status
 from sepv.statistics import Estimate, binomial, jackknife
 
-# Errors below this many eps·scale are rounding: such step sizes are left out.
+# Errors below FLOOR·eps·scale count as rounding, and their step sizes are left out.
 FLOOR = 1e4
-# The quantile of errors that is judged: high enough to see the bulk of the errors of few steps, whose median is small
-# beside their mean square, low enough for an interval of it from some hundred paths.
+# The quantile of errors that is judged. It is above the median, because with few steps the median is small beside the
+# root mean square, and low enough for a confidence interval from some hundred paths.
 QUANTILE = 0.8
-# Wide enough to hide NumPy's cost of a call: 1024 paths at once cost half of four times 256.
+# The number of paths computed together, which hides NumPy's cost of a call: 1024 paths cost half of four times 256.
 _CHUNK = 1024
 
 
@@ -42,12 +42,12 @@ _CHUNK = 1024
 class StrongErrors:
     """Errors y_N − y(T) of M paths (L, d, M) for L numbers of steps, their squares |·|² (L, M), and failures.
 
-    `failures` counts paths with a step that was not solved or left the domain, for the smallest number of steps where
-    there are any. Then paths with more steps need not have been run, and have no errors (NaN). `reference` is the rms
-    error of a reference that is not exact, else 0. `ends` (L, d, M) and `W` (L, m, M) are y(T) and W(T), `weights`
-    (L, M) the likelihood ratios that `squared` and `errors` already carry: `sepv.properties._orders.means` needs
-    them, and they are empty if it is not used. `tolerance` is that of the scheme's own solver, `failed` the first
-    step of a path that failed, in words.
+    `failures` counts paths with a step that was not solved or left the domain, for the smallest number of steps with
+    such paths. Paths with more steps may then be missing (errors NaN). `reference` is the rms error of a reference that
+    is not exact, else 0. `sepv.properties._orders.means` needs y(T) as `ends` (L, d, M), W(T) as `W` (L, m, M), and the
+    likelihood ratios `weights` (L, M), by which `squared` and `errors` are already multiplied. If means are not used,
+    these arrays are empty. `tolerance` is that of the scheme's solver, and `failed` describes the first step of a path
+    that failed.
     """
 
     T: float
@@ -66,7 +66,7 @@ class StrongErrors:
 
     @property
     def h(self) -> Array:
-        """The step sizes (L,)."""
+        """The step sizes T/N, (L,)."""
         return self.T / np.array(self.steps, dtype=np.float64)
 
     def rms(self) -> Array:
@@ -74,8 +74,8 @@ class StrongErrors:
         return np.sqrt(np.mean(self.squared, axis=1))
 
 
-# A draw of given paths yields for each number of steps: increments (N, m + k, M) as the scheme gets them, y(T), W(T)
-# and weights.
+# A function of the numbers of paths that yields, for each number of steps, increments (N, m + k, M) as the scheme gets
+# them, y(T), W(T) and weights.
 Draw = Callable[[range], Iterable[tuple[Array, Array, Array, Array]]]
 
 
@@ -91,7 +91,7 @@ def strong_errors(
 ) -> StrongErrors:
     """Run the paths numbered `paths` from the problem's initial state, with increasing `steps` that divide the last.
 
-    `unit` is the time in which A_h of Remark 2.1 measures h.
+    `unit` is the unit of time of h in the truncation bound A_h of Remark 2.1.
     """
     start, finest, noises = np.array(problem.initial, dtype=np.float64), steps[-1], problem.noises
     reference = 0.0
@@ -127,7 +127,7 @@ def strong_errors(
 def errors_of(
     scheme: Scheme, problem: Problem, T: float, steps: Sequence[int], paths: range, chunk: int, draw: Draw
 ) -> StrongErrors:
-    """The errors of the paths numbered `paths`, run in chunks, with the weights that are drawn with them."""
+    """Return the errors of the paths numbered `paths`, run in chunks, with the increments and weights of `draw`."""
     start, shape = np.array(problem.initial, dtype=np.float64), (len(steps), len(paths))
     squared, weights = np.full(shape, np.nan), np.full(shape, np.nan)
     errors, ends, W = (
@@ -149,7 +149,7 @@ def errors_of(
                 squared[row, here] = ratio * np.sum((result.y - exact) ** 2, axis=0)
             if failures[row]:
                 break
-    # The first number of steps with failures; with more steps not all paths were run.
+    # Only failures at the first number of steps with failures count, because with more steps not all paths were run.
     where = np.flatnonzero(failures)[:1]
     counted = tuple(int(n) if row in where else 0 for row, n in enumerate(failures))
     return StrongErrors(
@@ -159,7 +159,7 @@ def errors_of(
 
 
 def clipped(scheme: Scheme, raw: Array, h: float, noises: int, unit: float) -> Array:
-    """Increments (N, m + k, M) as the scheme gets them: the first m truncated with its k, in units of time."""
+    """Return increments (N, m + k, M) as the scheme gets them: its k truncates the first m, with h in units of time."""
     used = seen(raw[:, :noises], h, scheme.truncation, scheme.increments, unit)
     return np.concatenate([used, raw[:, noises:]], axis=1)
 
@@ -167,7 +167,7 @@ def clipped(scheme: Scheme, raw: Array, h: float, noises: int, unit: float) -> A
 def failed_path(
     scheme: Scheme, problem: Problem, result: Ensemble, h: float, used: Array, paths: range
 ) -> str:
-    """Describe the failed step of the first failed path; empty if none failed. `used` is (N, m + k, M)."""
+    """Describe the failed step of the first failed path, with increments `used` (N, m + k, M), or return ""."""
     k = int(np.argmax(result.status != Status.CONVERGED))
     if result.status[k] == Status.CONVERGED:
         return ""
@@ -176,12 +176,12 @@ def failed_path(
     return f"path {paths[k]} in step {n + 1} of {len(used)}, {where}"
 
 
-# Fields with an entry for each path.
+# Fields of StrongErrors with an entry for each path.
 PER_PATH = ("squared", "errors", "ends", "W", "weights")
 
 
 def join(parts: Sequence[StrongErrors]) -> StrongErrors:
-    """The errors of all the paths of several runs over the same steps."""
+    """Join the errors of several runs with the same numbers of steps and different paths."""
     joined: dict[str, Any] = {
         name: np.concatenate([getattr(p, name) for p in parts], axis=-1) for name in PER_PATH
     }
@@ -191,31 +191,31 @@ def join(parts: Sequence[StrongErrors]) -> StrongErrors:
 
 
 def first(errors: StrongErrors, paths: int) -> StrongErrors:
-    """The errors of the first paths; `failures` and `scale` stay those of all."""
+    """Return the errors of the first paths only; `failures` and `scale` remain those of all paths."""
     return replace(errors, **{name: getattr(errors, name)[..., :paths] for name in PER_PATH})
 
 
 def floors(errors: StrongErrors) -> Array:
-    """Errors below these, (L,), are rounding, or the scheme's stated solver error after N steps."""
+    """Return the size (L,) of errors by rounding and by the stated tolerance of the scheme's solver after N steps."""
     return errors.scale * (errors.floor * EPS + np.array(errors.steps) * errors.tolerance)
 
 
 def above_floor(errors: StrongErrors) -> np.ndarray:
-    """True for step sizes with errors that are not rounding."""
+    """Return True for each step size at which the rms error is above rounding, (L,)."""
     return errors.rms() > floors(errors)
 
 
 def slope(errors: StrongErrors, alpha: float) -> Estimate:
-    """The mean-square order: the least-squares slope of log rms error against log h.
+    """Estimate the mean-square order as the least-squares slope of log rms error against log h.
 
-    The interval is a jackknife over groups of paths: the errors of one path at several step sizes depend on each other,
-    groups of paths do not.
+    The interval is from a jackknife over groups of paths, because errors of one path at several step sizes depend on
+    each other, but errors of different paths do not.
     """
     kept = above_floor(errors)
     x = np.log(errors.h)[kept]
     x = x - x.mean()
     weights = x / np.sum(x * x)
-    # If one group has all of an error, the others have only rounding.
+    # If one group of paths has all of an error, the other groups have only rounding, of which no logarithm is taken.
     least = floors(errors)[kept] ** 2
     return jackknife(
         errors.squared[kept], lambda mean: float(0.5 * (weights @ np.log(np.maximum(mean, least)))), alpha
@@ -223,18 +223,18 @@ def slope(errors: StrongErrors, alpha: float) -> Estimate:
 
 
 def log_decay(errors: StrongErrors, alpha: float) -> Estimate:
-    """ln(rms at the finest step / rms at the coarsest): 0 if the limit is not the exact flow."""
+    """Estimate ln(rms error at the finest step / at the coarsest): 0 if the limit is not the exact solution."""
     ends = errors.squared[[0, -1]]
     return jackknife(ends, lambda mean: float(0.5 * np.log(mean[1] / mean[0])), alpha)
 
 
 def quantile_slope(errors: StrongErrors, alpha: float) -> Estimate:
-    """The order at which the QUANTILE of |e| falls from the coarsest kept step size to the finest one.
+    """Estimate the order at which the QUANTILE of |e| falls, over the step sizes with errors above rounding.
 
-    Where E|e_h|² ≤ (C h^p)², Chebyshev's inequality bounds every quantile of |e_h| by C' h^p: a quantile that falls
-    more slowly refutes the order. The interval does not depend on the tails: the number of paths with |e| below the
-    quantile is binomial, so order statistics enclose it with a known probability for every distribution (Clopper and
-    Pearson 1934). Each of the four ends gets alpha/4.
+    If E|e_h|² ≤ (C h^p)², Chebyshev's inequality bounds every quantile of |e_h| by C' h^p. So a quantile that falls
+    more slowly refutes the order p. The interval does not depend on the tails: the number of paths with |e| below the
+    quantile is binomial, so order statistics enclose the quantile with a known probability for every distribution
+    (Clopper and Pearson 1934). Each of the four ends (two at the coarsest step, two at the finest) gets alpha/4.
     """
     kept = np.flatnonzero(above_floor(errors))
     ordered = np.sort(errors.squared[[kept[0], kept[-1]]], axis=1)
@@ -245,7 +245,7 @@ def quantile_slope(errors: StrongErrors, alpha: float) -> Estimate:
     if low < 0 or high >= paths or np.any(ordered[:, low] <= floors(errors)[kept[[0, -1]]] ** 2):
         return Estimate(
             0.0, np.inf, alpha
-        )  # too few paths, or a bulk at the rounding floor: the fall is not visible
+        )  # with too few paths, or a quantile at the rounding floor, the fall is not visible
     (c_low, c_high), (f_low, f_high) = np.log(ordered[:, [low, high]])
     ends = np.array([c_low - f_high, c_high - f_low]) / span
     return Estimate(float(ends.mean()), float(np.ptp(ends)) / 2, alpha)
@@ -254,15 +254,15 @@ def quantile_slope(errors: StrongErrors, alpha: float) -> Estimate:
 def mean_square_order(
     errors: StrongErrors, alpha: float, *, more: float = 1.0, weighted: bool = False
 ) -> tuple[float, float, float]:
-    """The mean-square order (value, low, high): the slope of the rms error, checked by that of its bulk.
+    """Estimate the mean-square order (value, low, high) by the slope of the rms error, checked by that of a quantile.
 
-    The rms error of heavy tails is underestimated in most samples, and its interval too. So the order is below `high`
-    only if the intervals of both slopes show it: that of the quantile does so by chance with a probability of at most
-    alpha/2, whatever the tails. It is above `low` if one interval shows it and the other does not contradict, or if
-    the bulk shows it and the sampled rms error falls as fast.
+    If errors have heavy tails, most samples underestimate the rms error and its interval. So `high` is the larger upper
+    end of both slopes' intervals. By chance the quantile's interval is below an order that holds with a probability of
+    at most alpha/2, whatever the tails. `low` is the larger of two bounds: the lower end for the
+    rms error, but at most the quantile's upper end; the quantile's lower end, but at most the sampled rms slope.
 
-    The intervals are those of `more` times the paths. `weighted` samples, of `sepv.properties._orders.tilting`, have
-    light tails and no quantile.
+    Intervals are those of `more` times the paths. `weighted` samples (`sepv.properties._orders.tilting`) have light
+    tails, and no quantile is used.
     """
     rms = slope(errors, alpha if weighted else alpha / 2)
     half = rms.half / np.sqrt(more)

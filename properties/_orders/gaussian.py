@@ -1,13 +1,13 @@
-"""Expectations over Wiener increments as finite sums: rules for ξ ~ N(0, I_m) and the scheme's ζ = clip(ξ, ±A_h).
+"""Expectations over Wiener increments as finite sums: rules for ξ ~ N(0, I_m) and truncated ζ = clip(ξ, ±A_h).
 
-In one variable the axis is cut at A_h(1), A_h(2), …, A_h(k) of Remark 2.1, and every panel has the Gauss rule of the
-normal weight on it: a scheme that clips at one of these points is smooth on every panel. Beyond A_h(k), where the
-scheme sees A_h and the exact solution sees ξ, the tail has a rule of its own. Several variables take products of
-such rules while that is cheap, then products of small Gauss-Hermite rules, and from six on the degree-3 formula with
-the points ±√m e_j: all weights are positive, so that no error of a step can cancel another in a mean square.
+In one variable the axis is cut at A_h(1), A_h(2), …, A_h(k) of Remark 2.1, and each panel has the Gauss rule of the
+normal weight, because a scheme that clips at one of these points is smooth on each panel. Beyond A_h(k), where the
+scheme gets A_h and the exact solution ξ, the tail has another rule. Two variables have products of such rules, three to
+five products of small Gauss-Hermite rules, and six or more the degree-3 formula with the points ±√m e_j. All weights
+are positive, so that errors of different nodes cannot cancel in a mean square.
 
-`rule_for` has a step's further arguments: areas, space-time areas or halves. Nodes are in units of √h, further rows too
-(A = √h · row, H = √h · row), as `sepv.properties._orders.local_errors` scales them.
+`rule_for` adds the further arguments of a step: areas, space-time areas or halves. Nodes and the rows of these
+arguments are in units of √h (A = √h · row, H = √h · row), as `sepv.properties._orders.local_errors` scales them.
 """
 
 from __future__ import annotations
@@ -25,28 +25,26 @@ from sepv.schemes import PointLaw, Scheme
 from sepv.simulate import areas
 from sepv.simulate import truncation as bounded
 
-# Nodes of the discretised weight on a panel, from which its Gauss rule is made: n ≤ 24 of them are exact to rounding.
+# Nodes that discretise the weight on a panel. Gauss rules of n ≤ 24 nodes made from them are exact to rounding.
 _FINE = 96
-# The length at which a panel without upper end is cut: the weight has fallen by 1e-35 there.
+# The length at which an infinite panel is cut off: there the weight has fallen by the factor 1e-35.
 _REACH = 12.7
-# Nodes of a tail. They cost no step of the scheme.
+# The number of nodes of a tail. They need no further steps of the scheme, which gets A_h at all of them.
 TAIL = 8
-# Points in each variable of the product rules for three, four and five noises.
+# The number of points in each variable of product rules, by the number of noises.
 FEW = {1: 8, 2: 6, 3: 6, 4: 4, 5: 3}
 
 
 @dataclass(frozen=True)
 class Rule:
-    """A rule E g(ξ, ζ) ≈ Σ weights · g(xi, zeta[:, index])."""
+    """A quadrature E g(ξ, ζ) ≈ Σ weights · g(xi, zeta[:, index]) over increments ξ and truncated increments ζ."""
 
-    xi: Array  # (m, n) nodes that the exact solution sees
+    xi: Array  # (m, n) nodes for the exact solution
     weights: Array  # (n,), positive, of sum 1
-    zeta: Array  # (m, u) the different nodes that the scheme sees, u ≤ n
+    zeta: Array  # (m, u) the different nodes for the scheme, u ≤ n
     index: np.ndarray  # (n,) the column of zeta for each node
-    degree: int  # polynomials of ξ of this degree are exact, in every variable; in total for m ≥ 6
-    areas: Array | None = (
-        None  # (k, n) Lévy areas with i < j over a step h = 1, which the exact solution sees too
-    )
+    degree: int  # polynomials of ξ of this degree in each variable are exact; for m ≥ 6 of this total degree
+    areas: Array | None = None  # (k, n) Lévy areas with i < j over a step h = 1, also for the exact solution
     bridges: Array | None = None  # (m, n) space-time Lévy areas over a step h = 1
 
 
@@ -54,11 +52,11 @@ class Rule:
 def rule(
     noises: int, h: float, truncation: int | None, degree: int, panels: bool = True, fewer: int = 0
 ) -> Rule:
-    """The rule for m noises and a step h of a scheme with truncation k, exact to this degree at least where m ≤ 2.
+    """Return the rule for m noises and a step h of a scheme with truncation k; panels give it this degree.
 
-    Without `panels` two variables take a product of small rules too, which ignores the points where a scheme clips;
-    `fewer` reduces the number of nodes, or from six variables on reflects them. Without truncation the panels are
-    those of k = 2, and the scheme sees the tails too.
+    Without `panels` one or two variables have products of small rules too, which ignore the points at which a scheme
+    clips. `fewer` reduces the number of nodes, or reflects them if m ≥ 6. If the scheme does not truncate, the panels
+    are those of k = 2, and the scheme gets the nodes of the tails.
     """
     if noises == 0:
         return Rule(np.zeros((0, 1)), np.ones(1), np.zeros((0, 1)), np.zeros(1, dtype=np.intp), degree)
@@ -70,14 +68,14 @@ def rule(
         x, w = np.polynomial.hermite_e.hermegauss(n)
         return _product(x, w / w.sum(), _clip(x, h, truncation), noises, 2 * n - 1)
     axes = np.eye(noises)
-    if fewer:  # as many nodes elsewhere: their difference shows what a rule of this degree errs by
+    if fewer:  # other nodes of a rule of the same degree: the difference of both shows its error
         axes = axes - 2 / noises
     x = np.sqrt(noises) * np.concatenate([axes, -axes], axis=1)
     return Rule(x, np.full(2 * noises, 0.5 / noises), _clip(x, h, truncation), np.arange(2 * noises), 3)
 
 
 def point_rule(noises: int, law: PointLaw) -> Rule:
-    """The rule for m independent increments of a law of a few points: all combinations, exact for every function."""
+    """Return the rule for m independent increments with few values: all combinations, exact for every function."""
     points = np.array(list(product(law.values, repeat=noises))).reshape(-1, noises).T
     weights = np.prod(np.array(list(product(law.weights, repeat=noises))).reshape(-1, noises), axis=1)
     return Rule(points, weights, points, np.arange(weights.size), law.degree)
@@ -91,7 +89,7 @@ def _clip(x: Array, h: float, truncation: int | None) -> Array:
 
 
 def _product(x: Array, w: Array, seen: Array, m: int, degree: int) -> Rule:
-    """The product of m equal rules in one variable; equal ζ are stepped once."""
+    """Return the product of m equal rules in one variable, in which equal ζ are one node for the scheme."""
     different, number = np.unique(seen, return_inverse=True)
     grids = np.array(list(product(range(x.size), repeat=m))).T
     weights = np.prod(w[grids], axis=0)
@@ -102,11 +100,11 @@ def _product(x: Array, w: Array, seen: Array, m: int, degree: int) -> Rule:
 
 
 def _panels(h: float, truncation: int | None, degree: int, cuts: Iterable[int]) -> tuple[Array, Array, Array]:
-    """Nodes ξ, weights and ζ in one variable."""
+    """Return nodes ξ, weights and truncated nodes ζ of the rule with panels in one variable."""
     last = bounded.truncation_bound(h, truncation or 2)
     edges = [*(bounded.truncation_bound(h, k) for k in cuts if k < (truncation or 2)), last]
     outer = max(3, degree // 2 + 1)
-    # The first panel has most of the probability, so it gets more nodes than the degree needs.
+    # The panel around 0 has most of the probability, so it gets more nodes than the degree needs.
     parts = [_normal_rule(-edges[0], edges[0], outer + 3)]
     right = [_normal_rule(a, b, outer) for a, b in pairwise(edges)]
     right.append(_normal_rule(last, last + _REACH, outer if truncation is None else TAIL))
@@ -117,7 +115,7 @@ def _panels(h: float, truncation: int | None, degree: int, cuts: Iterable[int]) 
 
 
 def _normal_rule(a: float, b: float, n: int) -> tuple[Array, Array]:
-    """The n-point Gauss rule of the weight φ(x) on [a, b], with weights of sum P(a < ξ < b).
+    """Return the n-point Gauss rule of the normal density on [a, b], with weights of sum P(a < ξ < b).
 
     Stieltjes' procedure on a fine discretisation of the weight gives the recurrence of its orthogonal polynomials, and
     the eigenvalues of the Jacobi matrix are the nodes (Gautschi, Orthogonal Polynomials, 2004, §2.2). The weight is
@@ -147,14 +145,14 @@ def _normal_rule(a: float, b: float, n: int) -> tuple[Array, Array]:
 def rule_for(
     scheme: Scheme, problem: Problem, h: float, degree: int, fewer: int = 0, unit: float = 1.0
 ) -> Rule:
-    """The rule for this scheme, with areas if it takes them or several Hamiltonians need them.
+    """Return the rule for a step h of this scheme, with areas if it takes them or several Hamiltonians need them.
 
-    `fewer` nodes in each variable, for several Hamiltonians, give an estimate of the rule's error. `unit` is the time
-    in which A_h measures h.
+    For several Hamiltonians a rule of `fewer` nodes in each variable gives an estimate of the rule's error. `unit` is
+    the unit of time of h in the truncation bound A_h.
     """
     several = isinstance(problem, HamiltoniansProblem)
     needed = scheme.asks == "areas" or (several and column(problem) == "general")
-    # The law "truncation" tests the clipping: panels and areas together would need too many nodes.
+    # Several Hamiltonians have no panels, because with areas these need too many nodes: "truncation" tests clipping.
     return _rule(scheme.asks, scheme.truncation, problem.noises, h, degree, needed, not several, fewer, unit)
 
 
@@ -186,7 +184,7 @@ def _rule(
 
 
 def _of_halves(m: int, h: float, degree: int, fewer: int) -> Rule:
-    """Increments of both halves, not truncated; the exact solution gets no areas."""
+    """Return a rule of untruncated increments of a step and of its first half, without areas for the exact solution."""
     two = rule(2 * m, h, None, degree, False, fewer)
     xi = (two.xi[:m] + two.xi[m:]) / np.sqrt(2)
     zeta = np.concatenate([(two.zeta[:m] + two.zeta[m:]) / np.sqrt(2), two.zeta[:m] / np.sqrt(2)])
@@ -194,7 +192,7 @@ def _of_halves(m: int, h: float, degree: int, fewer: int) -> Rule:
 
 
 def _of_bridges(m: int, h: float, degree: int, fewer: int) -> Rule:
-    """Increments, not truncated, and space-time areas of variance h/12, independent of them."""
+    """Return a rule of untruncated increments and independent space-time areas of variance h/12."""
     two = rule(2 * m, h, None, degree, False, fewer)
     H = two.xi[m:] / np.sqrt(12)
     zeta = np.concatenate([two.xi[:m], H])

@@ -1,13 +1,13 @@
 """Orbits on which a symplectic or reversible method keeps the energy up to O(h^p) over long times.
 
-One degree of freedom is integrable. A symplectic method has a modified Hamiltonian H̃ = H + h^p H_{p+1} + …, which it
-keeps up to exp(−c/h) (Hairer, Lubich and Wanner, *Geometric Numerical Integration*, IX, Theorem 8.1). A reversible one
-has a modified equation that ρ, the reversal of momenta, reverses: a solution that meets p = 0 twice is closed (V.1 and
-XI). The orbits here do both: B is constant, ρ reverses the flow, and the momentum changes its sign.
+Systems with one degree of freedom are integrable. A symplectic method has a modified Hamiltonian H̃ = H + h^p H_{p+1} +
+…, which it keeps up to exp(−c/h) (Hairer, Lubich and Wanner, *Geometric Numerical Integration*, IX, Theorem 8.1). For a
+reversible method, the reversal ρ of momenta reverses its modified equation. Then a solution that meets p = 0 twice is
+closed (V.1 and XI). Both apply to the orbits here: B is constant, ρ reverses the flow, and the momentum changes sign.
 
-Two degrees of freedom are two such systems in other variables, q = S⁻¹Q and p = SᵀP, with a full mass matrix and a
-potential that couples them. A method that commutes with linear maps of q, as all Runge-Kutta methods and compositions
-of kicks and drifts do, decouples there, so that no resonance (XIII) can occur. The frequencies have the golden ratio.
+Orbits with two degrees of freedom are two such systems in new variables, q = S⁻¹Q and p = SᵀP, with a full mass matrix
+and a potential that couples them. All Runge-Kutta methods and compositions of kicks and drifts commute with linear maps
+of q. So they decouple on these systems, and no resonance (XIII) can occur. Their frequencies have the golden ratio.
 """
 
 from __future__ import annotations
@@ -31,16 +31,15 @@ from sepv.record import poly
 from sepv.verification._cases.case import quiet_problem
 
 Indices = NDArray[np.signedinteger[Any]]
-# Steps in a period at the largest step size: ωh = 0.42 and 0.45, a fifth of the leapfrog's limit of stability.
+# Numbers of steps in a period at the largest step size: ωh = 0.42 and 0.45, a fifth of the leapfrog's stability limit.
 STEPS = (15, 14)
 GOLDEN = (1 + 5**0.5) / 2
-# A share of the orbit's harmonics. Those from the number of steps in a period on look like slow ones, and may be no
-# more than this beside all others.
+# The largest share of harmonics of an orbit at or above the number of steps in a period, which look like slow ones.
 TAIL = 1e-4
-# Most steps in a period of a user's orbit: PHASES resolve harmonics below half their number.
+# The largest number of steps in a period of a user's orbit: PHASES states resolve harmonics below half their number.
 MOST_STEPS = PHASES // 2
 
-# B of y = (q, p) and of y = (p, q), and the pendulum so written.
+# The sign of B, 1 for y = (q, p) and −1 for y = (p, q), and the built-in pendulum in these variables.
 _FORMS = {
     Systems.SINGLE: (-1.0, "pendulum"),
     Systems.CANONICAL_SEPARABLE: (-1.0, "pendulum"),
@@ -51,7 +50,7 @@ _NAMES = ("", "one well", "two coupled wells")
 
 @dataclass(frozen=True, eq=False)
 class Orbits:
-    """States (d, M) on orbits of a problem, the longest period, and the steps in it at the largest step size."""
+    """States (d, M) on orbits of a problem, the longest period, and the number of largest steps in this period."""
 
     name: str
     problem: Problem
@@ -66,19 +65,19 @@ class Orbits:
 
     @property
     def kinetic(self) -> float:
-        """The largest kinetic energy: the variation of H with the momenta left out."""
+        """The largest kinetic energy on the orbit, as the range of H at its states with the momenta set to 0."""
         flip = momentum_flip(self.problem)
         assert flip is not None
         resting = np.where(flip[:, None] < 0, 0.0, self.states)
         return float(np.ptp(self.problem.hamiltonian(resting)))
 
     def of(self, paths: int) -> Array:
-        """Some of the states (d, paths), spread over the orbit."""
+        """Return `paths` of the states, (d, paths), spread over the orbit."""
         return self.states[:, :: max(1, self.states.shape[1] // paths)][:, :paths]
 
 
 class Well(NamedTuple):
-    """½μP² + (ω²/μ)(½Q² + aQ³/3 + bQ⁴/4) from P = 0 and Q = size; a² < 4b makes it the only well."""
+    """A Hamiltonian ½μP² + (ω²/μ)(½Q² + aQ³/3 + bQ⁴/4) with one well (a² < 4b), and the start P = 0, Q = size."""
 
     frequency: float
     inverse_mass: float
@@ -88,7 +87,7 @@ class Well(NamedTuple):
 
 
 def orbits_of_class(systems: Systems, seed: int) -> tuple[Orbits, ...]:
-    """A well, the pendulum, and two coupled wells, for schemes of a class; none where the class has no such system."""
+    """Return orbits for schemes of a class: a well, the pendulum and two coupled wells, or () for other classes."""
     if systems not in _FORMS:
         return ()
     sign, name = _FORMS[systems]
@@ -113,7 +112,7 @@ def _well(random: Random, frequency: float) -> Well:
 
 
 def coupled(wells: Sequence[Well], S: Sequence[Sequence[int]], sign: float, steps: int) -> Orbits:
-    """Wells in the variables q = S⁻¹Q, p = SᵀP, for a whole S with det S = 1: y = (q, p) for sign 1, (p, q) for −1."""
+    """Couple wells by q = S⁻¹Q, p = SᵀP with an integer S, det S = 1: y = (q, p) for sign 1, y = (p, q) for −1."""
     n, R = len(wells), np.rint(np.linalg.inv(S))
     zero, H = [0.0] * n, []
     for k, well in enumerate(wells):
@@ -135,7 +134,7 @@ def coupled(wells: Sequence[Well], S: Sequence[Sequence[int]], sign: float, step
 
 
 def _moved(well: Well, phases: Indices) -> tuple[float, Array, Array]:
-    """The period, and Q and P at these of PHASES: t = s/ω and P = (ω/μ)dQ/ds lead to ω = μ = 1."""
+    """Return the period of a well, and Q and P at these phases, scaled from ω = μ = 1 by t = s/ω, P = (ω/μ)dQ/ds."""
     period, q, p = _orbit(well.a, well.b, well.size)
     return period / well.frequency, q[phases], well.frequency / well.inverse_mass * p[phases]
 
@@ -151,9 +150,9 @@ def _orbit(a: float, b: float, size: float) -> tuple[float, Array, Array]:
 
 @lru_cache(maxsize=32)
 def users_orbits(problem: Problem) -> Orbits:
-    """The orbit of a problem with c = () through its initial state.
+    """Return the orbit of a problem without noise through its initial state.
 
-    Raises Skipped where the theory is silent, or the orbit too sharp.
+    Raise Skipped if the theory does not apply, or if the orbit has too many harmonics.
     """
     if problem.dimension != 2 or problem.initial is None:
         raise Skipped("theory speaks of one degree of freedom, from an initial state: others may be chaotic")

@@ -1,14 +1,14 @@
-"""Errors of one step by quadrature over ΔW, and orders read off at small steps: no sampling, no seed.
+"""Errors of one step by quadrature over ΔW at small step sizes, from which orders follow without sampling or seed.
 
-Milstein's theorem (§3) takes a mean-square order p from two conditions on one step,
+Milstein's theorem (§3) concludes a mean-square order p from two conditions on one step,
 
     |E[y1 − φ]| ≤ C h^(p+1)  (3.8)    and    (E|y1 − φ|²)^½ ≤ C h^(p+½)  (3.9),
 
 and a weak order q from |E g(y1 − y0) − E g(φ − y0)| ≤ C h^(q+1) for monomials g of degree 1, …, 2q + 1. Here φ is the
-exact solution after the step from the same state: of (1.1) the flow at the time h + Σ c_jΔW_j, with several structures
-the problem's closed form, or where that has none its moments by the series of the generator. The scheme sees increments
-truncated as it declares, the exact solution sees them whole. Where it declares increments of a few points, the two
-expectations are apart: a finite sum of the scheme's, and the same quadrature for the exact solution.
+exact solution after the step from the same state. For (1.1) it is the flow at the time h + Σ c_jΔW_j, for several
+structures the problem's closed form, or, without one, the generator's series for its moments. The scheme gets
+increments truncated as it declares, the exact solution untruncated ones. If the scheme declares increments with a few
+values, its expectation is a finite sum, and the quadrature is for the exact solution alone.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ LEVELS = 10
 
 
 def five_noises(c: tuple[float, ...] = (0.5, 0.25, 0.375, 0.75, 0.3125)) -> Problem:
-    """Quartic H, the Casimir |y|² and a factor that is not constant, in dimension three, with five different c_j."""
+    """Build a Nambu system in dimension three: quartic H, Casimir |y|², non-constant factor g, five different c_j."""
     H = poly.add(poly.squares((1.0, 2.0, 0.5)), poly.polynomial(3, {(2, 2, 0): 0.25, (0, 1, 3): 0.125}))
     g = poly.polynomial(3, {(0, 0, 0): 1.0, (1, 0, 0): 0.25})
     return started(problems.nambu_system(H, g, poly.squares((1, 1, 1)), c), "quartic-top", (0.75, -0.5, 0.5))
@@ -60,7 +60,7 @@ def five_noises(c: tuple[float, ...] = (0.5, 0.25, 0.375, 0.75, 0.3125)) -> Prob
 
 @lru_cache(maxsize=1)
 def two_noises() -> Problem:
-    """A problem like `five_noises` with two: for sampled laws on a scheme that takes one state at a time."""
+    """Build the problem of `five_noises` with two noises, for paths of schemes that take one state at a time."""
     return five_noises((0.75, 0.5))
 
 
@@ -70,8 +70,8 @@ CASES: dict[Systems, tuple[Callable[[], Problem], ...]] = {
     Systems.SEVERAL: (
         problems.commuting_rotations, problems.commuting_oscillators, problems.noncommuting_tops
     ),
-    # General, commutative, additive, and one noise that does not commute with the drift: none has a symmetry by which
-    # errors of a step vanish that other systems show.
+    # Noises that are general, commuting, additive, and one noise that does not commute with the drift. None of the
+    # problems has a symmetry that makes errors of a step vanish.
     Systems.HAMILTONIANS: (
         problems.random_inertia, problems.commuting_twists, problems.pushed_henon_heiles, problems.twisted_top
     ),
@@ -80,12 +80,12 @@ CASES: dict[Systems, tuple[Callable[[], Problem], ...]] = {
 
 @lru_cache(maxsize=8)
 def cases(systems: Systems) -> tuple[Problem, ...]:
-    """The problems on which schemes for a class of systems are judged, made once."""
+    """Return the problems on which schemes for a class of systems are judged. They are built once."""
     return tuple(make() for make in CASES[systems])
 
 
 def problems_for(scheme: Scheme) -> tuple[Problem, ...]:
-    """The problems of the scheme's class, or its own; `Skipped` if none of these has an initial state."""
+    """Return a scheme's own problems, else those of its class. Raise `Skipped` if no own one has an initial state."""
     own = problems_of(scheme)
     return as_taken(scheme, cases(scheme.systems)) if own is None else own
 
@@ -94,10 +94,10 @@ def problems_for(scheme: Scheme) -> tuple[Problem, ...]:
 class LocalErrors:
     """Errors of one step from several states of a problem, at L step sizes that fall.
 
-    mean, rms and weak (L,) are |E[y1 − φ]|, (E|y1 − φ|²)^½ and |E g(y1) − E g(φ)|, the largest over states and test
-    functions, with lengths in the problem's own unit (`sepv.verification._units`); `rms` is NaN where only moments of
-    the exact solution are known. For several Hamiltonians that do not commute it is the distance from the log-ODE of
-    step two (`sepv.properties._orders.log_ode`), which is O(h^{3/2}) from the solution.
+    mean, rms and weak (L,) are |E[y1 − φ]|, (E|y1 − φ|²)^½ and |E g(y1) − E g(φ)|, φ the exact solution, the largest
+    over states and test functions g, with lengths in the problem's unit (`sepv.verification._units`). If only moments
+    of φ are known, `rms` is NaN. For several Hamiltonians that do not commute, `rms` is the distance from the log-ODE
+    of step two (`sepv.properties._orders.log_ode`), which is O(h^{3/2}) from φ.
     """
 
     problem: str
@@ -106,22 +106,22 @@ class LocalErrors:
     rms: Array
     weak: Array
     exact_order: (
-        int  # the power of h of the quadrature's error in `mean` and `weak`: no larger slope can be seen
+        int  # the power of h of the quadrature's error in `mean` and `weak`, the largest visible slope
     )
     scale: float  # the largest component of a state
     flow: float  # the error of the exact solution
-    steps: int  # steps of the scheme
+    steps: int  # the number of steps that the scheme made
     failed: tuple[
         tuple[float, str], ...
-    ]  # other h, with a step in words: not solved, not finite or out of the domain
+    ]  # other h with a description of a failed step: not solved, not finite or out of the domain
     column: str = "one"  # the kind of noise (`sepv.schemes._order_claims.COLUMNS`)
 
 
 def step_sizes(order: float) -> Array:
-    """LEVELS step sizes, coarse to fine, at which a scheme of this order has its local errors above rounding.
+    """Return LEVELS step sizes, coarse to fine, at which local errors of a scheme of this order are above rounding.
 
-    The local rms error is about h^(p+½): the finest h makes that 2⁻⁴⁰, or 2⁻⁴⁷ for high orders, whose constants are
-    small and whose range would be short. Large |ΔW| are far from any asymptotics at the coarse end of low orders.
+    The local rms error is about h^(p+½). At the finest h this is 2⁻⁴⁰, or 2⁻⁴⁷ for high orders, whose constants are
+    small and whose range of h would be short. For low orders large |ΔW| at the coarsest h are far from any asymptotics.
     """
     coarse = 6.0 if order <= 1 else 4.0 if order <= 2 else 2.0
     fine = (40.0 if order <= 2 else 47.0) / (order + 0.5)
@@ -129,7 +129,7 @@ def step_sizes(order: float) -> Array:
 
 
 def _sizes(strong: float, weak: float) -> list[float]:
-    """The step sizes for the mean-square order, and larger ones for a weak order well above it."""
+    """Return the step sizes for a mean-square order, and larger ones too if the weak order is well above it."""
     found: list[float] = []
     more = step_sizes(weak).tolist() if weak > strong + 0.5 else []
     for h in sorted({*step_sizes(strong).tolist(), *more}, reverse=True):
@@ -139,9 +139,9 @@ def _sizes(strong: float, weak: float) -> list[float]:
 
 
 def local_errors(scheme: Scheme, problem: Problem, run: Run) -> LocalErrors:
-    """The errors of one step, computed once for all laws of a run.
+    """Return the errors of one step on a problem, computed once for all laws of a run.
 
-    A scheme that refuses the problem raises `Skipped`, and so do several structures without a closed form.
+    Raise `Skipped` if the scheme refuses the problem, or if no exact solution or moments of a step are known.
     """
     if problem not in run.steps:
         run.steps[problem] = _measure(scheme, problem, sparing(scheme, run.effort))
@@ -157,7 +157,7 @@ def _measure(scheme: Scheme, problem: Problem, spared: bool) -> LocalErrors:
     asked, m = guarded(scheme), problem.noises
     units = units_for(scheme, problem)
     states, length = local_states(scheme, problem), units.length
-    if spared and m > 1:  # a product of rules has hundreds of nodes
+    if spared and m > 1:  # quadrature over several noises has hundreds of nodes
         states = states[:, :1]
     sizes = [h * units.time for h in _sizes(strong, weak)]
     rules = [(h, step_rule(scheme, problem, h)) for h in sizes]
@@ -178,7 +178,7 @@ def _measure(scheme: Scheme, problem: Problem, spared: bool) -> LocalErrors:
         moved = (y - states[..., None]) / length
         if stuck:
             failed.append((h, stuck))
-            rows = []  # steps finer than every failure
+            rows = []  # only step sizes smaller than those of all failures are used
         elif known:
             first, _, second = against_moments(moved, ends, taken.weights, top, length)
             rows.append((h, first, from_log_flow(problem, states, h, taken, y) / length, second))
@@ -196,17 +196,17 @@ def _measure(scheme: Scheme, problem: Problem, spared: bool) -> LocalErrors:
 
 
 def moments_only(problem: Problem) -> bool:
-    """True if the exact solution has no formula, so that only its moments are known, from the generator."""
+    """True if a problem's exact solution has no formula, so that only its moments are known, from the generator."""
     if isinstance(problem, HamiltoniansProblem):
         return problem.closed_form is None and not commutes(problem)
     return isinstance(problem, StructuresProblem) and problem.closed_form is None
 
 
 def from_log_flow(problem: Problem, states: Array, h: float, nodes: Rule, y: Array) -> float:
-    """(E|y1 − φ|²)^½ with φ the log-ODE of step two, the largest over states; NaN where there is no such φ.
+    """Return the largest (E|y1 − φ|²)^½ over states, with φ the log-ODE of step two; NaN if there is no such φ.
 
-    φ is one step of order four, with an error of the order of h^{5/2}, and O(h^{3/2}) from the solution. With
-    space-time areas and noises that commute it includes the brackets with the drift, and is O(h²) from it.
+    φ is computed by one step of order four, with an error of the order of h^{5/2}. Its distance from the exact solution
+    is O(h^{3/2}), or O(h²) for commuting noises with space-time areas, where it includes the brackets with the drift.
     """
     general = column(problem) == "general"
     if not isinstance(problem, HamiltoniansProblem) or (general and nodes.areas is None):
@@ -223,23 +223,23 @@ def from_log_flow(problem: Problem, states: Array, h: float, nodes: Rule, y: Arr
 
 
 def local_states(scheme: Scheme, problem: Problem) -> Array:
-    """The states (d, S) from which steps are made."""
+    """Return the states (d, S) of a problem from which single steps are made: three, or two for several noises."""
     states = sample_states(problem, units_for(scheme, problem).length)
     return np.array(list(states)[: 3 if problem.noises <= 1 else 2]).T
 
 
 def step_rule(scheme: Scheme, problem: Problem, h: float) -> Rule:
-    """The quadrature over ΔW for a step h of the problem, with A_h in the problem's own time."""
+    """Return the quadrature over ΔW for a step h of the problem, with truncation A_h in the problem's unit of time."""
     return rule_for(scheme, problem, h, rule_degree(scheme), unit=units_for(scheme, problem).time)
 
 
 def rule_degree(scheme: Scheme) -> int:
-    """The degree in √h that the quadrature over ΔW must resolve, for the orders that the scheme claims."""
+    """Return the degree in √h that the quadrature over ΔW must resolve for the orders that the scheme claims."""
     return int(2 * max(order_of(p, "additive") for p in (scheme.mean_square_order, scheme.weak_order)) + 2)
 
 
 def one_step(scheme: Scheme, problem: Problem, states: Array, h: float, nodes: Rule) -> tuple[Array, str]:
-    """y1 (d, S, n) from S states at the n nodes, and the first failed step, in words: empty if none failed."""
+    """Return y1 (d, S, n) from S states at the n nodes, and a description of the first failed step, or ""."""
     d, S = states.shape
     asked = nodes.zeta.shape[1]
     y0, dW = np.repeat(states, asked, axis=1), np.tile(np.sqrt(h) * nodes.zeta, S)
@@ -251,14 +251,14 @@ def one_step(scheme: Scheme, problem: Problem, states: Array, h: float, nodes: R
 def solutions_at(
     problem: Problem, states: Array, rules: list[tuple[float, Rule]], degree: int = FULL_DEGREE
 ) -> tuple[list[Array], float]:
-    """The exact solutions as from `ends_at`; if only moments are known, these up to the degree."""
+    """Return exact solutions at each step size as `ends_at`, or moments up to `degree` if only moments are known."""
     if moments_only(problem):
         return moments_at(problem, states, [h for h, _ in rules], degree)
     return ends_at(problem, states, rules)
 
 
 def ends_at(problem: Problem, states: Array, rules: list[tuple[float, Rule]]) -> tuple[list[Array], float]:
-    """The exact solutions (d, S, n) at each step size, and their error; from the coarsest that all states reach."""
+    """Return exact solutions (d, S, n) at step sizes for which the flow exists from all states, and their error."""
     form = getattr(problem, "closed_form", None)
     if isinstance(problem, HamiltoniansProblem) and form is None:
         return _flows_at(problem, states, rules)
@@ -269,7 +269,7 @@ def ends_at(problem: Problem, states: Array, rules: list[tuple[float, Rule]]) ->
     times = [problem.random_step(h, np.sqrt(h) * r.xi) for h, r in rules]
     while times:
         try:
-            # The dense solve is exact at θ = 0; closed forms are some roundings off.
+            # The dense solution is exact at θ = 0, where closed forms have an error of some roundings.
             flows = [exact_flow(problem, np.concatenate(times), y, dense=True) for y in states.T]
         except FlowFailure:
             times = times[1:]
@@ -281,7 +281,7 @@ def ends_at(problem: Problem, states: Array, rules: list[tuple[float, Rule]]) ->
 
 
 def _flows_at(problem: Problem, states: Array, rules: list[tuple[float, Rule]]) -> tuple[list[Array], float]:
-    """The exact solutions for commuting Hamiltonians: the flow of h f_0 + Σ c_j ΔW_j f_j at time 1; see `ends_at`."""
+    """Return `ends_at` for commuting Hamiltonians, by the flow of h f_0 + Σ c_j ΔW_j f_j at time 1."""
     found, worst = [], 0.0
     for h, nodes in rules:
         n = nodes.weights.size
@@ -297,7 +297,7 @@ def _flows_at(problem: Problem, states: Array, rules: list[tuple[float, Rule]]) 
 def against_moments(
     moved: Array, exact: Array, weights: Array, degree: int = FULL_DEGREE, length: float = 1.0
 ) -> tuple[float, float, float]:
-    """Mean and weak errors as from `_norms`, from moments (A, S) of the exact solution in units of 1; no rms error."""
+    """Return mean and weak errors as `_norms`, from moments (A, S) of the exact solution in units of 1; rms is NaN."""
     asked = exponents(moved.shape[0], degree)
     over, unit = np.array([(factorial(sum(alpha)), length ** sum(alpha)) for alpha in asked]).T
     differences = (moments_of(moved, weights, asked) - exact / unit[:, None]) / over[:, None]
@@ -306,7 +306,7 @@ def against_moments(
 
 
 def _norms(moved: Array, exact: Array, weights: Array, weak: float) -> tuple[float, float, float]:
-    """|E e|, (E|e|²)^½ and the largest |E g(y1 − y0) − E g(φ − y0)|, the largest over states; both are (d, S, n)."""
+    """Return the largest |E e|, (E|e|²)^½ and |E g(moved) − E g(exact)| over states and g, e = moved − exact."""
     error = moved - exact
     mean = np.sqrt(np.max(np.sum((error @ weights) ** 2, axis=0)))
     rms = np.sqrt(np.max(np.sum(error**2, axis=0) @ weights))
@@ -317,7 +317,7 @@ def _norms(moved: Array, exact: Array, weights: Array, weak: float) -> tuple[flo
 def apart(
     moved: Array, weights: Array, exact: Array, rule_weights: Array, weak: float
 ) -> tuple[float, float, float]:
-    """Mean and weak errors as from `_norms`, if scheme and exact solution have separate expectations; no rms error."""
+    """Return mean and weak errors as `_norms`, with separate expectations of scheme and exact solution; rms is NaN."""
     mean = np.sqrt(np.max(np.sum((moved @ weights - exact @ rule_weights) ** 2, axis=0)))
     tests = polynomials(moved.shape[0], weak)
     found = max(np.max(np.abs(g(moved) @ weights - g(exact) @ rule_weights)) for g in tests)
@@ -325,9 +325,9 @@ def apart(
 
 
 def polynomials(dimension: int, weak: float) -> list[Callable[[Array], Array]]:
-    """Monomials of degree k = 1, 2, 3 in y − y0, and powers of linear forms up to k = 2q + 1, all over k!.
+    """Return monomials of degree k ≤ 3 in y − y0, and powers k ≤ 2q + 1 of linear forms, all divided by k!.
 
-    With the factor 1/k! they are Taylor coefficients: high powers do not hide what low ones show.
+    With the factor 1/k! they are terms of Taylor's series, so that errors of high powers do not hide those of low ones.
     """
 
     def monomial(indices: tuple[int, ...]) -> Callable[[Array], Array]:

@@ -1,4 +1,4 @@
-"""An example for a violated law about errors of one step: a state, the expected result and the scheme's."""
+"""Examples for messages of violated laws about one step: a state y0, the expected result and the scheme's result."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from sepv.schemes import Scheme, guarded, point_law
 
 
 def mean_example(scheme: Scheme, problem: Problem, h: float) -> str:
-    """E[y1 − y0] and E[φ − y0], φ the exact solution, at the state where they differ most; empty if they agree."""
+    """Describe the state where E[y1 − y0] differs most from E[φ − y0], φ the exact solution, or return ""."""
     states, came, expected = _means(scheme, problem, h)
     apart = np.linalg.norm((came - expected)[: problem.dimension], axis=0)
     s = int(np.argmax(apart)) if apart.size else 0
@@ -28,7 +28,7 @@ def mean_example(scheme: Scheme, problem: Problem, h: float) -> str:
 
 
 def weak_example(scheme: Scheme, problem: Problem, h: float) -> str:
-    """`mean_example`, or a second moment if those differ more than the means."""
+    """Describe the state where second moments of y1 − y0 and φ − y0 differ most, or means if these differ more."""
     states, came, expected = _means(scheme, problem, h)
     pairs = list(combinations_with_replacement(range(problem.dimension), 2))
     apart = np.abs(came - expected)[: problem.dimension + len(pairs)]
@@ -44,7 +44,7 @@ def weak_example(scheme: Scheme, problem: Problem, h: float) -> str:
 
 
 def _means(scheme: Scheme, problem: Problem, h: float) -> tuple[Array, Array, Array]:
-    """States (d, S), and the means (A, S) of monomials of degree 1 and 2 in y1 − y0 and in φ − y0."""
+    """Return states (d, S), and the means (A, S) of monomials of degree 1 and 2 in y1 − y0 and in φ − y0."""
     states, m, law = local.local_states(scheme, problem), problem.noises, point_law(scheme.increments)
     nodes = local.step_rule(scheme, problem, h)
     taken = nodes if law is None else point_rule(m, law)
@@ -59,13 +59,13 @@ def _means(scheme: Scheme, problem: Problem, h: float) -> tuple[Array, Array, Ar
 
 
 def _monomials(z: Array) -> Array:
-    """Monomials (A, S, n) of z (d, S, n) of degree one and two."""
+    """Evaluate the monomials of degree one and two in the components of z (d, S, n), (A, S, n)."""
     pairs = combinations_with_replacement(range(len(z)), 2)
     return np.concatenate([z, np.stack([z[i] * z[j] for i, j in pairs])])
 
 
 def step_example(scheme: Scheme, problem: Problem, h: float) -> str:
-    """y1 − y0 and φ − y0 for the increment that contributes most to E|y1 − φ|², at the worst state."""
+    """Describe y1 − y0 and φ − y0 for the increment and state that contribute most to E|y1 − φ|²; φ is exact."""
     states = local.local_states(scheme, problem)
     nodes = local.step_rule(scheme, problem, h)
     y, failed = local.one_step(guarded(scheme), problem, states, h, nodes)

@@ -1,15 +1,15 @@
-"""Moments E (φ − y0)^α of the exact solution after one step: by the generator's series, else by a splitting.
+"""Moments E (φ − y0)^α of the exact solution φ after one step, by the generator's series or by a splitting.
 
-**Polynomial data.** The series Σ h^k/k! L^k g of the generator in rational numbers (`sepv.reference.generator`). For
-linear fields L keeps degrees and the series is short work. For others it has fewer terms, which leave an error of
-h^(SHORT + 1) at least.
+**Polynomial data.** The moments are the series Σ h^k/k! L^k g of the generator L in rational numbers
+(`sepv.reference.generator`). For linear fields L keeps the degree of g, and the series is computed fast. For other
+fields it has fewer terms, with an error of the order h^(SHORT + 1) or higher.
 
 **Functions.** The splitting of S. Ninomiya and N. Victoir (Appl. Math. Finance 15, 2008),
 
     Q_h g = ½ E g(e^{½hf_0} e^{c_1√hξ_1f_1} … e^{c_m√hξ_mf_m} e^{½hf_0} y) + ½ E g(… the noises in the other order …),
 
-is E g(φ) + C h³ + O(h⁴); so is Q_{h/2}² with a quarter of the C, and (4 Q_{h/2}² − Q_h)/3 leaves O(h⁴). Expectations
-are products of Gauss-Hermite rules, whose n points leave O(h^n); the flows are solved to rounding. Nothing is drawn.
+is E g(φ) + C h³ + O(h⁴). Q_{h/2}² has a quarter of this C, so that (4 Q_{h/2}² − Q_h)/3 has an error of O(h⁴).
+Expectations are products of Gauss-Hermite rules with n points, with an error of O(h^n). Flows are solved to rounding.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ from sepv.problem import Array, HamiltoniansProblem, PolynomialSystem, Problem, 
 from sepv.record import EPS
 from sepv.schemes import DORMAND_PRINCE_8
 
-# All monomials up to this degree are tested; beyond it powers of a few linear forms, which are small where these are.
+# All monomials up to this degree are tested. Above it, powers of a few linear forms are tested instead.
 FULL_DEGREE = 3
-# Terms of the generator's series: h^9/9! is far below rounding for h ≤ 2⁻⁶.
+# The number of terms of the generator's series for linear fields: for h ≤ 2⁻⁶, h^9/9! is far below rounding.
 SERIES = 8
-# The fewest terms for nonlinear fields: orders up to 2 are visible above an error of h⁵.
+# The least number of terms for nonlinear fields. Orders up to 2 are visible above an error of h⁵.
 SHORT = 4
-# Points in each variable by the number of noises. More noises than these would take hours.
+# The number of points in each variable, by the number of noises. More noises than these would need hours.
 POINTS = {0: 1, 1: 6, 2: 5, 3: 4}
 # The power of h in the error of the extrapolated splitting.
 SPLIT = 4
-# The most steps of a flow, which are doubled until two results agree.
+# The largest number of steps for a flow. The number is doubled until two results agree.
 _MOST = 32
 
 
 def exponents(dimension: int, degree: int = FULL_DEGREE) -> tuple[tuple[int, ...], ...]:
-    """The exponents of all monomials up to this degree."""
+    """Return the exponents of all monomials of degree 1 to `degree`."""
     products = (combinations_with_replacement(range(dimension), k) for k in range(1, degree + 1))
     return tuple(tuple(chosen.count(i) for i in range(dimension)) for own in products for chosen in own)
 
@@ -49,10 +49,10 @@ def exponents(dimension: int, degree: int = FULL_DEGREE) -> tuple[tuple[int, ...
 def moments_at(
     problem: Problem, states: Array, sizes: list[float], degree: int = FULL_DEGREE
 ) -> tuple[list[Array], float]:
-    """E (φ − y0)^α (A, S) at each step size, for A monomials, and the largest error of a flow in it.
+    """Return E (φ − y0)^α (A, S) at each step size for A monomials, and the largest error of the flows used.
 
-    For functions, sizes start after the last one at which a flow is not finite; the result is NaN for more noises than
-    POINTS has. `Skipped` for several structures that are not linear or not given as data.
+    For functions, only step sizes after the last with an infinite flow are used, and with more noises than POINTS has
+    the result is NaN. For several structures that are not linear or not data, `Skipped` is raised.
     """
     data = problem.data
     if isinstance(data, PolynomialSystem):
@@ -87,7 +87,7 @@ def _by_series(
 
 
 def _by_splitting(problem: Problem, states: Array, h: float, degree: int) -> tuple[Array, float]:
-    """The extrapolated moments (A, S), and the error of the flows."""
+    """Return the extrapolated moments (A, S) of the splitting, and the error of its flows."""
     asked = exponents(problem.dimension, degree)
     start = states[..., None]
     whole, weights, first = _split(problem, start, h)
@@ -100,13 +100,13 @@ def _by_splitting(problem: Problem, states: Array, h: float, degree: int) -> tup
 
 
 def moments_of(moved: Array, weights: Array, asked: tuple[tuple[int, ...], ...]) -> Array:
-    """E z^α (A, S) of z (d, S, n)."""
+    """Return the moments E z^α (A, S) of z (d, S, n) for the exponents `asked`."""
     powers = ([moved[i] ** a for i, a in enumerate(alpha)] for alpha in asked)
     return np.array([np.prod(factors, axis=0) @ weights for factors in powers])
 
 
 def _split(problem: Problem, y: Array, h: float) -> tuple[Array, Array, float]:
-    """One step of the splitting from y (d, S, n): its ends (d, S, n·u), their weights (u,), and the flows' error."""
+    """Make one splitting step from y (d, S, n). Return its ends (d, S, n·2u), weights (2u,), and the flows' error."""
     m, (d, S, n) = problem.noises, y.shape
     x, w = np.polynomial.hermite_e.hermegauss(POINTS[m])
     grid = np.array(list(product(range(x.size), repeat=m)), dtype=np.intp).reshape(-1, m).T
@@ -129,12 +129,12 @@ def _split(problem: Problem, y: Array, h: float) -> tuple[Array, Array, float]:
 
 
 def _flow(field: Callable[[Array], Array], y: Array, times: Array) -> tuple[Array, float]:
-    """The flow of a field from y (d, M) over times (M,), and its error: steps of order 8, doubled until they agree."""
+    """Return a flow from y (d, M) over times (M,), and its error, with steps of order 8 doubled until they agree."""
 
     def slope(z: Array) -> Array:
         return times * field(z)
 
-    with np.errstate(all="ignore"):  # too long a step is not finite, which is detected
+    with np.errstate(all="ignore"):  # a step that is too long gives inf or NaN, which is detected
         found = runge_kutta(slope, y, 1, DORMAND_PRINCE_8)
         steps, error = 1, np.inf
         while steps < _MOST and error > 16 * EPS * np.max(np.abs(y)):

@@ -1,8 +1,8 @@
-"""The verdict on an order from errors of one step: the slope where steps are small and errors are not yet rounding.
+"""The verdict on an order from errors of one step: their slope at small steps with errors above rounding.
 
-A slope may refute a scheme only if it rests on errors far above any rounding and no longer rises: at coarse steps right
-schemes have slopes of every kind. It may confirm a scheme if the finest errors fall as they should, or if they are all
-at rounding.
+A slope may refute a scheme only if its errors are far above rounding and it no longer rises with smaller steps, because
+at coarse steps correct schemes may have any slope. It may confirm a scheme if the finest errors fall as the order
+demands, or if all errors are rounding.
 """
 
 from __future__ import annotations
@@ -22,25 +22,25 @@ from sepv.record import EPS
 from sepv.schemes import Scheme, order_of
 from sepv.verification._law import Finding, Law, Run, Verdict
 
-# Half the distance of local rms orders, which are multiples of ½. Slopes at the fine end are within 0.1 of their
-# limits; the slowest to converge are those where clipping contributes h^(k+1)|ln h|^(-3/2).
+# Half the distance between local rms orders, which are multiples of ½. Slopes at the fine end are within 0.1 of their
+# limits. They converge most slowly if truncation contributes h^(k+1)|ln h|^(-3/2).
 MARGIN = 0.25
-# Up to this power of h the smaller margin is used for mean errors too: steps are small enough for slopes true to 0.05,
-# and errors that are not smooth, such as |ΔW|³, become visible. Smooth schemes have whole orders of the mean, as odd
-# powers of ΔW have mean zero, and half-way is ½.
+# Up to this power of h mean errors have the margin MARGIN too, because slopes are accurate to 0.05 and errors that are
+# not smooth, such as |ΔW|³, become visible. Above it the margin is ½, half-way between whole orders: mean errors of
+# smooth schemes have whole orders, because odd powers of ΔW have mean zero.
 SHARP = 3.0
-# Errors of a step below this many eps·|y| may be rounding: a few roundings of a state and a solver's last correction.
+# Errors of a step below ROUNDING·eps·|y| may be rounding: some roundings of a state and a solver's last correction.
 ROUNDING = 64.0
-# The error, in eps·|y|, of a solver that states no tolerance: a convention, shared with the sampled laws. Only errors
-# CLEAR times as large refute: their slopes are changed by less than 0.1.
+# FLOOR is the error, in eps·|y|, of a solver that states no tolerance, a convention that the sampled laws share. Only
+# errors CLEAR times as large may refute, because the solver's error changes their slopes by less than 0.1.
 FLOOR, CLEAR = 1e4, 10.0
-# Points of a slope, and points needed to see if a slope still rises.
+# The number of points of a slope, and the number needed to decide if a slope still rises.
 POINTS, ENOUGH = 3, 4
 
 
 @dataclass(frozen=True)
 class Slope:
-    """A slope: the order, the errors it rests on, and its meaning."""
+    """A slope of errors against h: its value, what it means for the law, and a text with its range of h."""
 
     verdict: Verdict
     value: float
@@ -50,23 +50,23 @@ class Slope:
 def judge_slope(  # noqa: PLR0911  (one return for each meaning of a slope)
     h: Array, errors: Array, least: float, rounding: float, floor: float
 ) -> Slope:
-    """Judge if errors (L,) at falling h fall with the slope `least` or more.
+    """Judge whether errors (L,) at falling h have the slope `least` or more.
 
-    Errors below `rounding` may be rounding, errors above `floor` are not.
+    Errors below `rounding` may be rounding. Errors above `floor` are not rounding.
     """
     if not np.all(np.isfinite(errors)):
         return Slope(Verdict.VIOLATED, float("nan"), "errors too large for a number")
     large = np.flatnonzero(errors > floor)
     if errors.size and not large.size:
         return Slope(Verdict.HOLDS, float("inf"), f"errors below {floor:.1e} are rounding")
-    # From the start to the last large error; and beyond it up to the first that may be rounding.
+    # `far` counts errors up to the last large one, `real` those up to the first that may be rounding.
     far = int(large[-1]) + 1 if large.size else 0
     real = max(far, int(np.argmin([*(errors > rounding), False])))
-    # If fewer than three are above rounding, the first below it counts as rounding, and the slope is a lower bound.
+    # If fewer than three are real, the first error below `rounding` is set to it: the slope is a lower bound.
     used = real if real >= POINTS else min(real + 1, errors.size)
     x, y = np.log(h), np.log(np.maximum(errors, rounding))
     if used < POINTS:
-        # From the coarsest error to rounding at the next size: a lower bound for errors that fall faster than claimed.
+        # Errors that fall faster than claimed: the slope to `rounding` at the next step size is a lower bound.
         bound = _over(x[:used], y[:used]) if used > 1 else None
         if bound is not None and bound.value >= least:
             return replace(bound, verdict=Verdict.HOLDS)
@@ -85,7 +85,7 @@ def judge_slope(  # noqa: PLR0911  (one return for each meaning of a slope)
 
 
 def _over(x: Array, y: Array) -> Slope:
-    """The least-squares slope of the last points."""
+    """Return the least-squares slope of the last POINTS points (x, y) of logarithms."""
     x, y = x[-POINTS:], y[-POINTS:]
     centred = x - np.mean(x)
     value = float(centred @ y / (centred @ centred))
@@ -94,26 +94,26 @@ def _over(x: Array, y: Array) -> Slope:
 
 
 def unclaimed(column: str) -> float:
-    """The mean-square order for a scheme without claim: the one possible with increments alone."""
+    """Return the mean-square order for schemes without a claim: the highest with increments alone for this noise."""
     return 0.5 if column == "general" else 1.0
 
 
 def strong_order(scheme: Scheme, column: str) -> float:
-    """The mean-square order that a scheme is compared with for noise of this kind: its claim, or `unclaimed`."""
+    """Return the mean-square order that a scheme is compared with for this kind of noise: its claim, or `unclaimed`."""
     return order_of(scheme.mean_square_order, column, unclaimed(column))
 
 
 def mean_slope(local: LocalErrors, order: float) -> float:
-    """The least slope of a mean or weak error for an order: half-way below p + 1, or all that the quadrature shows."""
+    """Return the least slope of a mean or weak error for an order p: p + 1, if the rule shows it, less a margin."""
     power = min(order + 1, local.exact_order)
     return power - (MARGIN if power <= SHARP else 2 * MARGIN)
 
 
 def order_shown(slope: Slope, order: float, spacing: float, needs: Callable[[float], float]) -> float | None:
-    """The largest order that a slope shows; None if it shows none.
+    """Return the largest order that a slope shows, or None if it shows none.
 
-    Orders are `order`, which was compared with, plus multiples of `spacing`. A slope that may still rise shows nothing.
-    Higher orders need their own slope, visible by the quadrature: errors below rounding show `order` alone.
+    Possible orders are `order`, with which the slope was compared, plus multiples of `spacing`. A slope that may still
+    rise shows no order. Higher orders must be shown by their own slope. Errors below rounding show only `order`.
     """
     if slope.verdict is Verdict.HOLDS:
         while np.isfinite(slope.value) and slope.value >= needs(order + spacing) > needs(order):
@@ -136,11 +136,11 @@ def judge(
     enough: int = LEVELS // 2,
     example: Callable[[Scheme, Problem, float], str] = lambda *_: "",
 ) -> Finding:  # fmt: skip
-    """The law's finding: the worst slope over the problems, each with `enough` step sizes left.
+    """Return the law's finding from the worst slope over the problems, each with at least `enough` step sizes.
 
-    `errors` selects the law's errors, `claimed` the order that they are compared with, and `needs` the slope that an
-    order needs, half-way to the next lower one, which is `spacing` less; `measure` makes the errors, and `example`
-    describes one step of this size for a violation.
+    `errors` selects the law's errors, and `claimed` the order with which they are compared. `needs` gives the slope
+    that an order needs, half-way to the next lower order, which is lower by `spacing`. `measure` computes the errors,
+    and for a violation `example` describes one step of a given size.
     """
     if scheme.eps > EPS:
         text = "one step shows its order where its error is below the roundings of single precision"
@@ -188,7 +188,7 @@ def judge(
 
 
 def _slope_of(scheme: Scheme, local: LocalErrors, errors: Array, bound: float) -> Slope:
-    """Judge the slope of errors above rounding, and above the errors of the scheme's solver and of the flow."""
+    """Judge the slope of errors that are above rounding and above the errors of the scheme's solver and the flow."""
     tolerance = scheme.solver_tolerance
     return judge_slope(
         local.h, errors, bound, (ROUNDING * EPS + 2 * tolerance) * local.scale + 2 * local.flow,
@@ -197,7 +197,7 @@ def _slope_of(scheme: Scheme, local: LocalErrors, errors: Array, bound: float) -
 
 
 def _worst(slopes: list[tuple[Slope, float]]) -> tuple[Verdict, Slope, float]:
-    """The verdict on all problems, with the slope farthest below its bound among those that decide it."""
+    """Return the verdict on all problems, and of the slopes with this verdict the one farthest below its bound."""
     verdicts = [seen.verdict for seen, _ in slopes]
     verdict = next((v for v in (Verdict.VIOLATED, Verdict.INCONCLUSIVE) if v in verdicts), Verdict.HOLDS)
     deciding = [s for s in slopes if s[0].verdict is verdict]

@@ -1,10 +1,10 @@
-"""The flow of one step's logarithm: y(1) of dy/ds = h f_0 + Σ c_j ΔW_j f_j + Σ_{i<j} c_i c_j A_ij [f_i, f_j].
+"""The log-ODE of one step: y(1) of dy/ds = h f_0 + Σ c_j ΔW_j f_j + Σ_{i<j} c_i c_j A_ij [f_i, f_j], Lévy areas A_ij.
 
-Where all fields commute it is the exact solution, and the areas are multiplied by zero. Else it is the log-ODE method
-of step two (F. Castell and J. Gaines, Stochastic Process. Appl. 60, 1995; T. Lyons, in: ICIAM 2014): the logarithm of
-the flow has further brackets of three fields, whose integrals are of the order of h^{3/2} with mean O(h²), so that y(1)
-is the exact solution up to these, and steps of it one after the other converge with mean-square order 1. It is a
-reference and no scheme: nothing under verification uses it.
+If all fields commute, the brackets are zero and y(1) is the exact solution. Else it is the log-ODE method of step two
+(F. Castell and J. Gaines, Stochastic Process. Appl. 60, 1995; T. Lyons, in: ICIAM 2014). The logarithm of the exact
+flow has further brackets of three fields, whose integrals are of the order of h^{3/2} with mean O(h²). So y(1) is the
+exact solution up to these integrals, and consecutive steps converge with mean-square order 1. The method is a reference
+only: no scheme under verification uses it.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from sepv.problem import Array, Problem, bracket, combined_field, drift_bracket,
 from sepv.record import EPS
 from sepv.schemes import CLASSICAL, DORMAND_PRINCE_8, ExplicitTableau
 
-# The least and the largest number of explicit steps, which is doubled until the result changes by roundings only.
+# The least and largest numbers of explicit steps. The number is doubled until the result changes by roundings only.
 FEWEST, MOST = 4, 64
 
 
 def field(problem: Problem, y: Array, parts: Array, areas: Array, bridges: Array | None = None) -> Array:
-    """The right side of the log-ODE of one step at y (d, M); `parts` (1 + m, M) are h and the c_j ΔW_j, `areas` (k, M).
+    """Evaluate the log-ODE of one step at y (d, M), with `parts` (1 + m, M), h and the c_j ΔW_j, and `areas` (k, M).
 
-    Space-time areas H (m, M) add the brackets with the drift, Σ c_j A_0j [f_0, f_j] with A_0j = −hH_j. Where the noises
-    commute, the integrals of the omitted terms are of the order of h².
+    Space-time areas H (m, M), as `bridges`, add the brackets with the drift, Σ c_j A_0j [f_0, f_j] with A_0j = −hH_j.
+    If the noises commute, the integrals of the omitted terms are then of the order of h².
     """
     total = combined_field(problem, y, parts)
     for area, (i, j) in zip(areas, combinations(range(problem.noises), 2), strict=False):
@@ -40,7 +40,7 @@ def field(problem: Problem, y: Array, parts: Array, areas: Array, bridges: Array
 
 
 def runge_kutta(field: Callable[[Array], Array], y: Array, steps: int, tableau: ExplicitTableau) -> Array:
-    """The solution z(1) of ż = field(z) with z(0) = y, by equal steps of an explicit Runge-Kutta method."""
+    """Solve ż = field(z), z(0) = y, and return z(1), by equal steps of an explicit Runge-Kutta method."""
     for _ in range(steps):
         slopes: list[Array] = []
         for row in tableau.A:
@@ -54,9 +54,9 @@ def runge_kutta(field: Callable[[Array], Array], y: Array, steps: int, tableau: 
 
 
 def log_flow(problem: Problem, y: Array, parts: Array, areas: Array) -> tuple[Array, float]:
-    """The solution y(1) of the log-ODE of one step from y (d, M), and its error.
+    """Return the solution y(1) of the log-ODE of one step from y (d, M), and its error.
 
-    Steps of order 8 are doubled in number until two results agree to rounding.
+    The number of Runge-Kutta steps of order 8 is doubled until two results agree to rounding.
     """
     right_side = partial(field, problem, parts=parts, areas=areas)
     steps, logarithm = FEWEST, runge_kutta(right_side, y, FEWEST, DORMAND_PRINCE_8)
@@ -65,18 +65,18 @@ def log_flow(problem: Problem, y: Array, parts: Array, areas: Array) -> tuple[Ar
         finer = runge_kutta(right_side, y, steps, DORMAND_PRINCE_8)
         apart, scale = float(np.max(np.abs(finer - logarithm))), float(np.max(np.abs(finer)))
         logarithm = finer
-        # The finer result's error is a 256th of the difference, until roundings exceed that.
+        # The finer result's error is 1/256 of the difference, unless roundings are larger.
         error = apart / 128 + 16 * EPS * scale
         if apart <= 128 * EPS * scale or steps >= MOST:
             return logarithm, error
 
 
 def path(problem: Problem, y0: Array, h: float, dW: Array, areas: Array) -> Array:
-    """The log-ODE's solution y(T) (d, M) over N steps of size h with increments (N, m, M) and areas (N, k, M).
+    """Return the log-ODE's y(T) (d, M) after N steps of size h with increments (N, m, M) and areas (N, k, M).
 
-    A step takes a classical Runge-Kutta step for the increments, and then adds the brackets at its start. Because
-    E[A_ij ΔW_k] = 0, this splitting leaves out terms of O(h^{3/2}) with mean O(h²). It takes half of the time, for
-    errors that are a twentieth larger.
+    Each step makes a classical Runge-Kutta step for the increments, and then adds the brackets at its start. Because
+    E[A_ij ΔW_k] = 0, this splitting omits terms of O(h^{3/2}) with mean O(h²). It needs half of the time, with errors
+    larger by a twentieth.
     """
     y = np.repeat(y0[:, None], dW.shape[2], axis=1)
     none = np.zeros((0, dW.shape[2]))

@@ -1,28 +1,29 @@
 """The energy of a method without noise over many periods: its trend, and the power of h of its oscillation.
 
 **No trend.** Along an orbit of a symplectic or reversible method (`sepv.properties._orders.integrable`) the energy is
-quasi-periodic, H(y_n) = Σ_k f_k e^{ikω̃hn}, but for exp(−c/h). Its mean over a window of N steps with weights w_j ∝
-sin⁴(πj/N) is f_0 + Σ_{k≠0} f_k e^{ikω̃hτ} W(kω̃hN/2π), W the transform of the weights,
+quasi-periodic, H(y_n) = Σ_k f_k e^{ikω̃hn}, up to exp(−c/h). With weights w_j ∝ sin⁴(πj/N), the mean energy over a
+window of N steps from step τ is f_0 + Σ_{k≠0} f_k e^{ikω̃hτ} W(kω̃hN/2π), with the transform W of the weights,
 
     |W(x)| ≤ 1/(πx |x² − 1||x²/4 − 1|)     for x > 2 periods in the window.
 
-Two such means, τ apart, differ by at most 2 Σ|f_k||W_k|. |W_k| falls like k⁻⁵, so that Cauchy and Schwarz give
-2 L √(2 (1 + 2⁻¹⁰ + …)) times the rms of the oscillation, L = |W| at one harmonic, and the rms is at most half of the
-largest minus the least value, A. LEAKS = 4 times L A is thus more than twice what theory leaves; the rest is for
-harmonics of the number of steps in a period and more, which look like slow ones: they are below 1e-4 of all
-(`integrable.TAIL`). L is taken an eighth below PERIODS, because the frequency ω̃ of the method is that of the flow up
-to less than this. Rounding adds its walk, and a solver's tolerance its sum. A method with a trend of r a step moves its
-mean by rτ, and a change of LEAKS L A over 1.5 windows is seen: that of the whole oscillation in four hundred periods.
+Two such means, τ steps apart, differ by at most 2 Σ|f_k||W_k|. Because |W_k| falls like k⁻⁵, the Cauchy-Schwarz
+inequality bounds this by 2 L √(2 (1 + 2⁻¹⁰ + …)) times the rms of the oscillation, with L = |W| at one harmonic. The
+rms is at most half of the range A, the largest minus the least value. So the bound LEAKS L A, LEAKS = 4, is more than
+twice what theory gives. This allows for harmonics at or above the number of steps in a period, which look like slow
+ones and are below 1e-4 of all (`integrable.TAIL`). L is evaluated at 7/8 of PERIODS, because the frequency ω̃ of the
+method differs from that of the flow by less. The random walk of rounding and the sum of a solver's tolerances are
+added. If the energy has a trend of r a step, the mean moves by rτ. A change of LEAKS L A over 1.5 windows is detected,
+that is, of the whole oscillation in four hundred periods.
 
-A mean that moves further is a trend if it also grows: the exponent of its growth with τ, by the interval over paths of
-`sepv.properties._growth`, must exclude a bounded one. Theory is for small h: a step at which the energy moves by
-more than GROSS of the kinetic energy is halved first.
+A mean that moves further shows a trend if the movement also grows with τ: the confidence interval of its exponent
+(`sepv.properties._growth`) must exclude bounded growth. The theory is for small h. If the energy moves by more than
+GROSS times the kinetic energy, h is halved first.
 
-**The power of h.** Let e_n = H(y_n) − H(y_0), n ≤ N, on a fixed time with the same weights. y_n has an expansion in
-powers of h (II.8 there), and the weights vanish to fourth order at both ends, so that the rms of e about its mean is
-A(h) = c h^p(1 + αh + βh² + …). Its slope s(h) = log₂ A(h)/A(h/2) is p + αh/(2 ln 2) + …, and half of the error, or a
-quarter for a symmetric method, is left in s(h/2): |s(h/2) − p| ≤ |s(h/2) − s(h)|. The interval is twice that, and what
-rounding may do to both slopes. Two intervals in a row below p − ½ refute.
+**The power of h.** Let e_n = H(y_n) − H(y_0), n ≤ N, on a fixed time with the weights w_n. y_n has an expansion in
+powers of h (Hairer, Lubich and Wanner, II.8), and the weights vanish to fourth order at both ends, so that the rms of e
+about its mean is A(h) = c h^p(1 + αh + βh² + …). Its slope s(h) = log₂ A(h)/A(h/2) is p + αh/(2 ln 2) + …. The error of
+s(h/2) is half of this error, or a quarter for a symmetric method, so |s(h/2) − p| ≤ |s(h/2) − s(h)|. The interval is
+s(h/2) ± 2|s(h/2) − s(h)|, enlarged by rounding in both slopes. Two intervals in a row below p − ½ refute the order p.
 """
 
 from __future__ import annotations
@@ -41,26 +42,26 @@ from sepv.simulate import Carried, advance
 from sepv.solve import Status
 from sepv.verification._law import Verdict
 
-# Periods in a window, for the mean and for the oscillation.
+# The number of periods in a window, for the mean (PERIODS) and for the oscillation (SHORT).
 PERIODS, SHORT = 4, 2
-# Distances of the means, in windows. The last one is longer where more effort is asked.
+# Distances between the first mean and the others, in windows. With more effort (`--deep`) they are longer.
 APART = (0.1875, 0.375, 0.75, 1.5)
-# The bound of a trend, in units of L A (see the module's docstring).
+# The bound of a movement of the mean, in units of L A (see the docstring of the module).
 LEAKS = 4.0
-# The change of the energy by which theory is for shorter steps, beside the largest kinetic energy, and how often it is
-# halved before anything is said.
+# If the energy changes by more than GROSS times the largest kinetic energy, theory needs shorter steps: h is halved, at
+# most HALVED times, before a trend is reported.
 GROSS, HALVED = 1 / 8, 2
-# An oscillation without a power of h, between the third last and the last size of a step: the slope there is so much
-# below the least one that 1 + αh + … would change eightfold where a period has 56 steps and more. Heuristic.
+# The slope of an oscillation without a power of h, over the last three step sizes, is below the least one by this: then
+# 1 + αh + … would change eightfold although a period has 56 or more steps. Heuristic.
 IRREGULAR = 1.0
-# Sizes of steps, each half of the one before, and how many of them are needed at least.
+# The largest number of step sizes, each half of the one before, and the least number for a verdict.
 SIZES, FEWEST = 5, 3
 
 
 class EnergyPath:
-    """H(y_n) − H(y_0) of paths from states (d, M), as far as asked.
+    """H(y_n) − H(y_0) on paths from states (d, M), computed up to the largest n requested so far.
 
-    Raises `Stopped` where a step failed.
+    If a step fails, `Stopped` is raised.
     """
 
     def __init__(self, scheme: Scheme, problem: Problem, states: Array, h: float) -> None:
@@ -70,7 +71,7 @@ class EnergyPath:
         self.found = [np.zeros(states.shape[1])]
 
     def errors(self, steps: int) -> Array:
-        """The errors (steps + 1, M)."""
+        """Return H(y_n) − H(y_0) for n = 0, …, steps, (steps + 1, M)."""
         while len(self.found) <= steps:
             value, status, *_ = advance(self.asked, self.problem, self.y, self.h, self.none, self.carried)
             if np.any(status != Status.CONVERGED):
@@ -84,7 +85,7 @@ class EnergyPath:
 
 @dataclass
 class Stopped(Exception):
-    """A step failed: where, and the errors so far."""
+    """A step failed. `words` describes the step, `errors` are the energy errors before it."""
 
     words: str
     errors: Array
@@ -92,43 +93,43 @@ class Stopped(Exception):
 
 @dataclass(frozen=True)
 class Judged:
-    """The trend, or the power: its size as a share of what is allowed, and what was seen in words."""
+    """The judgement of a trend of the energy or of its power of h: a verdict, size/allowed size, and a description."""
 
     verdict: Verdict
     share: float = 0.0
     text: str = ""
     steps: int = 0
-    # Two findings: the energy is kept to rounding; it moves so far that the step is not short.
+    # `kept`: H is constant up to rounding. `gross`: H moves so far that the step is too long for the theory.
     kept: bool = False
     gross: bool = False
 
 
 def weights(steps: int) -> Array:
-    """sin⁴(πj/N), with sum 1, (N + 1,)."""
+    """Return the weights of a mean over N = `steps` steps, proportional to sin⁴(πj/N), with sum 1, (N + 1,)."""
     found = np.sin(np.pi * np.arange(steps + 1) / steps) ** 4
     return np.asarray(found / np.sum(found))
 
 
 def leakage(periods: float) -> float:
-    """Bound the mean of a wave of size 1 with this number of periods in the window, above 2, or a larger one."""
+    """Bound the weighted mean of a wave of size 1 with `periods` > 2 or more periods in the window."""
     return 1 / (np.pi * periods * (periods**2 - 1) * (periods**2 / 4 - 1))
 
 
 def means(errors: Array, window: int, offsets: list[int]) -> Array:
-    """Weighted means of errors (N, M) over windows that begin at the offsets, (L, M)."""
+    """Return weighted means of errors (N, M) over windows that begin at the L offsets, (L, M)."""
     w = weights(window)
     return np.stack([w @ errors[n : n + window + 1] for n in offsets])
 
 
 def allowed_rounding(scheme: Scheme, problem: Problem, states: Array, steps: int) -> float:
-    """Bound the movement of H in a number of steps: rounding, and the tolerance that a scheme states of its solver."""
+    """Bound the change of H over `steps` steps by rounding and by the tolerance that a scheme states for its solver."""
     size = float(np.max(np.sum(np.abs(problem.gradient(states) * states), axis=0)))
     walk = rounding_walk(problem, states, steps) * scheme.eps / EPS
     return walk + scheme.solver_tolerance * steps * size
 
 
 def trend(scheme: Scheme, orbits: Orbits, paths: int, longer: int = 1) -> Judged:
-    """Judge the movement of the mean energy over `longer` times 1.5 windows."""
+    """Judge the movement of the mean energy over `longer` times 1.5 windows, at a halved h if theory needs it."""
     for halved in range(HALVED + 1):
         found = _trend(scheme, orbits, paths, longer, 2**halved)
         if found.verdict is Verdict.HOLDS or not found.gross:
@@ -175,7 +176,7 @@ def _trend(scheme: Scheme, orbits: Orbits, paths: int, longer: int, finer: int) 
 
 
 def power(scheme: Scheme, orbits: Orbits, least: float) -> Judged:
-    """Judge the power of h of the energy's oscillation on one path against the least one, at as few sizes as decide."""
+    """Judge the power of h of the energy's oscillation on one path against `least`, with more step sizes as needed."""
     problem, states = orbits.problem, orbits.of(1)
     sizes, rounding, steps = list[float](), list[float](), 0
     for level in range(SIZES):
@@ -194,7 +195,7 @@ def power(scheme: Scheme, orbits: Orbits, least: float) -> Judged:
 
 
 def judged_power(sizes: list[float], rounding: list[float], least: float) -> Judged:
-    """Judge oscillations at h, h/2, …, of which rounding makes so much at most; inconclusive while more may decide."""
+    """Judge oscillations at h, h/2, …, with bounds of their rounding; inconclusive if more step sizes may decide."""
     text = f"oscillations {', '.join(f'{size:.2g}' for size in sizes)} at h, h/2, …"
     if sizes[-1] <= rounding[-1]:
         return Judged(Verdict.HOLDS, 0.0, f"{text}: the last one is rounding")
@@ -216,7 +217,7 @@ def judged_power(sizes: list[float], rounding: list[float], least: float) -> Jud
 
 
 def _slope(sizes: list[float], rounding: list[float]) -> tuple[float, float]:
-    """s(h/2) from three sizes, and half of its interval."""
+    """Return the slope s(h/2) from oscillations at h, h/2 and h/4, and the half-width of its interval."""
     slopes = np.log2(np.array(sizes[:-1]) / sizes[1:])
     off = np.array(rounding) / sizes / np.log(2)
     return float(slopes[1]), 2 * abs(float(slopes[1] - slopes[0])) + float(off @ (2, 5, 3))

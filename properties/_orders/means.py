@@ -1,13 +1,13 @@
-"""Means of errors, for laws about weak orders and limits: linear combinations of sample means.
+"""Means of errors, for laws about weak orders and limits, and combinations of means at several step sizes.
 
-A mean of errors has an expansion μ(h) = a h^p + b h^(p+1) + c h^(p+2) + … in the step size (Talay and Tubaro 1990),
-and a claim is that its first coefficient a vanishes: p = 0 for a limit, p = q − 1 for a weak order q. The combination
-of three step sizes that leaves a alone is linear in the means, hence a mean over paths itself: its interval is
-Student's, and needs no logarithm of a number that may be zero. A mean that changes its sign at some h does no harm.
+A mean of errors has an expansion μ(h) = a h^p + b h^(p+1) + c h^(p+2) + … in the step size (Talay and Tubaro 1990).
+A claim says that the first coefficient a vanishes, with p = 0 for a limit and p = q − 1 for a weak order q. The linear
+combination of three step sizes that gives a is itself a mean over paths. So its interval is Student's, without a
+logarithm of a number that may be zero, also if the mean changes its sign at some h.
 
-Errors are capped at the size of the solution, |e| ≤ max|y(T)|: that is a bounded test function, for which a weak order
-holds no less, and no path that runs away at a coarse step is the whole sample. `benchmarks.coverage` measures
-how often these intervals miss.
+Errors are capped at the size of the solution, |e| ≤ max|y(T)|. This makes the test function bounded, for which a weak
+order holds too, and prevents one path that diverges at a coarse step from dominating the sample.
+`benchmarks.coverage` measures how often these intervals miss.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from sepv.statistics import students_t
 
 @dataclass(frozen=True)
 class Coefficient:
-    """A coefficient (K,) of K means in powers of h, its standard error (K,), and the change by the last step size.
+    """A coefficient (K,) of the expansions of K means in powers of h, with its standard error (K,) and a remainder.
 
-    `remainder` is the change of the coefficient when the coarsest step size is included: an estimate of the
-    contribution of the omitted powers.
+    `remainder` is the change of the coefficient if the coarsest step size is included, which estimates the effect of
+    the omitted powers.
     """
 
     value: Array
@@ -37,19 +37,19 @@ class Coefficient:
     power: float = 0
 
     def half(self, alpha: float, more: float = 1.0) -> Array:
-        """Half-widths (K,) of intervals that all hold with probability 1 − alpha, for `more` times the paths."""
+        """Return half-widths (K,) of joint intervals at level 1 − alpha, as of `more` times the number of paths."""
         return critical(alpha / self.value.size, self.paths) * self.error / np.sqrt(more)
 
 
 def critical(alpha: float, paths: int) -> float:
-    """Student's two-sided quantile for a mean of this many paths."""
+    """Return Student's two-sided quantile for a mean over `paths` paths."""
     return students_t(alpha / 2, paths - 1)
 
 
 def capped(errors: StrongErrors) -> Array:
-    """The errors e (L, d, M) without weights, shortened to |e| ≤ scale; a path at infinity counts as scale."""
+    """Return the errors e (L, d, M) without weights, shortened to |e| ≤ scale, also those of paths at infinity."""
     weights = errors.weights[:, None]
-    # A path of weight 0 was left out: its error is 0 already.
+    # A path of weight 0 was left out, and its error is 0 already.
     e = np.divide(errors.errors, weights, out=np.zeros_like(errors.errors), where=weights > 0)
     e = np.nan_to_num(e, nan=errors.scale, posinf=errors.scale, neginf=-errors.scale)
     size = np.max(np.abs(e), axis=1, keepdims=True)
@@ -57,9 +57,9 @@ def capped(errors: StrongErrors) -> Array:
 
 
 def moment_errors(errors: StrongErrors) -> Array:
-    """w (g(y_N) − g(y(T))) (L, K, M) for g = y_i and y_i y_j, in units of the spread of g(y(T)).
+    """Return w (g(y_N) − g(y(T))) (L, K, M) for g = y_i and y_i y_j, w the weights, in units of the spread of g(y(T)).
 
-    A g that hardly varies, such as a Casimir, is measured in thousandths of its size.
+    If g hardly varies, like a Casimir, the unit is a thousandth of its size.
     """
     e, y = capped(errors), errors.ends
     d = y.shape[1]
@@ -78,14 +78,14 @@ def _spread(g: Array, errors: StrongErrors, degree: int) -> float:
 
 
 def limit_errors(errors: StrongErrors, problem: Problem) -> tuple[list[str], Array, Array]:
-    """Shares (L, K, M) of drift, noise, each noise and Itô's correction in the error, for a wrong limit.
+    """Return the shares (L, K, M) of drift, noise, each noise and Itô's correction in the error, with names and sizes.
 
     To first order, a noise too large by the share γ moves y(T) by γ v with v = Σ c_j W_j G_j∇H, a drift by γ T B∇H,
-    the correction from Itô to Stratonovich by γ ½T Σ c_j² (G_j∇H)′G_j∇H. Each share is ⟨v, e⟩/E|v|²: for the right
-    limit its mean vanishes with h, whatever v, because e does. For the noises it is Cov(v, e)/Var v: parts of the
-    error independent of the noise, nearly all of it where c is small, then add no variance.
+    the correction from Itô to Stratonovich by γ ½T Σ c_j² (G_j∇H)′G_j∇H. Each share is ⟨v, e⟩/E|v|². For the right
+    limit its mean vanishes with h for every v, because the error e does. For noises the share is Cov(v, e)/Var v, so
+    that the part of e independent of the noise (nearly all of e if c is small) adds no variance.
 
-    The last array, (K,), has the rms of each v at the coarsest step.
+    The sizes (K,) are the rms of each v at the coarsest step.
     """
     e = capped(errors)
     rows, sizes = [], np.empty(0)
@@ -114,7 +114,7 @@ def _directions(problem: Problem, y: Array, T: float, W: Array) -> tuple[list[st
     correction = np.zeros_like(y)
     for j, c in enumerate(problem.c, 1):
         f = field(j, y)
-        # A central difference: its error, some 1e-10, tilts the direction and changes nothing else.
+        # A central difference. Its error of about 1e-10 only changes the direction v a little.
         ahead = 1e-5 / max(float(np.max(np.abs(f))), 1e-300) * f
         slope = (field(j, y + ahead) - field(j, y - ahead)) * float(np.max(np.abs(f))) / 2e-5
         correction += 0.5 * T * c**2 * slope
@@ -127,7 +127,7 @@ def _directions(problem: Problem, y: Array, T: float, W: Array) -> tuple[list[st
 
 
 def leading(samples: Array, h: Array, power: float) -> Coefficient:
-    """The coefficient of h^power in the means of samples (L, K, M), whose next powers are power + 1 and power + 2."""
+    """Estimate the coefficient of h^power in means of samples (L, K, M) with next powers power + 1 and power + 2."""
     chosen = sorted({0, len(h) // 2, len(h) - 1})
     weights = _combination(h[chosen], power)
     fewer = np.concatenate([[0.0], _combination(h[chosen[1:]], power)])
@@ -139,17 +139,17 @@ def leading(samples: Array, h: Array, power: float) -> Coefficient:
 
 
 def _combination(h: Array, power: float) -> Array:
-    """The weights λ with Σ λ_l h_l^(power + i) = 1 for i = 0, and 0 for i = 1, …, L − 1."""
+    """Return the weights λ with Σ λ_l h_l^(power + i) = 1 for i = 0, and 0 for i = 1, …, L − 1."""
     unit = h / h[-1]
     system = unit[None] ** (power + np.arange(len(h))[:, None])
     return np.linalg.solve(system, np.eye(len(h))[0]) / float(h[-1]) ** power
 
 
 def decay(samples: Array, h: Array, alpha: float, more: float = 1.0) -> tuple[float, float, float]:
-    """The order at which the largest of K means falls from the coarsest step to the finest: value, low, high.
+    """Estimate the order at which the largest of K means falls from the coarsest step to the finest: value, low, high.
 
-    All of the 2K intervals hold with probability 1 − alpha; a mean within the noise may be anything from zero to its
-    upper end, so its side of the interval is infinite.
+    The intervals of all 2K means hold together with probability 1 − alpha. If the largest mean at an end is within the
+    noise, it may be zero, so that side of the order's interval is infinite.
     """
     paths = samples.shape[2]
     ends = samples[[0, -1]]

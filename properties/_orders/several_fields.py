@@ -1,17 +1,17 @@
-"""The exact solution with several structures or Hamiltonians: by a formula where the flows commute, else finer steps.
+"""The exact solution with several structures or Hamiltonians, by a formula if the flows commute, else by finer steps.
 
-**Several structures.**
-Where they do not commute there is no formula. The reference is then Heun's method for the Stratonovich equation on the
-increments of a path refined 16 times: another method of the same order, with an error at most a quarter of the tested
-scheme's. That error is estimated from the same path with half as many steps. It is independent of the error of the
-finest step and adds at most 3 % to its rms, 0.01 to a slope over step sizes that differ by 16.
+**Several structures.** If the flows do not commute there is no formula. The reference is then Heun's method for the
+Stratonovich equation with the increments of a path refined 16 times. This method has the same order as the tested
+scheme and at most a quarter of its error. The reference's error is estimated from the same path with half as many
+steps. It is independent of the scheme's error at the finest step, adds at most 3 % to the rms of this error, and at
+most 0.01 to a slope over step sizes that differ by a factor of 16.
 
-**Several Hamiltonians.** Where all fields commute y(T) is the flow of T f_0 + Σ c_j W_j(T) f_j at the time 1. Else the
-reference is the log-ODE of step two (`sepv.properties._orders.log_ode`) over a rough path, increments and Lévy areas,
-refined FINER times: of mean-square order 1 whether or not the noises commute, so that against a scheme of
-order 1 its error is smaller by FINER, and far smaller against one of order ½. It is estimated by the
-distance from twice as long steps. The reference is twice the one less the other: this extrapolation hardly changes
-errors of paths, and their mean is O(δ²), for weak order 2.
+**Several Hamiltonians.** If all fields commute, y(T) is the flow of T f_0 + Σ c_j W_j(T) f_j at the time 1. Else the
+reference is the log-ODE of step two (`sepv.properties._orders.log_ode`) over a path of increments and Lévy areas
+refined FINER times. It has mean-square order 1, also if the noises do not commute. So its error is smaller than that of
+a scheme of order 1 by the factor FINER, and smaller still beside order ½. It is estimated by the distance from y_2δ,
+computed with steps twice as long. The reference is 2y_δ − y_2δ: this extrapolation hardly changes errors of paths, but
+makes their mean O(δ²), for weak order 2.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from sepv.exact import exact_flow
 from sepv.problem import Array, HamiltoniansProblem, Problem, combined_field, commutes, each_noise, is_several
 from sepv.simulate import RoughPath, areas, wiener
 
-# The number of reference steps in each of the finest steps of a scheme, by Heun's method and by the log-ODE.
+# The number of reference steps in each of the finest steps of a scheme, for Heun's method and for the log-ODE.
 REFINEMENT = 16
 FINER = 8
 
 
 def ends(problem: Problem, y0: Array, T: float, W: Array) -> Array | None:
-    """The exact solution y(T) (d, M) from y0 (d,) for given W(T) (m, M); None where there is no formula."""
+    """Return the exact solution y(T) (d, M) from y0 (d,) for given W(T) (m, M), or None if there is no formula."""
     if not is_several(problem):
         return exact_flow(problem, problem.random_step(T, W), y0).y
     form = getattr(problem, "closed_form", None)
@@ -42,7 +42,7 @@ def ends(problem: Problem, y0: Array, T: float, W: Array) -> Array | None:
 def refined(
     problem: Problem, y0: Array, T: float, steps: int, paths: range, seed: int
 ) -> tuple[RoughPath, Array, float]:
-    """The reference for several Hamiltonians: a rough path of FINER·steps steps, y(T) (d, M), and its rms error."""
+    """Return the reference for several Hamiltonians: noise and areas of FINER·steps steps, y(T) (d, M), rms error."""
     fine = areas.drawn(seed, T=T, steps=FINER * steps, noises=problem.noises, paths=paths)
     half = fine.coarse(FINER * steps // 2)
     y, coarse = (path(problem, y0, rough.h, rough.dW, rough.areas) for rough in (fine, half))
@@ -52,9 +52,9 @@ def refined(
 def finer(
     problem: Problem, y0: Array, T: float, steps: int, paths: range, seed: int
 ) -> tuple[Array, Array, float]:
-    """The reference for several structures: increments of `steps` steps (N, m, M), y(T) (d, M), and its rms error.
+    """Return the reference for several structures: increments of `steps` steps (N, m, M), y(T) (d, M), rms error.
 
-    The error of order ½ at step size h is estimated by |y_h − y_2h|/(√2 − 1).
+    The error, of order ½ in the step size h, is estimated by |y_h − y_2h|/(√2 − 1).
     """
     fine = wiener.increments(seed, T=T, steps=steps * REFINEMENT, noises=problem.noises, paths=paths)
     y = heun(problem, y0, T, fine)
@@ -64,7 +64,7 @@ def finer(
 
 
 def heun(problem: Problem, y0: Array, T: float, dW: Array) -> Array:
-    """The solution y(T) (d, M) by Heun's method for the Stratonovich equation, with increments dW (N, m, M).
+    """Solve the Stratonovich equation by Heun's method with increments dW (N, m, M), and return y(T) (d, M).
 
     A step is y ← y + ½(F(y) + F(ŷ)) with ŷ = y + F(y) and F = [h B + Σ c_j ΔW_j G_j]∇H.
     """

@@ -1,19 +1,19 @@
-"""Errors of high order with few paths: importance sampling of the rare large increments that make them.
+"""Errors of high order with few paths: importance sampling of the rare large increments that cause the errors.
 
-With s stages a step's error is C(y)Δ^{2s+1}, and E|error|² is the (4s + 2)th moment of a normal number: for s = 4
-it lives on increments of 4.4 standard deviations, and the plain mean over 2000 paths of 8 steps has a relative
-standard deviation of more than 3. The mean error lives on the moment 2s + 2. So a third of the paths gets one
-increment, at a random place, along Σ c_jΔW_j, from the density |x|^p φ(x)/E|ξ|^p with p = 4s + 2 (a χ with p + 1
-degrees of freedom and a random sign), a third with p = 2s + 2, and every path its likelihood ratio as a weight:
+With s stages a step's error is C(y)Δ^{2s+1}, and E|error|² is proportional to the (4s + 2)th moment of a normal number.
+For s = 4, increments of 4.4 standard deviations cause most of it, and its plain mean over 2000 paths of 8 steps has a
+relative standard deviation of more than 3. The mean error is proportional to the moment 2s + 2. So a third of the paths
+gets one increment, at a random place, along Σ c_jΔW_j, from the density |x|^p φ(x)/E|ξ|^p with p = 4s + 2 (a χ with
+p + 1 degrees of freedom and a random sign). Another third has p = 2s + 2. The weight of a path is its likelihood ratio
 
     w = 3 / (1 + Σ_p N⁻¹ Σ_n |ξ_n|^p/E|ξ|^p) ≤ 3.
 
-Means of weighted errors are the means under the Wiener measure, without bias. Step sizes are sampled independently
-of each other: which increments matter depends on the step.
+Means of weighted errors are means under the Wiener measure, without bias. Different step sizes have independent
+samples, because the important increments depend on the step size.
 
-Increments that Remark 2.1 truncates are truncated for the exact solution too, as in
-`sepv.properties._orders.convergence`: what is estimated is the scheme's own error. What clipping adds is known in
-closed form (`sepv.exact.clipping_error`), and has to be added where the size of the error counts and not its order.
+The exact solution gets the increments truncated as in Remark 2.1 too (`sepv.properties._orders.convergence`), so that
+only the scheme's own error is estimated. The error of truncation is known in closed form (`sepv.exact.clipping_error`).
+It has to be added if the size of the error is of interest, not its order.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ from sepv.problem import Array, Problem
 from sepv.schemes import Scheme
 
 _CHUNK = 256
-# Errors below this many eps·scale are rounding. Rare paths count little here, and common ones have small errors, so
-# means exceed the rounding of a path, some 10 eps, for longer than those of plain samples.
+# Errors below FLOOR·eps·scale are rounding. FLOOR is smaller than for plain samples, because rare paths have small
+# weights and common paths small errors, so that means exceed the rounding of a path (some 10 eps) at smaller steps.
 FLOOR = 256.0
 
 
 def tilted_increments(
     rng: np.random.Generator, c: Array, *, T: float, steps: int, paths: int, powers: Sequence[int]
 ) -> tuple[Array, Array]:
-    """Increments (steps, m, M) of variance T/steps, and weights (M,) under which they are Wiener increments.
+    """Draw increments (steps, m, M), and weights (M,) with which they have the law of Wiener increments over [0, T].
 
-    There is one kind of tilted path for each of the even `powers` p; untilted paths are one more kind.
+    There is one kind of tilted path for each of the even `powers` p, and one kind of path without tilting.
     """
     direction = c / np.linalg.norm(c)
     xi = rng.standard_normal((steps, c.size, paths))
@@ -62,16 +62,16 @@ def tilted_errors(
     scheme: Scheme, problem: Problem, *, T: float, steps: Sequence[int], paths: range, seed: int, order: float,
     unit: float = 1.0,
 ) -> StrongErrors:  # fmt: skip
-    """Strong errors from samples tilted for a scheme of this mean-square order; errors carry their weights.
+    """Return strong errors from samples tilted for a scheme of mean-square order `order`, multiplied by their weights.
 
-    Otherwise as `sepv.properties._orders.convergence.strong_errors`. Its `squared` is w|e|² and its `errors` are
-    w·e, so that means over paths estimate E|e|² and E e.
+    Arguments are those of `sepv.properties._orders.convergence.strong_errors`. With weights w, `squared` is w|e|² and
+    `errors` is w·e, so that means over paths estimate E|e|² and E e.
     """
     powers = (2 * round(2 * order + 1), 2 * round(order + 1))
 
     def draw(numbers: range) -> Iterator[tuple[Array, Array, Array, Array]]:
         for count in steps:
-            # A chunk depends on its first path alone, so that any split gives the same numbers.
+            # The numbers of a chunk of paths depend only on the seed, its first path and the number of steps.
             sequence = np.random.SeedSequence(seed, spawn_key=(numbers[0], count))
             rng = np.random.Generator(np.random.SFC64(sequence))
             raw, weights = tilted_increments(

@@ -1,9 +1,9 @@
-"""E g(y_N) for increments of a few points: all paths of N steps, and no sample.
+"""E g(y_N) for increments with a few values, as a sum over all paths of N steps instead of a sample.
 
-With n points and m noises a step has K = n^m ends, and N steps have K^N, each with its probability: the expectation
-is a finite sum. Against it stands E g(y(T)) by quadrature, so that the error of a weak order is exact to rounding, and
-falls with slope q over N = 1, 2, … steps of [0, T]. T is short, because K^N has to stay small: the test shows if the
-local errors add up as they should. There is no false alarm by chance.
+With n values and m noises a step has K = n^m possible results, and N steps have K^N, each with its probability. So the
+expectation is a finite sum. E g(y(T)) is known by quadrature, so that weak errors are exact to rounding, and fall with
+slope q over N = 1, 2, … steps of [0, T]. T is short, because K^N has to be small. The test shows whether local errors
+add up to the claimed order. There is no false alarm by chance.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from sepv.simulate import advance
 from sepv.verification._law import Run
 from sepv.verification._units import units_for
 
-# The end time: short enough for slopes within 0.1 of their limits (0.25 on Lotka-Volterra), and long enough for
+# The end time T is short enough for slopes within 0.1 of their limits (0.25 on Lotka-Volterra), and long enough for
 # errors far above rounding.
 T = 0.0625
 STEPS = (1, 2, 3, 4, 6, 8)
-# The most paths of N steps: of three points 3⁸ with one noise, 9⁴ with two, 27³ with three.
+# The largest number of paths of N steps. Three values make 3⁸ paths with one noise, 9⁴ with two, 27³ with three.
 LEAVES = 20000
-# The numbers of steps for a slope; one that may refute takes one more.
+# How many numbers of steps N a slope needs. A slope that may refute an order needs one more.
 ENOUGH = 3
 
 
 def tree(
     scheme: Scheme, problem: Problem, start: Array, h: float, steps: int, law: PointLaw
 ) -> tuple[Array, Array, str]:
-    """The ends (d, K^N) of all paths and their probabilities; and the first failed step, in words."""
+    """Return the ends (d, K^N) of all paths, their probabilities, and a description of the first failed step, or ""."""
     points = point_rule(problem.noises, law)
     y, weights = start[:, None], np.ones(1)
     dW = np.sqrt(h) * points.zeta
@@ -49,7 +49,7 @@ def tree(
 
 
 def tree_errors(scheme: Scheme, problem: Problem, _run: Run) -> LocalErrors:
-    """The weak errors at T from the problem's initial state, at falling h = T/N; `Skipped` for too many noises."""
+    """Return weak errors at T from the problem's initial state for h = T/N; raise `Skipped` for too many noises."""
     law = point_law(scheme.increments)
     assert law is not None
     ends = len(law.values) ** problem.noises
@@ -75,7 +75,7 @@ def tree_errors(scheme: Scheme, problem: Problem, _run: Run) -> LocalErrors:
         steps += sum(ends ** (n + 1) for n in range(count))
         if stuck:
             failed.append((end / count, stuck))
-            rows.clear()  # steps finer than every failure
+            rows.clear()  # only step sizes smaller than those of all failures are used
             continue
         moved = (ways - start[:, None])[:, None] / units.length
         if known:
@@ -86,7 +86,7 @@ def tree_errors(scheme: Scheme, problem: Problem, _run: Run) -> LocalErrors:
             )
         rows.append((end / count, *errors))
     h, mean, rms, weakly = np.array(rows).reshape(-1, 4).T
-    # Errors of rounding and of a solver in a step add up over N of them.
+    # Rounding and solver errors of a step add up over N steps.
     scale = counts[-1] * float(np.max(np.abs(start))) / units.length
     return LocalErrors(
         problem.name,

@@ -1,22 +1,22 @@
-"""The order of a method for y′ = B∇H, c = (): the power of h of the error of one step, extrapolated to h = 0.
+"""The order of a method without noise, y′ = B∇H: the power of h of the error of one step, extrapolated to h = 0.
 
 The error e(h) = |y1 − φ_h(y0)| of a method of order p is c h^(p+1)(1 + a h + b h² + …) from any one state. With r = √2
 its slope s(h) = log_r e(rh)/e(h) is p + 1 + αh + βh² + …, and Richardson's extrapolation
 
     t(h) = (r s(h) − s(rh))/(r − 1) = p + 1 − r β h² + O(h³)
 
-removes αh. Where h becomes rh the error of t doubles: it is t(rh) − t(h), and a third of t(r²h) − t(h). The interval
-is t(h) plus or minus the larger of 2|t(rh) − t(h)| and |t(r²h) − t(h)|, which leaves two or three times that for higher
-terms. Errors that may be off by R, from rounding, a solver's stated tolerance and the flow, move s by at most
-(R/e(rh) + R/e(h))/ln r; that of both slopes goes through the formula of t into the interval. Powers are whole: an
-interval refutes only if it is narrow and there is a whole number in it.
+removes αh. From h to rh the error of t doubles, so it is about t(rh) − t(h), and a third of t(r²h) − t(h). The interval
+is t(h) plus or minus the larger of 2|t(rh) − t(h)| and |t(r²h) − t(h)|, two or three times the error, to cover higher
+terms. If errors may be off by R, by rounding, a solver's stated tolerance and the flow, s moves by at most
+(R/e(rh) + R/e(h))/ln r. For both slopes this enters the interval by the formula of t. Powers of h are whole numbers, so
+an interval refutes an order only if it is narrow and contains a whole number.
 
-The same is done with r = 2 and 4, which need longer windows: rounding moves their slopes less, and the narrowest of the
-three intervals counts. A coefficient that is wrong in a late digit has its own power of h, which leads only where
-errors are small: errors finer than a confirming window are compared with a sum of two powers (`_slower`). The finest
-step sizes that are still certain decide, in units of time in which the slope of the field is 2, whatever the problem's
-own (`sepv.verification._units`). A slope below ½ is no order at all, since y1 = y0 for h = 0: it is a tolerance that
-was not stated, and finer steps are left out.
+The same formulas are used with r = 2 and r = 4. These need step sizes farther apart, but rounding moves their slopes
+less; the narrowest of the three intervals counts. If a coefficient is wrong in a late digit, its error has a lower
+power of h, which leads only at small errors. So errors at finer steps than those that confirm an order are compared
+with a sum of two powers (`_slower`). The finest step sizes that are still certain decide, in units of time in which the
+slope of the field is 2 (`sepv.verification._units`). A slope below ½ is no order, because y1 = y0 for h = 0. It comes
+from a tolerance that was not stated, and finer steps are left out.
 """
 
 from __future__ import annotations
@@ -44,38 +44,38 @@ from sepv.verification._units import units_of
 # Step sizes in the problem's unit of time, √2 apart: from 4, where high orders are far above rounding, to 2⁻¹³.
 RATIO = 2.0**0.5
 SIZES = 4.0 * RATIO ** -np.arange(31.0)
-# Sizes in a window: four slopes, three extrapolations.
+# The number of step sizes in a window, which give four slopes and three extrapolations.
 WINDOW = 5
-# Places between the sizes of a window, for ratios √2, 2 and 4.
+# Distances of the step sizes of a window in SIZES, for the ratios √2, 2 and 4.
 STRIDES = (1, 2, 4)
 STATES = 3
-# The widest interval of a slope that may confirm an order, half of the way to the next, and that may refute one.
+# The largest half-widths of an interval that may confirm an order (half of the way to the next) and refute one.
 WIDEST, REFUTES = 0.5, 0.25
-# A tolerance that was not stated leaves errors in proportion to 1 or to h: it is relative to y or to y1 − y0, or that
-# of a force. Errors that fall like h² are none, however small.
+# A tolerance that was not stated leaves errors proportional to 1 or to h, because it is relative to y or y1 − y0 or for
+# a force. Errors that fall faster than h^UNSTATED do not come from a tolerance, however small they are.
 UNSTATED = 1.5
-# An interval that refutes has a whole number in it, or one so near: between two whole numbers no power of h was seen.
+# An interval that refutes must contain a whole number or be as near to one as this. Else it shows no power of h.
 WHOLE = 0.05
-# The share of their squares to which errors must fit a sum of two powers of h, and the least number of step sizes.
-# Not derived: simulated errors of solvers with an unstated tolerance hardly ever fit so well at so many sizes.
+# Squares of errors must fit a sum of two powers of h up to the relative deviation FIT, at FITTED or more step sizes.
+# Not derived: simulated errors of solvers with an unstated tolerance hardly ever fit as well at as many step sizes.
 FIT, FITTED = 0.03, 9
-# Larger errors, in the unit of length, are far from any power of h: no bound begins there.
+# Larger errors, in units of length, are far from any power of h, and are not used.
 SMALL = 2.0**-4
-# Members of a family of random systems that are asked beside its named problems.
+# The number of random members of a family of systems that are tested beside the problems with names.
 MEMBERS = 2
-# Step sizes, in the problem's unit of time, at which h is moved by this share of itself, up and down. A quarter of a
-# unit of the last place of 32 bits lies between the two at most; in 64 bits it is millions of such units.
+# Step sizes h, in the problem's unit of time, that are changed to h(1 ± NUDGE). In 32 bits these are at most a quarter
+# of a unit of the last place apart, in 64 bits millions of such units.
 PROBED = 1 / np.array([3.0, 5.0, 7.0, 11.0, 13.0])
 NUDGE = 2.0**-28
-# Least movement in a step, as a share of the state, at which a nudged step must show in the last digits: 2⁻³⁷ of it.
+# A step that moves y by MOVES |y| or more must show the change of h by NUDGE, which changes y1 by 2⁻³⁷ |y| or more.
 MOVES = 2.0**-10
 
 
 @dataclass(frozen=True)
 class Order:
-    """The power p + 1 of one state's errors, value ± half, and what was seen in words.
+    """The power p + 1 of h in the errors from one state, as value ± half, with a verdict and a description.
 
-    The value is NaN where errors are rounding or show none, and `half` where it is a lower bound.
+    If errors are rounding or show no power, `value` is NaN. If `value` is a lower bound, `half` is NaN.
     """
 
     verdict: Verdict
@@ -85,20 +85,20 @@ class Order:
 
     @property
     def order(self) -> int | None:
-        """The whole order p; None if no power was seen."""
+        """The order p, a whole number; None if no power of h was found."""
         return round(self.value) - 1 if np.isfinite(self.half) else None
 
 
 def judge(h: Array, e: Array, least: float, rounding: float, floor: float) -> Order:
     """Judge errors e (L,) of one state at falling h, a factor RATIO apart, against the least power of h.
 
-    Errors below `rounding` mean nothing. Those below `floor` refute only if they fall like h² or faster.
+    Errors below `rounding` are not used. Errors below `floor` refute the power only if they fall like h² or faster.
     """
     if e.size and not np.any(e > floor):
         return Order(Verdict.HOLDS, text=f"below {floor:.1e}, which is rounding")
     used = int(np.argmin([*(e > rounding), False]))
     first = int(np.argmax(e < SMALL))
-    for last in range(used - 1, first + WINDOW - 2, -1):  # the finest first
+    for last in range(used - 1, first + WINDOW - 2, -1):  # begin with the finest window
         windows = [slice(last - (WINDOW - 1) * n, last + 1, n) for n in STRIDES]
         tried = [_extrapolated(h[w], e[w], rounding) for w in windows if w.start >= first]
         found = min(tried, key=lambda order: order.half)
@@ -116,12 +116,12 @@ def judge(h: Array, e: Array, least: float, rounding: float, floor: float) -> Or
 
 
 def _extrapolated(h: Array, e: Array, rounding: float) -> Order:
-    """The power of h that the errors e (WINDOW,) at falling h show at the finest, with its interval."""
+    """Estimate the power of h of errors e (WINDOW,) at falling h, extrapolated from the finest, with its interval."""
     r = h[0] / h[1]
     s = np.log(e[:-1] / e[1:]) / np.log(r)
     off = rounding * (1 / e[:-1] + 1 / e[1:]) / np.log(r)
     t = (r * s[1:] - s[:-1]) / (r - 1)
-    # The errors of t double at least from h to rh.
+    # From h to rh the errors of t at least double.
     half = max(2 * abs(t[-1] - t[-2]), abs(t[-1] - t[-3])) + (r * off[-1] + off[-2]) / (r - 1)
     text = f"h^{t[-1]:.2f} ± {half:.2f} for h = {h[0]:.1e} … {h[-1]:.1e}"
     return Order(Verdict.INCONCLUSIVE, float(t[-1]), float(half), text)
@@ -130,11 +130,11 @@ def _extrapolated(h: Array, e: Array, rounding: float) -> Order:
 def _slower(
     h: Array, e: Array, found: Order, last: int, used: int, least: float, rounding: float
 ) -> Order | None:
-    """A violation where errors go over from a confirmed power of h to a lower one, q; None if they do not.
+    """Return a violation if errors change from a confirmed power of h to a lower power q at finer steps, else None.
 
     The error is then |A h^q + C h^(p+1)| with vectors A and C, so that e²/h^(2q) is a polynomial of degree two in
-    h^(p+1−q); C may vary with h. All errors from the confirming window on that are far above rounding must fit it, and
-    A must be most of the two finest. Errors of a solver's tolerance scatter, or fall more slowly than h².
+    h^(p+1−q), where C may vary with h. All errors from the confirming window on that are far above rounding must fit
+    this, and A must cause most of the two finest errors. Errors by a tolerance scatter, or fall more slowly than h².
     """
     power, fine = round(found.value), slice(max(last - WINDOW + 1, 0), used)
     certain = e[fine] > rounding / (5 * FIT)
@@ -153,7 +153,7 @@ def _slower(
 
 
 def _falls(h: Array, e: Array, used: int, least: float, rounding: float) -> Order | None:
-    """A lower bound of the slope, from some error to the first that is rounding; None if it is less than `least`."""
+    """Bound the power of h from below, by some error and the first that is rounding; None if it is below `least`."""
     if not 0 < used < e.size:
         return None
     bounds = np.where(e[:used] < SMALL, np.log(e[:used] / rounding) / np.log(h[:used] / h[used]), 0.0)
@@ -166,7 +166,7 @@ def _falls(h: Array, e: Array, used: int, least: float, rounding: float) -> Orde
 
 @dataclass(frozen=True)
 class StepErrors:
-    """Errors (S, L) of one step of a problem from S states, in its unit of length, at L falling step sizes."""
+    """Errors (S, L) of one step of a problem from S states at L falling step sizes, in the problem's unit of length."""
 
     problem: Problem
     h: Array
@@ -179,9 +179,9 @@ class StepErrors:
 
 
 def step_errors(scheme: Scheme, problem: Problem) -> StepErrors:
-    """The errors of one step from each state.
+    """Compute the errors of one step from STATES states of a problem, against the exact flow, at falling step sizes.
 
-    A step size is used if no step of this size or of a smaller one failed, and if the exact flow reaches so far.
+    A step size is used if no step of this size or a smaller one failed, and if the exact flow exists for this time.
     """
     units, asked = units_of(problem), guarded(scheme)
     starts = np.array(list(sample_states(problem, units.length))[:STATES]).T
@@ -208,13 +208,13 @@ def step_errors(scheme: Scheme, problem: Problem) -> StepErrors:
 
 
 def rounds_step_sizes(scheme: Scheme, problem: Problem) -> float | None:
-    """A step size h that the scheme rounds to 32 bits or fewer, or None.
+    """Return a step size h that the scheme rounds to 32 bits or fewer, or None.
 
     Steps of h(1 − 2⁻²⁸) and h(1 + 2⁻²⁸) must differ by 2⁻²⁷ h|f|, which is far above the rounding of y1. If h is
-    rounded to 24 binary digits, both are the same step for seven of eight h, in every digit. The error of a step is
-    then up to 2⁻²⁴ h|f| for h → 0: no order at all. Its slope does not tell it from a solver's tolerance.
+    rounded to 24 binary digits, both steps are equal in every digit for seven of eight h. The error of a step is then
+    up to 2⁻²⁴ h|f| for h → 0, which is no order. By its slope it cannot be distinguished from a solver's tolerance.
     """
-    if scheme.dtype != "float64" or scheme.solver_tolerance > NUDGE:  # a stated tolerance is no more exact
+    if scheme.dtype != "float64" or scheme.solver_tolerance > NUDGE:  # a stated tolerance is as coarse
         return None
     units, asked = units_of(problem), guarded(scheme)
     starts = np.array(list(sample_states(problem, units.length))[:STATES]).T
@@ -233,7 +233,7 @@ def rounds_step_sizes(scheme: Scheme, problem: Problem) -> float | None:
 
 
 def orders(scheme: Scheme, found: StepErrors, least: float) -> list[Order]:
-    """The order from each state."""
+    """Judge the errors of one step from each state against the least power of h."""
     tolerance = scheme.solver_tolerance
     rounding = (ROUNDING * EPS + 2 * tolerance) * found.scale + 2 * found.flow
     floor = CLEAR * (FLOOR * EPS + tolerance) * found.scale
@@ -241,9 +241,9 @@ def orders(scheme: Scheme, found: StepErrors, least: float) -> list[Order]:
 
 
 def quiet_problems(scheme: Scheme) -> tuple[Problem, ...]:
-    """The scheme's problems with c = (): those of its class, or its own, and members of the families among them.
+    """Return the scheme's problems without noise: its own, with members of their families, or those of its class.
 
-    Raises Skipped where there are none.
+    Raise Skipped if there are none.
     """
     own = sources(scheme)
     listed = [p for item in own for p in item.problems] if own else list(cases(scheme.systems))
@@ -258,7 +258,7 @@ def quiet_problems(scheme: Scheme) -> tuple[Problem, ...]:
 
 @lru_cache(maxsize=16)
 def _members(family: str) -> tuple[Problem, ...]:
-    """Random systems of a family from states of size 1, with a full mass matrix where it has one."""
+    """Make MEMBERS random systems of a family, from states of size 1, with a full mass matrix if it has masses."""
     space = items(family)[0].space
     assert space is not None
     where = {"mass": ("full",), "degree of H": ("3–4",), "|y|": ("1",), "given as": ("data",), "h": ("> 0",)}

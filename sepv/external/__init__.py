@@ -1,8 +1,8 @@
-"""Schemes in other languages: a long-lived child process that speaks JSON lines (docs/protocol.md).
+"""Schemes in other languages: a child process that answers JSON lines (docs/protocol.md) until it is stopped.
 
-One thread and non-blocking pipes: every read and write has a deadline, so a child that never answers, or never reads,
-cannot stop the suite. Any failure of an exchange ends the whole process group. The next call starts a fresh one, so a
-case that crashes can still be shrunk.
+With one thread and non-blocking pipes every read and write has a deadline. So a child that never answers or never reads
+cannot stop the suite. Any failure of an exchange ends the whole process group, and the next call starts a new process.
+So a case that crashes the program can still be simplified.
 """
 
 from __future__ import annotations

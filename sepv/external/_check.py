@@ -1,4 +1,4 @@
-"""Line-by-line check of a program's protocol, for those who implement it."""
+"""Line-by-line check that a program keeps the protocol (docs/protocol.md), for those who write such a program."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def check_protocol(
 
 
 def describe(checks: Iterable[Check]) -> str:
-    """The checks as text, in order: for each "ok" or "FAIL", the line sent, and the answer or its defect."""
+    """Format the checks as text, in order: for each "ok" or "FAIL", the line sent, and the answer or its defect."""
     lines = []
     for n, check in enumerate(checks, 1):
         shown = check.line if len(check.line) <= 160 else f"{check.line[:160]}… ({len(check.line)} bytes)"
@@ -93,7 +93,7 @@ def _try_hello(program: Program, laws: set[str] | None) -> str:
 
 
 def _sample_trials(greeting: Hello) -> Iterator[Callable[[Program], str]]:
-    """Send a step, repeat it, and send several in one message, for problems that the program says it takes."""
+    """Yield trials that send a step twice, and several in one message, for problems that the program takes."""
     from sepv import problems
     from sepv.record import polynomial
 

@@ -14,16 +14,16 @@ from contextlib import suppress
 from sepv.external import _errors as errors
 from sepv.external._errors import shown
 
-# The most bytes of a line: twice a message of 1000 steps in 20 dimensions. A child that prints without end stops here.
+# The most bytes of an answer, twice a message of 1000 steps in 20 dimensions. It ends a child that prints forever.
 LINE_LIMIT = 1 << 20
-# Seconds between "stop" and SIGKILL: enough to write a log, too few to be noticed.
+# Seconds between "stop" and SIGKILL, enough for a program to write a log.
 STOP_GRACE = 2.0
 _CHUNK = 1 << 16
 _LOG = 2000  # bytes of stderr that an error shows
 
 
 class Child:
-    """A process and its pipes. `exchange` sends one line and returns one; `end` ends the process group."""
+    """A child process and its pipes. `exchange` sends a line and returns the answer; `end` ends the process group."""
 
     def __init__(self, argv: list[str], limit: int) -> None:
         self.limit, self.count, self.owner = limit, 0, os.getpid()
@@ -62,7 +62,7 @@ class Child:
             self.selector.register(self.stdin, selectors.EVENT_WRITE, "stdin")
         while True:
             end = self.received.find(b"\n")
-            # Output before the message is sent is bounded as a whole: a child may print and never read.
+            # Before the whole message is sent, all output is limited, because a child may print and never read.
             if (len(self.received) - 1 if end < 0 or self.unsent else end) > self.limit:
                 raise self.fault(
                     errors.LineTooLong,
@@ -108,7 +108,7 @@ class Child:
     def status(self, seconds: float) -> str | None:
         """Describe how the program ended, or return None if it still runs after `seconds`.
 
-        It is not reaped: until then no other process group can get its number.
+        The process is not reaped (waited for) here, so that no other process group can get its number.
         """
         deadline = time.monotonic() + seconds
         while (ended := self._exit_code()) is None and time.monotonic() < deadline:
@@ -120,7 +120,7 @@ class Child:
         return f"signal {next((s.name for s in signal.Signals if s == -ended), -ended)}"
 
     def _exit_code(self) -> int | None:
-        """The exit code as from `Popen.poll`, but without reaping where the system can (macOS: since Python 3.13)."""
+        """Return the exit code as `Popen.poll`, but without reaping if the system can (macOS: since Python 3.13)."""
         if not hasattr(os, "waitid") or self.process.returncode is not None:
             return self.process.poll()
         try:
@@ -163,14 +163,14 @@ class Child:
     def fault(
         self, kind: type[errors.ProgramError], expected: str, received: str, remedy: str
     ) -> errors.ProgramError:
-        """The error `kind` with these words and the end of the program's stderr."""
+        """Return an error of class `kind` with these words and the end of the program's stderr."""
         if self.stderr in self.selector.get_map():
             self._drain()
         log = "\n".join(shown(line) for line in bytes(self.log).splitlines())
         return kind(expected=expected, received=received, remedy=remedy, log=log)
 
     def stop(self, message: bytes) -> str | None:
-        """Ask the program to end, and end it; return how it ended by itself, or None if it did not."""
+        """Ask the program to end, then kill its process group; describe how it ended by itself, or return None."""
         with suppress(OSError):
             os.write(self.stdin, message)
         if self.process.stdin:
@@ -181,7 +181,7 @@ class Child:
             self.end()
 
     def end(self) -> None:
-        """End the whole process group now."""
+        """Kill the whole process group at once."""
         self.finish()
 
 
@@ -200,7 +200,7 @@ def _kill(process: subprocess.Popen[bytes], selector: selectors.BaseSelector, ow
 
 
 def _unread(fd: int) -> int:
-    """Bytes in the pipe that the child has not read; 0 where the system does not tell."""
+    """Return the number of bytes in a pipe that the child has not read, or 0 if the system does not tell."""
     import fcntl
     import termios
 

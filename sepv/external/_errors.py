@@ -1,4 +1,4 @@
-"""Errors of a program, one class for each kind, and its text made safe for a terminal or a page."""
+"""Errors of an external program, one class for each kind, and functions that make its text safe to show."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from sepv.problem import Array
 
 
 class ProgramError(SepvError):
-    """A program does not keep the protocol; the base of all that end in the verdict "error"."""
+    """A program does not keep the protocol. This is the base class of the errors with the verdict "error"."""
 
     def __init__(self, *, expected: str, received: str, remedy: str, log: str = "") -> None:
         self.expected, self.received, self.remedy, self.log = expected, received, remedy, log
@@ -22,7 +22,7 @@ class StartFailure(ProgramError, TargetError):
 
 
 class CallTimeout(ProgramError):
-    """No complete answer came within the time of one call."""
+    """The program gave no complete answer within the time of one call."""
 
 
 class RunTimeout(ProgramError):
@@ -30,23 +30,23 @@ class RunTimeout(ProgramError):
 
 
 class NeverReads(ProgramError):
-    """The message was not read within the time of one call."""
+    """The program did not read the whole message within the time of one call."""
 
 
 class ProgramExit(ProgramError):
-    """The program ended, crashed, or closed its input or output, where an answer was due."""
+    """The program ended, crashed, or closed its input or output before it answered."""
 
 
 class LineTooLong(ProgramError):
-    """A line has more bytes than allowed."""
+    """A line of the program has more bytes than allowed."""
 
 
 class NotJson(ProgramError):
-    """A line is not JSON in UTF-8."""
+    """A line of the program is not JSON in UTF-8."""
 
 
 class WrongId(ProgramError):
-    """An answer does not carry the id of its question."""
+    """An answer does not have the id of the message that it answers."""
 
 
 class BadAnswer(ProgramError):
@@ -58,7 +58,7 @@ class WrongShape(SchemeFault):
 
 
 class NotFinite(SchemeFault):
-    """A state has NaN, an infinity, or a number beyond binary64."""
+    """A returned state has NaN, an infinity, or a number outside of the range of binary64."""
 
 
 class StepRefused(StepFailure):
@@ -76,10 +76,10 @@ class StepRefused(StepFailure):
 
 
 def shown(line: bytes, most: int = 200) -> str:
-    """A program's line as text for a message, by `clean`; bytes that are not UTF-8 are escaped."""
+    """Return a program's line as clean text for a message, in which bytes that are not UTF-8 are escaped."""
     return clean(line.decode(errors="backslashreplace"), most)
 
 
 def clean(text: str, most: int = 200) -> str:
-    """A program's text for a terminal or a page: without control characters, and cut to a length."""
+    """Return a program's text for a terminal or a page, without control characters and cut to `most` characters."""
     return printable(text[:most], allowed="") + ("…" if len(text) > most else "")

@@ -18,7 +18,7 @@ from sepv.schemes import NORMAL
 from sepv.schemes import POINT_LAWS as NAMES
 
 PROTOCOL = 1
-# The most steps in a message, whatever a program accepts.
+# The largest number of steps in a message, also if a program accepts more.
 MOST_STEPS = 1024
 
 
@@ -80,7 +80,7 @@ _HELLO: dict[str, tuple[Callable[[Any], bool], str]] = {
 
 
 def read_hello(answer: dict[str, Any]) -> Hello:
-    """The record of a hello answer; BadAnswer for the first member that is missing, unknown, or of another type."""
+    """Read the answer to hello. Raise BadAnswer for the first member that is missing, unknown or of another type."""
     remedy = "see docs/protocol.md"
     for key, value in answer.items():
         test, text = _HELLO.get(key, (lambda _: False, f"one of the members {', '.join(_HELLO)}"))
@@ -104,7 +104,7 @@ def read_hello(answer: dict[str, Any]) -> Hello:
 
 
 def decode(child: Child, line: bytes, number: int) -> dict[str, Any]:
-    """The JSON object that a program answered to message `number`. Raises NotJson, BadAnswer or WrongId otherwise."""
+    """Read the JSON object with which a program answers message `number`. Raise NotJson, BadAnswer or WrongId."""
     try:
         answer = parse_json(line)
     except ValueError as error:
@@ -127,7 +127,7 @@ def decode(child: Child, line: bytes, number: int) -> dict[str, Any]:
 
 
 def states(answer: Any, count: int, d: int) -> list[list[float]]:
-    """The member y_next of an answer to `count` steps in d dimensions, as numbers. Raises WrongShape or BadAnswer."""
+    """Read y_next, the states after `count` steps in d dimensions. Raise WrongShape, BadAnswer or NotFinite."""
     rows = answer if isinstance(answer, list) else []
     if len(rows) != count or any(not isinstance(row, list) or len(row) != d for row in rows):
         shape = [len(row) if isinstance(row, list) else type(row).__name__ for row in rows]
@@ -158,7 +158,7 @@ def _double(text: Any) -> float:
 
 
 def travelling(problem: Problem, greeting: Hello) -> str:
-    """The problem as JSON text. Raises Skipped if it cannot be written as data, or the program does not take it."""
+    """Write a problem as JSON text. Raise Skipped if it is not data, or if the program does not take it."""
     data = problem.data
     if data is None:
         raise Skipped(f"the problem {problem.name} is made of Python functions, which cannot travel")
@@ -175,5 +175,5 @@ def _problem_text(data: PolynomialSystem | NamedProblem) -> str:
 
 
 def row(values: Iterable[float]) -> str:
-    """The numbers as a JSON list of hex floats."""
+    """Write numbers as a JSON list of hex floats."""
     return "[" + ",".join(f'"{v.hex()}"' for v in values) + "]"

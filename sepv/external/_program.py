@@ -1,4 +1,4 @@
-"""A program in any language as a scheme: it starts at the first call, restarts after a fault, and is always ended."""
+"""Run a program in any language as a scheme: start it at the first call, restart it after a fault, always end it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from sepv.schemes import Scheme, as_lanes
 
 
 class Program:
-    """A command that speaks the protocol; it starts at the first call, and after a failure."""
+    """A program that keeps the protocol of docs/protocol.md. It is started at the first call, and after a failure."""
 
     def __init__(
         self,
@@ -47,20 +47,20 @@ class Program:
         self.lock = threading.Lock()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle the command: another process starts its own program at its first call."""
+        """Pickle only the command and the limits, so that another process starts its own program at its first call."""
         left = None if self.run_timeout is None else max(0.0, self.until - time.monotonic())
         timed = partial(Program, call_timeout=self.call_timeout, start_timeout=self.start_timeout)
         return partial(timed, run_timeout=left, line_limit=self.line_limit), (self.command,)
 
     def hello(self) -> Hello:
-        """The program's description of itself; starts it."""
+        """Return the program's description of itself. If the program does not run, start it."""
         with self.lock:
             self._running()
             assert self.said is not None
             return self.said
 
     def ask(self, body: str) -> tuple[str, Any]:
-        """Send a message with these members and an id; return ("y_next" | "skip" | "error", value)."""
+        """Send a message with an id and the members `body`; return ("y_next" | "skip" | "error", value)."""
         with self.lock:
             child = self._running()
             answer = self._exchange(child, body, self.call_timeout)
@@ -75,7 +75,7 @@ class Program:
             return given[0], answer[given[0]]
 
     def stop(self, say: bool = True) -> str | None:
-        """End the program, by a message or by closing its input; describe how it ended, None if it had to be killed."""
+        """End the program by a message or by closing its input. Describe how it ended, None if it had to be killed."""
         with self.lock:
             child, self.child = self.child, None
             if child is None or child.owner != os.getpid():
@@ -90,7 +90,7 @@ class Program:
                 received="a call after it",
                 remedy="move the call into the block",
             )
-        # After a fork the pipes belong to the parent: this process starts a program of its own.
+        # After a fork the pipes belong to the parent, so this process starts another program.
         if self.child is None or self.child.owner != os.getpid():
             self.child = Child(self.argv, self.line_limit)
             answer = self._exchange(self.child, f'"type":"hello","protocol":{PROTOCOL}', self.start_timeout)
@@ -115,12 +115,12 @@ class Program:
             if left < seconds:
                 raise self._out_of_time() from None
             raise
-        except BaseException:  # an interrupt too leaves an answer in the pipe
+        except BaseException:  # an interrupt also leaves an answer in the pipe
             self.abandon()
             raise
 
     def abandon(self) -> None:
-        """End the program at once; the next call starts a fresh one."""
+        """Kill the program at once. The next call starts a new one."""
         if self.child is not None:
             self.child.end()
             self.child = None
@@ -133,7 +133,7 @@ class Program:
         )
 
     def scheme(self) -> Scheme:
-        """The program as a scheme."""
+        """Return the program as a scheme."""
         greeting = self.hello()
         return Scheme(
             name=greeting.scheme,
@@ -147,25 +147,25 @@ class Program:
             truncation=greeting.truncation,
             increments=greeting.increments,
             batched=True,
-            # Otherwise a search would spend its cases on polynomials that the program has refused.
+            # A program without polynomial problems is restricted to its named ones, or a search would waste cases.
             problems=()
             if greeting.polynomial
             else tuple(name for name in greeting.problems if name in PAPER),
         )
 
     def step(self, problem: Problem, y: Array, h: float, dW: Array) -> Array:
-        """One step of the program, for y of shape (d,) or (d, M) and dW of shape (m,) or (m, M).
+        """Make one step by the program, for y of shape (d,) or (d, M) and dW of shape (m,) or (m, M).
 
         Raises
         ------
         Skipped
-            Where the program refuses the problem.
+            If the program refuses the problem.
         StepRefused
-            Where it reports that the step cannot be made; in a batch the state is not known.
+            If it reports that the step cannot be made. In a batch the failing state is not known.
         WrongShape, NotFinite
-            For states that break the contract of ``step``.
+            If states break the contract of ``step``.
         ProgramError
-            For everything that breaks the protocol.
+            If the program breaks the protocol.
         """
         state, noise = as_lanes(problem, y, h, dW)
         greeting = self.hello()
@@ -198,23 +198,23 @@ def load_program(
     run_timeout: float | None = None,
     line_limit: int = LINE_LIMIT,
 ) -> Iterator[Scheme]:
-    """Run a program as a scheme during the ``with`` block; its process group ends with it.
+    """Run a program as a scheme during a ``with`` block. The end of the block ends its process group.
 
     Parameters
     ----------
     command : str
-        The program and its arguments, split as a POSIX shell does; no shell is started.
+        The program and its arguments, split as by a POSIX shell, but no shell is started.
     call_timeout, start_timeout : float
-        Seconds for one message and its answer, and for the first, which a runtime may need to warm up.
+        Seconds for one message and its answer, and for the first message, because a program may start slowly.
     run_timeout : float, optional
         Seconds for all messages together.
 
     Raises
     ------
     UsageError
-        For a command that cannot be split, or a system without POSIX processes.
+        If the command cannot be split, or the system has no POSIX processes.
     ProgramError
-        For a program that cannot be started or does not answer hello as it should.
+        If the program cannot be started or does not answer hello as the protocol demands.
     """
     program = Program(
         command,
@@ -233,7 +233,7 @@ def load_program(
 
 @contextmanager
 def _ended_by_signals(program: Program) -> Iterator[None]:
-    """End the program first at SIGTERM and SIGHUP, unless another handler is there: they unwind no Python."""
+    """End the program at SIGTERM and SIGHUP, which unwind no Python code, unless they have another handler."""
 
     def end(number: int, _frame: object) -> None:
         program.abandon()

@@ -1,7 +1,7 @@
 """Pictures for the page: SVG made by matplotlib, adapted to the page's style sheet and security policy.
 
 The policy forbids styles in elements, so properties become attributes. Colours become variables of the style sheet,
-which has a light and a dark theme. A marker or a frame is defined once for all pictures, with an identifier.
+which has a light and a dark theme. Each marker and frame is defined once for all pictures, with an identifier.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from sepv.schemes import Look
 from sepv.studies import GRID, GUIDE, SOFT, TEXT, Axis, Series
 from sepv.studies import picture as drawing
 
-# The size of a drawing and of a sample in its legend, in points, at 72 to the inch.
+# The size of a drawing, its margins, and the size of a sample in its legend, in points (1/72 inch).
 WIDTH, HEIGHT = 520, 330
 LEFT, RIGHT, TOP, BOTTOM = 62, 14, 12, 44
 SAMPLE = 34, 12
-# The width at the right where slopes have their names.
+# The width at the right of a drawing for the names of reference slopes, in points.
 NAMES = 50
-# The most points of a cloud and strips of a long line, and the tolerance with which lines are simplified.
+# The largest number of points of a cloud or strips of a long line, and the tolerance for simplified lines in points.
 MOST, NEAR = 110, 0.35
 MARKER = 6.5
 _STYLE = {
@@ -40,7 +40,7 @@ _DROPPED = re.compile("font|stroke-linejoin|stroke-linecap|stroke-dashoffset")
 
 @dataclass(frozen=True)
 class Picture:
-    """A drawing, and samples of its curves by their names. Both are SVG elements without the outermost tag."""
+    """A drawing, and for its legend samples of its curves with their names; SVG elements without the outermost tag."""
 
     inside: Any
     samples: list[tuple[str, Any]]
@@ -62,7 +62,7 @@ class Pictures:
 
     @property
     def definitions(self) -> Any:
-        """The SVG of markers and frames that all drawings refer to, to stand on the page before them."""
+        """The SVG of markers and frames to which all drawings refer. The page has it before the drawings."""
         # matplotlib and ElementTree have escaped this SVG, so that the template must not escape it again.
         named = (re.sub("^<([a-zA-Z]+)", rf'<\1 id="{at}"', e) for e, at in self._shared.items())
         return Markup("".join(named))
@@ -71,14 +71,14 @@ class Pictures:
         """Draw curves in a picture; `more` are further arguments of `sepv.studies._picture.draw_curves`."""
         drawing.require_matplotlib("a page of verdicts and counters alone needs none")
         with drawing.figure(WIDTH / 72, HEIGHT / 72, _STYLE) as drawn, warnings.catch_warnings():
-            # The reader's fonts draw a sign that matplotlib's font lacks.
+            # If matplotlib's font lacks a sign, the reader's fonts draw it.
             warnings.filterwarnings("ignore", "Glyph .* missing from")
             right = NAMES if more.get("slopes") else RIGHT
             frame = (LEFT, BOTTOM, WIDTH - LEFT - right, HEIGHT - TOP - BOTTOM)
             unit = (WIDTH, HEIGHT, WIDTH, HEIGHT)
             axes = drawn.add_axes(tuple(v / of for v, of in zip(frame, unit, strict=True)))
             drawing.draw_curves(axes, series, self.looks, x, y, size=MARKER, most=MOST, **more)
-            if not more.get("equal"):  # otherwise the frame is narrower than its place
+            if not more.get("equal"):  # with equal axes the frame is narrower
                 axes.yaxis.set_label_coords((14 - LEFT) / frame[2], 0.5)
             drawn.patch.set_visible(False)
             axes.patch.set_visible(False)
@@ -88,7 +88,7 @@ class Pictures:
         return Picture(inside, samples)
 
     def _sample(self, look: Look, style: str) -> Any:
-        """The SVG of a short piece of a curve, for the legend."""
+        """Return the SVG of a short piece of a curve, for the legend."""
         if (look, style) not in self._samples:
             from matplotlib.lines import Line2D
 
@@ -105,7 +105,7 @@ class Pictures:
         return self._samples[look, style]
 
     def _inside(self, drawn: Any, used: Iterable[Look]) -> Any:
-        """The SVG of a figure without its outermost tag, adapted to the page."""
+        """Return the SVG of a figure without its outermost tag, adapted to the page."""
         for look in used:
             self._colours.setdefault(look.colour, look.dark)
         root = ElementTree.fromstring(drawing.content(drawn, ".svg"))
@@ -132,7 +132,7 @@ class Pictures:
 def _inert(element: ElementTree.Element, paint: Mapping[str, str]) -> str:
     """Adapt an element of matplotlib's SVG to the page, and return the identifier that it had.
 
-    Names lose their namespaces, styles become attributes, colours variables, and numbers short.
+    Names lose their namespaces, styles become attributes, colours become variables, and numbers get one decimal.
     """
     element.tag = element.tag.rpartition("}")[2]
     attributes = {key.rpartition("}")[2]: value for key, value in element.attrib.items()}
@@ -159,9 +159,9 @@ def _inert(element: ElementTree.Element, paint: Mapping[str, str]) -> str:
 
 
 def _flat(element: ElementTree.Element) -> None:
-    """Simplify the elements below one: groups without attributes dissolve, and definitions go, which the page has.
+    """Simplify the elements below one: dissolve groups without attributes, and drop definitions, which the page has.
 
-    Markers lose all attributes but their place, because their definition has the look.
+    Markers keep only their place and reference, because their definition contains their look.
     """
     pieces: list[ElementTree.Element] = []
     for child in element:

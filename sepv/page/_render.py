@@ -1,4 +1,4 @@
-"""The page: a template and a style sheet whose hash the content security policy names."""
+"""Make the HTML page from a template and a style sheet. The content security policy has the style sheet's hash."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ TITLE = "Which structural properties hold?"
 
 
 def of_report(report: Report) -> str:
-    """The page of one report, as ``sepv verify --html`` writes it; the scheme is asked again, for the pictures."""
+    """Return the page of one report, as ``sepv verify --html`` writes it. The scheme is run again for the pictures."""
     return render(Sources(verify=[{"made": made("report")} | with_courses(report)]))
 
 
 def render(sources: Sources, *, title: str | None = None) -> str:
-    """The HTML page, complete: no script, no font, no picture and no style from anywhere else.
+    """Return the complete HTML page, without scripts, fonts, pictures or styles from other places.
 
-    A page of one scheme has its name as the title, unless another is given.
+    If no `title` is given, the title of a page of one scheme contains the scheme's name.
     """
     from jinja2 import Environment, StrictUndefined
     from markupsafe import Markup
@@ -54,7 +54,7 @@ def render(sources: Sources, *, title: str | None = None) -> str:
         "page.html",
         title=plain(title or usual, 200),
         version=__version__,
-        # The style has no text of the files read, so it is the one text that is not escaped.
+        # The style is not escaped, because it has no text of the files read.
         style=Markup(style),
         style_hash=digest,
         laws=verdicts.law_texts(laws),
@@ -70,9 +70,9 @@ def render(sources: Sources, *, title: str | None = None) -> str:
 
 
 def fingerprint() -> str:
-    """A hash of what every page shows beside its files: the release, the laws and their texts, the schemes' claims.
+    """Return a hash of sepv's version, the laws with their texts, and the claims of built-in schemes.
 
-    A committed page with another fingerprint is out of date.
+    Every page contains this hash. If a committed page has another one, it is out of date.
     """
     from sepv import schemes
     from sepv.verification import load_laws
@@ -86,5 +86,5 @@ def fingerprint() -> str:
 
 
 def _version(record: dict[str, Any]) -> str:
-    """The version of sepv that made a report or a reproduction."""
+    """Return the version of sepv that made a report or a reproduction."""
     return plain(record.get("suite", record.get("reproduction", {})).get("version", "?"), 40)

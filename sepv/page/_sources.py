@@ -10,7 +10,7 @@ from typing import Any
 from sepv.errors import UsageError
 from sepv.files import read_json, require_schema
 
-# The commands that write files for the page, by a key that only their files have; and the schema of each.
+# The commands that write files for the page, by a key that only the files of this command have; and their schemas.
 KINDS = {"suite": "verify", "reproduction": "reproduce", "times_to_error": "compare", "records": "bench"}
 SCHEMA_OF = {"verify": "report", "compare": "comparison", "reproduce": "reproduction", "bench": "bench"}
 
@@ -31,7 +31,7 @@ def load(paths: Iterable[str | Path]) -> Sources:
     Raises
     ------
     UsageError
-        For a file that cannot be read, is no JSON, or none of these.
+        If a file cannot be read, is no JSON, or was not written by one of these commands.
     """
     sources = Sources()
     for path in paths:

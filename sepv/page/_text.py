@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 import unicodedata
 
-# The most characters of names and messages; the JSON file has them in full.
+# The largest numbers of characters of names and messages on the page. The JSON file has the full texts.
 NAME, MESSAGE = 60, 1500
 _WHITE = "\n\t"
 
 
 def plain(text: object, limit: int = MESSAGE) -> str:
-    """Text without control and formatting characters, right-to-left overrides among them, and not too long."""
+    """Return text without control and formatting characters (such as right-to-left overrides), cut to `limit`."""
     shown = "".join(
         c if c in _WHITE or unicodedata.category(c) not in ("Cc", "Cf", "Cs", "Co", "Cn") else "�"
         for c in str(text)[: limit + 1]
@@ -20,12 +20,12 @@ def plain(text: object, limit: int = MESSAGE) -> str:
 
 
 def name(text: object) -> str:
-    """A name for headings and tables: one short line."""
+    """Return a name for headings and tables, as one short line."""
     return " ".join(plain(text, NAME).split()) or "(no name)"
 
 
 def number(value: float | None) -> str:
-    """A number with three digits and a real minus sign; nothing for None."""
+    """Format a number with two or three digits and a minus sign (−); the text is empty for None."""
     if value is None:
         return ""
     if not math.isfinite(value):

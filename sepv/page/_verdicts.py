@@ -1,4 +1,4 @@
-"""Views of reports, arranged for the template: verdicts on a scale of their bounds, and counterexamples.
+"""Views (data for the template of the page) of reports: verdicts on a scale of bounds, and counterexamples.
 
 Nothing here is HTML.
 """
@@ -17,19 +17,19 @@ from sepv.page._views import View, again, cell, words_of
 from sepv.studies import power
 from sepv.verification import LAWS, Verdict, has_words, load_laws, same_error, verdict_text
 
-# The most characters of all counterexamples on a page, and on one of up to FEW schemes, which has their pictures too.
-# The JSON files have them all.
+# The largest number of characters of all counterexamples on a page; ROOMY on a page of at most FEW schemes, which has
+# pictures of them too. The JSON files have all counterexamples.
 BUDGET, ROOMY, FEW = 17_000, 100_000, 4
-# Decades of the scale of defects: from 10⁻³ of the bound to 10³ or further, with a tick for every third one.
+# Decades of the scale of defects, from 10⁻³ of the bound to 10³ or up to 10¹⁵, with a tick for every third decade.
 LEAST, MOST, EVERY = -3, 15, 3
-# The frame of a picture of a course: left, right, top, bottom, in a box of 300 by 190.
+# The frame (left, right, top, bottom) of a picture of a repeated step, in a box of 300 by 190.
 FRAME = (62.0, 296.0, 20.0, 168.0)
-# The least height of the frame of an invariant, relative to its terms: rounding is drawn as a straight line.
+# The least height of the frame of an invariant, relative to its terms, so that rounding looks like a straight line.
 FLAT = 1e-13
 
 
 def schemes(reports: list[View]) -> tuple[list[str], list[View]]:
-    """The laws, in the order of the suite and then as they appear, and a view of each report."""
+    """Return the names of all laws, in the order of the suite, then unknown ones, and a view of each report."""
     laws = list(dict.fromkeys(law["law"] for r in reports for law in r["laws"]))
     laws.sort(key=lambda law: LAWS.index(law) if law in LAWS else len(LAWS))
     share = (ROOMY if len(reports) <= FEW else BUDGET) // max(1, len(reports))
@@ -37,7 +37,7 @@ def schemes(reports: list[View]) -> tuple[list[str], list[View]]:
 
 
 def _scheme(report: View, laws: list[str], budget: int, *, drawn: bool) -> View:
-    """A scheme's row in the matrix, its scale of verdicts, its counterexamples and the number of omitted ones."""
+    """Return a scheme's row of verdicts, its scale of defects, its counterexamples and the number of omitted ones."""
     by_law = {law["law"]: law for law in report["laws"]}
     counts = ", ".join(Verdict(k).of(n) for k, n in report["counts"].items() if n)
     shown, left = _counterexamples(report["laws"], _target(report["scheme"]), budget, drawn=drawn)
@@ -62,7 +62,7 @@ def _scheme(report: View, laws: list[str], budget: int, *, drawn: bool) -> View:
 
 
 def _profiles(report: View) -> str:
-    """The profiles of a report in words: those found, those required and not found, and what was waived."""
+    """Describe the profiles of a report: those found, those required and not found, and waived laws."""
     profiles = report.get("profiles")
     if profiles is None:
         return "; it was written before sepv knew profiles: measure again for them"
@@ -74,7 +74,7 @@ def _profiles(report: View) -> str:
 
 
 def _made(report: View) -> str:
-    """The versions and the effort with which a report was made, in words."""
+    """Describe the versions and the effort (seed, examples, paths) with which a report was made."""
     made, suite = report.get("made", {}), report["suite"]
     packages = [key for key in ("python", "numpy", "scipy", "hypothesis", "mpmath") if key in made]
     versions = [f"sepv {suite['version']}", *(f"{key} {made[key]}" for key in packages)]
@@ -84,7 +84,7 @@ def _made(report: View) -> str:
 
 
 def _scale(laws: list[View]) -> tuple[Any, list[tuple[str, str]]]:
-    """The axis of defects for the laws of a report: a function that places a law, and the ticks with their words.
+    """Return the axis of defects for the laws of a report: a function that places a law, and the ticks with words.
 
     Places are in per cent of the width.
     """
@@ -107,9 +107,9 @@ def _scale(laws: list[View]) -> tuple[Any, list[tuple[str, str]]]:
 
 
 def _ratio(law: View) -> float | None:
-    """The ratio of a law's defect to its bound, or of a lower bound to the defect: more than 1 is a violation.
+    """Return the ratio of a law's defect to its bound, or of a lower bound to the defect: above 1 it is a violation.
 
-    It is None where nothing was measured, and ∞ for a defect that is not finite or a bound of zero that is missed.
+    If nothing was measured, the ratio is None. If the defect is not finite, or the bound is 0 and missed, it is ∞.
     """
     defect, bound = law["defect"], law["bound"]
     if bound is None or (defect is None and law["verdict"] != "violated"):
@@ -122,7 +122,7 @@ def _ratio(law: View) -> float | None:
 
 
 def _row(law: View, place: Any) -> View:
-    """The row of a law in a scheme's table, with its place on the axis of defects."""
+    """Return the row of a law in a scheme's table, with its place on the axis of defects."""
     bound = "" if law["bound"] is None else f"{'≥' if law['at_least'] else '≤'} {number(law['bound'])}"
     claimed = "expected to fail" if law["expected"] is not None else "claimed" if law["claimed"] else ""
     shown = cell(law["verdict"], law["claimed"])
@@ -141,9 +141,9 @@ def _row(law: View, place: Any) -> View:
 
 
 def _counterexamples(laws: list[View], target: str, budget: int, *, drawn: bool) -> tuple[list[View], int]:
-    """The counterexamples that fit into a budget of characters, claimed laws first, and the number of the others.
+    """Return the counterexamples that fit into a budget of characters, claimed laws first, and the number of others.
 
-    An error that many laws share is one entry.
+    If many laws end with the same error, it is one entry.
     """
     failures = [law for law in laws if law["verdict"] in ("violated", "error") and law["message"]]
     shown: list[View] = []
@@ -154,7 +154,7 @@ def _counterexamples(laws: list[View], target: str, budget: int, *, drawn: bool)
         if error in shown_once:
             shown_once[error]["laws"].append(law["law"])
             continue
-        # A command is for copying: it is shown whole or not at all.
+        # A command is for copying, so it is shown in full or not at all.
         copied = target and law["replay"] and len(law["replay"]) < 4000 and has_words(law["witness"])
         command = (
             shlex.join(["sepv", "verify", *words_of(target), *words_of(law["replay"])]) if copied else ""
@@ -174,9 +174,9 @@ def _counterexamples(laws: list[View], target: str, budget: int, *, drawn: bool)
 
 
 def _course(course: View) -> View | None:
-    """Two pictures of a course, the repeated step of a counterexample: two components of y, and an invariant's change.
+    """Return two pictures of a counterexample's repeated step: two components of y, and the change of an invariant.
 
-    It is None if a file has nothing to draw.
+    If a file has nothing to draw, the result is None.
     """
     steps, conserved = len(course["drift"]) - 1, course["kept"]
     names = [f"component {i} of y" for i in course["components"]]
@@ -201,9 +201,9 @@ def _course(course: View) -> View | None:
 
 
 def _panel(curve: list[Any], beside: list[Any], names: list[str], least: float) -> View | None:
-    """A curve and a dashed one beside it, as paths of SVG, with the ends of both axes in words.
+    """Return a curve and a dashed one beside it, as paths of SVG, with the ends of both axes in words.
 
-    It is None without two points. Beyond 1e300 a frame around them would overflow.
+    The result is None if there are fewer than two points. Values above 1e300 are left out, because the frame overflows.
     """
 
     def drawable(coordinates: list[Any]) -> list[Any]:
@@ -231,13 +231,13 @@ def _panel(curve: list[Any], beside: list[Any], names: list[str], least: float) 
         "line": "M" + "L".join(dots), "dots": "".join(f"M{p}h0" for p in dots), "first": "M" + "L".join(dots[:2]),
         "start": f"M{dots[0]}h0",
         "beside": "M" + "L".join(points(other)) if other else "", "x": names[0], "y": names[1],
-        # A rounding beside a range is zero.
+        # An end that is a rounding relative to the range is shown as 0.
         "ends": [number(v if abs(v) > 1e-12 * span else 0.0) for v, span in ends],
     }  # fmt: skip
 
 
 def _unsettled(laws: list[View]) -> list[str]:
-    """A sentence for each inconclusive law: the measurement, and possible reasons for its wide interval."""
+    """Return a sentence for each inconclusive law: the measurement, and a possible reason for its wide interval."""
     unsettled = []
     for law in laws:
         if law["verdict"] == "inconclusive":
@@ -250,21 +250,21 @@ def _unsettled(laws: list[View]) -> list[str]:
     return unsettled
 
 
-# The first three errors in the message of a statistical law.
+# A pattern for the first three rms errors in the message of a statistical law.
 _RMS = re.compile(r"rms error ([\d.e+-]+), ([\d.e+-]+), ([\d.e+-]+)")
 
 
 def _runs_away(*errors: str) -> bool:
-    """True if the first of three errors is more than four times the one that the next two lead to expect."""
+    """True if the first of three errors is more than four times the error that the other two predict."""
     try:
         first, second, third = map(float, errors)
-    except ValueError:  # a file by somebody else
+    except ValueError:  # the file has other text
         return False
     return first * third > 4 * second**2
 
 
 def _target(scheme: View) -> str:
-    """The words for the scheme in a command: those of the file, else its name if it is built in."""
+    """Return the scheme's text for a command: the target in the file, else its name if it is built in, else ""."""
     from sepv.schemes import by_name
 
     if scheme.get("target"):
@@ -276,7 +276,7 @@ def _target(scheme: View) -> str:
 
 
 def headline(reports: list[View]) -> str:
-    """The number of claims that hold, and the schemes with claims that do not."""
+    """Summarise all reports: the number of claimed laws that hold, and the claimed laws that are not shown to hold."""
     claimed = [(r, law) for r in reports for law in r["laws"] if law["claimed"] and law["expected"] is None]
     claimed = [(r, law) for r, law in claimed if law["verdict"] != "not_applicable"]
     broken = [(r, law) for r, law in claimed if law["verdict"] != "holds"]
@@ -284,7 +284,7 @@ def headline(reports: list[View]) -> str:
         return f"{counted(len(reports), 'scheme')}, of which nothing is claimed."
     if not claimed:
         return "Nothing is claimed."
-    # A scheme without claims keeps none.
+    # A scheme without claims does not count among those that keep their claims.
     claiming = [r for r in reports if any(r is c for c, _ in claimed)]
     holding = sum(not any(r is b for b, _ in broken) for r in claiming)
     silent = len(reports) - len(claiming)
@@ -304,7 +304,7 @@ def headline(reports: list[View]) -> str:
 
 
 def law_texts(laws: list[str]) -> list[dict[str, str]]:
-    """The statement and source of each law of the suite; unknown laws have no text."""
+    """Return the statement and source of each of the given laws. Laws that sepv does not have get empty texts."""
     texts = {law: {"name": name(law), "anchor": "", "statement": "", "source": ""} for law in laws}
     for law in load_laws([law for law in laws if law in LAWS]):
         stated = {"statement": plain(law.statement, 400), "source": plain(law.source, 80)}

@@ -1,6 +1,6 @@
-"""Views of comparisons, benchmarks and reproductions, arranged for the template. Nothing here is HTML.
+"""Views (data for the template of the page) of comparisons, benchmarks and reproductions. Nothing here is HTML.
 
-Those of reports are in `_verdicts`.
+Views of reports are in `_verdicts`.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ View = dict[str, Any]
 
 
 def again(data: View, subject: str) -> str:
-    """The command that made a file, from the file; a comment if no command did.
+    """Return the command that made a file, as the file states it, or a comment if no command made the file.
 
-    Each word is quoted anew, so that text of the file stays text if somebody copies the line.
+    Each word is quoted again, so that text of the file stays text if somebody runs the copied line.
     """
     words = words_of(str(data.get("made", {}).get("command") or ""))
     if words[:1] != ["sepv"]:
@@ -40,7 +40,7 @@ def again(data: View, subject: str) -> str:
 
 
 def words_of(command: str) -> list[str]:
-    """The words of a command; none if its quotes do not match."""
+    """Split a command into words. If its quotes do not match, there are none."""
     try:
         return shlex.split(command)
     except ValueError:
@@ -48,21 +48,21 @@ def words_of(command: str) -> list[str]:
 
 
 def cell(verdict: str, claimed: bool = False) -> View:
-    """A cell of the matrix of verdicts: sign, words, and whether the law is claimed."""
+    """Return a cell of the matrix of verdicts: the verdict's sign and words, and True if the law is claimed."""
     sign, words = WORDS[verdict]
     return {"kind": verdict, "sign": sign, "words": words, "claimed": claimed}
 
 
 def step_size(h: float) -> str:
-    """The text of a step size: as a power of two if it is one, else with three digits."""
+    """Format a step size, as a power of two if it is one below ½, else with three digits."""
     exponent = math.log2(h) if h > 0 else 0.5
     return power(h, 2) if exponent == int(exponent) and exponent < -1 else number(h)
 
 
 def priced(points: list[View]) -> list[View]:
-    """The points of a method in whose times the steps dominate: twice the steps cost at least half as much again.
+    """Return the points of a method at which twice the steps take at least 1.5 times the time.
 
-    Before them a call's overhead dominates. The last two points always stay.
+    At points with fewer steps the overhead of a call dominates the time. The last two points are always returned.
     """
     if not points or not points[0].get("steps"):
         return points
@@ -77,7 +77,7 @@ def priced(points: list[View]) -> list[View]:
 
 
 def drawn(sources: Sources) -> tuple[list[str], dict[str, Look]]:
-    """The names of all schemes that a page draws, and the looks that its files state for them."""
+    """Return the names of all schemes that a page draws, and the looks (line styles) that its files state for them."""
     methods = [m for c in sources.compare for m in c["methods"]]
     names = [m["name"] for m in methods]
     names += [s["scheme"] for r in sources.reproduce for p in r["panels"] for s in p["series"]]
@@ -85,7 +85,7 @@ def drawn(sources: Sources) -> tuple[list[str], dict[str, Look]]:
 
 
 def comparison(data: View, pictures: Pictures) -> View:
-    """The view of a comparison: two plots, the points, the times to given errors, and the machine."""
+    """Return the view of a comparison: two plots, the points, the times to given errors, and the machine."""
     methods = [m["name"] for m in data["methods"]]
     points = [p for p in data["points"] if p["failures"] < p["paths"]]
     by_method = {m: [p for p in points if p["method"] == m] for m in methods}
@@ -103,7 +103,7 @@ def comparison(data: View, pictures: Pictures) -> View:
         return pictures.draw([curve(m, value) for m in methods], time, Axis(label, log=True))
 
     errors = drawn("strong error at T", lambda p: p["strong_error"]["value"])
-    # A defect of exactly zero has no logarithm: it is drawn at half a rounding of one, as the caption says.
+    # A defect of zero has no logarithm. It is drawn at FLOOR, half a rounding of one, as the caption says.
     defects = drawn(
         "largest energy defect",
         lambda p: None if p["energy_defect"] is None else max(p["energy_defect"], FLOOR),
@@ -125,7 +125,7 @@ def comparison(data: View, pictures: Pictures) -> View:
 
 
 def _point(p: View, micro: float) -> View:
-    """The row of a table for one method and step size; `micro` is its time of a path in µs."""
+    """Return the row of a table for one method and step size; `micro` is the time of one path in µs."""
     error = p["strong_error"]
     return {
         "method": name(p["method"]),
@@ -141,7 +141,7 @@ def _point(p: View, micro: float) -> View:
 
 
 def _times(times: list[View], methods: list[str]) -> list[tuple[str, list[str]]]:
-    """The rows of the table of times to given errors: a method, and its time to each error."""
+    """Return the rows of the table of times to given errors: a method, and its time to each error."""
     wanted = sorted({t["error"] for t in times}, reverse=True)
     words = {"between": "", "beyond": " (extrapolated)", "coarsest": " (at the coarsest step)"}
     rows = []
@@ -154,7 +154,7 @@ def _times(times: list[View], methods: list[str]) -> list[tuple[str, list[str]]]
 
 
 def bench(data: View) -> View:
-    """The view of a benchmark: a row for each target and case, with exact counters, and rms of error and defects."""
+    """Return the view of a benchmark: rows for each target and case, with exact counters and rms error and defects."""
     kinds = list(dict.fromkeys(k for r in data["records"] for case in r["cases"] for k in case["counters"]))
 
     def rms(groups: list[str]) -> str:
@@ -181,7 +181,7 @@ def bench(data: View) -> View:
 
 
 def reproduction(data: View, pictures: Pictures) -> View:
-    """The view of a reproduction: its panels with their plots and statements."""
+    """Return the view of a reproduction of a paper: its panels with their plots and statements."""
     return {
         "about": {k: plain(v, 60) if isinstance(v, str) else v for k, v in data["reproduction"].items()},
         "of": plain(data["reproduction"]["of"], 300),
