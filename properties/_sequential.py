@@ -56,7 +56,7 @@ _MORE = tuple(4**k for k in range(1, 9))
 
 @dataclass(frozen=True)
 class Setup:
-    """A problem, an end time and increasing numbers of steps over it."""
+    """A problem, an end time T, and increasing numbers of steps over [0, T]."""
 
     problem: str
     T: float

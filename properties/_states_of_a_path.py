@@ -21,8 +21,8 @@ from sepv.schemes import answer_of as answer
 def keeps_states(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, apart: float) -> None:
     """Compare the bits of two steps from y (d,) or (d, M), computed alone and alternately with a path from y1.
 
-    The relative difference of value(init(y)) from y may be up to `apart`, because a state may use other coordinates;
-    so may that of a batch from a part of the batch. If the scheme has no `StatefulStep`, nothing is compared.
+    value(init(y)) may differ from y by the share `apart`, because a state may use other coordinates. A batch may differ
+    from a part of it by this share too. If the scheme has no `StatefulStep`, nothing is compared.
 
     Raises
     ------

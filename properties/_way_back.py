@@ -24,14 +24,14 @@ from sepv.verification._tolerance import state_ulp, step_residual
 
 
 def measured(scheme: Scheme, case: Case, back: Callable[[Array], Array]) -> Measurement:
-    """Measure |y0′ − y0|, where y1 is the step of the case from y0 and y0′ = back(y1) is the step back."""
+    """Measure |y0′ − y0| after the step of the case from y0 to y1 and the step back y0′ = back(y1)."""
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)
     returned = back(y1)
     residual = step_residual(problem, y, y1, h, dW, scheme)
     residual = residual + step_residual(problem, y1, returned, -h, -dW, scheme)
     if isinstance(problem, (HamiltoniansProblem, DampedProblem)):
-        # The reference solver computes no condition number for these equations.
+        # For several Hamiltonians and damping the reference solver has no condition number.
         bound = np.full(y.size, amplification(scheme, case) * float(residual.max()))
     else:
         method = equation_for(scheme.systems, scheme.stages)

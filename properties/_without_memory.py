@@ -109,7 +109,7 @@ def forgets_problems(scheme: Scheme, problem: Problem, y: Array, h: float, dW: A
     Python mostly reuses a freed record's memory for the next record of the same size. A scheme that caches results by
     `id`, or by `id` and Δ, then returns the wrong problem's result. If the address differs, other addresses are tried.
     """
-    if np.array_equal(first, y):  # at a rest point half the noise gives the same result
+    if np.array_equal(first, y):  # a step that moves nothing is the same with half the noise
         return
     whole, missed = shown(problem), 0
     # Factors of noise and H. The last pair leaves the noise alone, so that a cached noise is still the half of before.

@@ -220,7 +220,7 @@ def _system(
     """Make a random system with the given H and entry B_kj, random entries of B outside of row k, and noises."""
     k, j, others = places
     if systems is Systems.NAMBU:
-        # B(y)v = g v × ∇C with C = y_l: the only entries are ±g at (k, j), l the third place.
+        # B(y)v = g v × ∇C with C = y_l, l the third index: the only entries of B are ±g at (k, j) and (j, k).
         C = poly.variable(d, others[0])
         return nambu_system(H, poly.constant(d, _sign(k, j) * float(_value(entry))), C, _noise(random, 0))
 

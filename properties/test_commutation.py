@@ -1,4 +1,4 @@
-"""Several structures (§1): mean-square order 1 where the fields of the noises commute, ½ where they do not.
+"""Several structures (§1): mean-square order 1 if the fields of the noises commute, ½ if they do not.
 
 A scheme that sees only the increments of W cannot have a higher order if the fields G_j∇H do not commute: their
 commutators are multiplied by iterated integrals ∫W_i∘dW_j, which are of the order of h. Commutators of the drift with a
@@ -19,7 +19,7 @@ from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 from sepv.verification._law import pathwise
 
 T, STEPS = 0.5, (4, 16, 64)
-# Half the distance to the neighbouring multiples of ½.
+# Half the distance between mean-square orders, which are multiples of ½.
 MARGIN = 0.25
 # For each problem the expected order, and True if no scheme that sees only increments has a higher order.
 EXPECTED = {

@@ -1,4 +1,4 @@
-"""Affine covariance of (2.1): z = Py + b, with B → PBPᵀ and H in the new variables, commutes with the step."""
+"""Affine covariance of (2.1): the change of variables z = Py + b, with PBPᵀ for B, commutes with the step."""
 
 from __future__ import annotations
 

@@ -71,7 +71,7 @@ def assessing(tilted: bool, orders: tuple[float, ...] = (1.0,), resolution: floa
             falls, stays = low > FALL, high < FALL
         else:
             falls = bool(above_floor(errors)[0])  # errors of all finer steps are rounding
-        # The worst share is the one that moves y most.
+        # Of the shares that are certainly too large, the one that moves y most is reported.
         k = int(np.argmax(np.where(sure > least, sure * sizes, -np.inf)))
         if sure[k] > least[k]:
             text = f"{names[k]} of the limit is wrong by {100 * limit.value[k]:.3g} ± {100 * half[k]:.2g} %"

@@ -57,7 +57,7 @@ DEEPER, DEEP_EXAMPLES = 8, 1000
 # The number of paths for a scheme that takes one state at a time. Each problem then has one run, of half the steps and
 # the largest h. Paths times steps fall from 46,080 to 7,168, and the smallest visible drift is 2.1 times as large.
 SPARED_PATHS = 28
-FIRST = 32  # the first checkpoint; each later one has twice the steps
+FIRST = 32  # the number of steps of the first checkpoint; each later one has twice as many
 # The allowed root mean square of D, as a multiple of the predicted walk w√n (`sepv.verification._tolerance`). Schemes
 # of sepv are at 1, which 60 paths measure to 9 %. The factor allows for other orders of operations, with up to a
 # hundred roundings of y in a step.

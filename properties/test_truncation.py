@@ -83,7 +83,7 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
 def _ratios(h: float, k: int, seed: int) -> list[tuple[float, str]]:
     """Return |ζ|, the lost variance and the moments of ζ, each divided by its bound, with descriptions."""
     raw = wiener.increments(seed, T=h, steps=1, noises=1, paths=512)
-    # Random draws hardly reach A_h, so multiples of them are added.
+    # Random draws ξ hardly reach A_h, so multiples of the draws are added.
     zeta = bounded.truncate(np.concatenate([raw, 8 * raw]), h, k) / math.sqrt(h)
     bound = bounded.truncation_bound(h, k)
     loss = float(lost_variance(h, k))

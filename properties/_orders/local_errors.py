@@ -178,7 +178,7 @@ def _measure(scheme: Scheme, problem: Problem, spared: bool) -> LocalErrors:
         moved = (y - states[..., None]) / length
         if stuck:
             failed.append((h, stuck))
-            rows = []  # only step sizes smaller than those of all failures are used
+            rows = []  # only step sizes below all failures are used
         elif known:
             first, _, second = against_moments(moved, ends, taken.weights, top, length)
             rows.append((h, first, from_log_flow(problem, states, h, taken, y) / length, second))

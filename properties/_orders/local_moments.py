@@ -112,7 +112,7 @@ def _split(problem: Problem, y: Array, h: float) -> tuple[Array, Array, float]:
     grid = np.array(list(product(range(x.size), repeat=m)), dtype=np.intp).reshape(-1, m).T
     weights = np.prod((w / w.sum())[grid], axis=0)
     u = weights.size
-    times = np.sqrt(h) * np.tile(x[grid], (1, S * n))  # a lane for each state and node, nodes fastest
+    times = np.sqrt(h) * np.tile(x[grid], (1, S * n))  # for each pair of a state and a node, nodes fastest
     y, error = _flow(lambda z: vector_field(problem, z), y.reshape(d, -1), np.full(S * n, 0.5 * h))
     lanes = np.repeat(y, u, axis=1)
     ends = []

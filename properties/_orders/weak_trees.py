@@ -27,7 +27,7 @@ T = 0.0625
 STEPS = (1, 2, 3, 4, 6, 8)
 # The largest number of paths of N steps. Three values make 3⁸ paths with one noise, 9⁴ with two, 27³ with three.
 LEAVES = 20000
-# How many numbers of steps N a slope needs. A slope that may refute an order needs one more.
+# The least count of numbers of steps N for a slope. A slope that may refute an order needs one more.
 ENOUGH = 3
 
 
@@ -75,7 +75,7 @@ def tree_errors(scheme: Scheme, problem: Problem, _run: Run) -> LocalErrors:
         steps += sum(ends ** (n + 1) for n in range(count))
         if stuck:
             failed.append((end / count, stuck))
-            rows.clear()  # only step sizes smaller than those of all failures are used
+            rows.clear()  # only step sizes below all failures are used
             continue
         moved = (ways - start[:, None])[:, None] / units.length
         if known:

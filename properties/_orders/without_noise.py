@@ -243,7 +243,7 @@ def orders(scheme: Scheme, found: StepErrors, least: float) -> list[Order]:
 def quiet_problems(scheme: Scheme) -> tuple[Problem, ...]:
     """Return the scheme's problems without noise: its own, with members of their families, or those of its class.
 
-    Raise Skipped if there are none.
+    If there are no such problems, raise Skipped.
     """
     own = sources(scheme)
     listed = [p for item in own for p in item.problems] if own else list(cases(scheme.systems))

@@ -38,7 +38,7 @@ def check_protocol(
     Parameters
     ----------
     laws : iterable of str, optional
-        The names that claims may have.
+        The names of laws that the program may claim.
     """
     program = Program(command, call_timeout=call_timeout, start_timeout=start_timeout)
     checks: list[Check] = []

@@ -19,7 +19,7 @@ LINE_LIMIT = 1 << 20
 # Seconds between "stop" and SIGKILL, enough for a program to write a log.
 STOP_GRACE = 2.0
 _CHUNK = 1 << 16
-_LOG = 2000  # bytes of stderr that an error shows
+_LOG = 2000  # the last bytes of stderr, which an error shows
 
 
 class Child:
@@ -125,7 +125,7 @@ class Child:
             return self.process.poll()
         try:
             how = os.waitid(os.P_PID, self.process.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT)
-        except ChildProcessError:  # reaped elsewhere
+        except ChildProcessError:  # other code has reaped the process
             return self.process.poll()
         if how is None:
             return None

@@ -13,7 +13,7 @@ class ProgramError(SepvError):
     def __init__(self, *, expected: str, received: str, remedy: str, log: str = "") -> None:
         self.expected, self.received, self.remedy, self.log = expected, received, remedy, log
         tail = "\nThe end of its stderr:\n" + "\n".join(f"  | {s}" for s in log.splitlines()) if log else ""
-        # Not super(): StartFailure is a TargetError too, whose constructor writes the message without the log.
+        # Not super(), because StartFailure is a TargetError too, whose constructor writes the message without the log.
         SepvError.__init__(self, f"Expected {expected}.\nReceived {received}.\nRemedy: {remedy}{tail}")
 
 

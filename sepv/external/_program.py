@@ -43,7 +43,7 @@ class Program:
         self.child: Child | None = None
         self.said: Hello | None = None
         self.closed = False
-        self.sent = ""  # the last line, for `check_protocol`
+        self.sent = ""  # the last line sent, for `check_protocol`
         self.lock = threading.Lock()
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -34,7 +34,7 @@ _STYLE = {
     "xtick.color": TEXT, "ytick.color": TEXT, "xtick.major.pad": 5, "ytick.major.pad": 6, "lines.linewidth": 1.5,
     "grid.linewidth": 1, "path.simplify_threshold": NEAR,
 }  # fmt: skip
-# Properties set by CSS or by enclosing elements, and dropped from each element.
+# Properties that the style sheet or enclosing elements set, and that are dropped from each element.
 _DROPPED = re.compile("font|stroke-linejoin|stroke-linecap|stroke-dashoffset")
 
 

@@ -17,7 +17,7 @@ SCHEMA_OF = {"verify": "report", "compare": "comparison", "reproduce": "reproduc
 
 @dataclass
 class Sources:
-    """The contents of the JSON files of a page by the command that wrote them, each kind in the order of reading."""
+    """The contents of the JSON files of a page, by the command that wrote them, in the order of reading."""
 
     verify: list[dict[str, Any]] = field(default_factory=list)
     compare: list[dict[str, Any]] = field(default_factory=list)

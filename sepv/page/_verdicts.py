@@ -181,7 +181,7 @@ def _course(course: View) -> View | None:
     steps, conserved = len(course["drift"]) - 1, course["kept"]
     names = [f"component {i} of y" for i in course["components"]]
     path, exact = course["states"], course["exact"]
-    if len(path) == 1:  # over the steps
+    if len(path) == 1:  # one component is drawn over the steps
         names, path = ["step", *names], [list(range(steps + 1)), *path]
         exact = (
             [[n * steps / (len(exact[0]) - 1 or 1) for n in range(len(exact[0]))], *exact] if exact else []
