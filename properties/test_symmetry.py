@@ -1,4 +1,4 @@
-"""(2.1) is symmetric: with y0 and y1 exchanged and −h, −ΔW for h, ΔW its equation is the same, so a step can return.
+"""(2.1) is symmetric: its equation is the same with y0 and y1 exchanged and h, ΔW negated. So a step can go back.
 
 The law "random-step" tests separately that h and ΔW act through the random step Δ alone.
 """
