@@ -9,12 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from sepv.properties.test_energy_drift import drift_of_energy
 
 from benchmarks import start
 from sepv import problems, schemes
 from sepv.console import markdown
 from sepv.problem import Array, PolynomialSystem, Problem, noise_vectors, vector_field
-from sepv.problems import drift_of_energy
 from sepv.schemes import as_lanes
 from sepv.schemes._drift_preserving import pushed, quiet
 from sepv.schemes._one_step import implicit

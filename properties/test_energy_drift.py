@@ -7,6 +7,7 @@ Int. J. Comput. Math. 99, 2022). A quadrature over the increments gives the expe
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -15,8 +16,8 @@ from sepv.properties._trace_formula import Quantity, measured, short
 from sepv import problems
 from sepv.errors import Skipped
 from sepv.problem import Array, GivenProblem, HamiltoniansProblem, PolynomialSystem, Problem, Systems
-from sepv.problems import drift_of_energy
-from sepv.record import PolynomialMap
+from sepv.problems._polynomial_system import bracket
+from sepv.record import Polynomial, PolynomialMap, poly
 from sepv.schemes import Scheme
 from sepv.verification import Case, Cases, Effort, Measurement, energy_bound, energy_ulp, require, searched
 
@@ -29,6 +30,25 @@ def steady(case: Case) -> Case | None:
     if not isinstance(data, PolynomialSystem) or not isinstance(problems.build(data), HamiltoniansProblem):
         return None
     return None if drift_of_energy(data) is None else short(replace(case, problem=data))
+
+
+def drift_of_energy(data: PolynomialSystem) -> float | None:
+    """The constant rate at which the mean of H_0 changes; None if the rate depends on y.
+
+    The rate is LH_0 with the generator L: ½ Σ_j c_j² {{H_0, H_j}, H_j}, or ½ Σ_j c_j² g_jᵀH_0″g_j for vectors g_j.
+    """
+    noises: list[Callable[[Polynomial], Polynomial]]
+    noises = [lambda p, H=H: bracket(data, p, H)[0] for H in data.noise_hamiltonians]  # type: ignore[misc]
+    noises += [lambda p, g=g: _along(p, g) for g in data.noise_vectors]  # type: ignore[misc]
+    parts = [poly.scale(0.5 * c * c, f(f(data.hamiltonian))) for c, f in zip(data.noise, noises, strict=True)]
+    total = poly.add(poly.polynomial(data.dimension, {}), *parts)
+    return None if total.degree else sum((c for _, c in total.terms), 0.0)
+
+
+def _along(p: Polynomial, g: Sequence[float]) -> Polynomial:
+    """The derivative ∇pᵀg of a polynomial p along a vector g."""
+    parts = [poly.scale(v, slope) for v, slope in zip(g, poly.gradient(p), strict=True)]
+    return poly.add(poly.polynomial(p.dimension, {}), *parts)
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:

@@ -5,13 +5,24 @@ from __future__ import annotations
 import numpy as np
 
 from sepv import problems
-from sepv.problem import Array, PolynomialSystem
+from sepv.problem import Array, PolynomialSystem, Problem, matmul, matvec
 from sepv.problems import nambu_system
-from sepv.record import Polynomial, poly
+from sepv.record import EPS, Polynomial, poly
 from sepv.schemes import Scheme, ask
 from sepv.verification import Case, Cases, Effort, Measurement, require, searched, state_ulp, step_residual
 from sepv.verification._contraction import CONTRACTION, contraction_radius, has_majorants
-from sepv.verification._tolerance import correction_rounding
+from sepv.verification._tolerance import majorants, operations
+
+
+def correction_rounding(problem: Problem, y0: Array, y1: Array, h: float) -> Array:
+    """A bound of rounding in Itô's correction ½ Σ c_j² h f′f, (d,), for polynomial data.
+
+    A scheme that treats drift and noise apart may have it; where the increments are small beside √h it exceeds their
+    effect. f errs by K u M_f and f′ by K u M_f′, so the sum errs by Σ c_j² |h| K u M_f′ M_f.
+    """
+    B, g, dB, H = majorants(problem, np.maximum(np.abs(y0), np.abs(y1)))
+    factor = 0.5 * EPS * operations(problem) * abs(h) * float(problem.c @ problem.c)
+    return np.asarray(factor * matvec(matvec(dB, g) + matmul(B, H), matvec(B, g)))
 
 
 def transformations(y: Array) -> list[tuple[str, Array, Array, Array]]:

@@ -23,8 +23,9 @@ from sepv.reference.steps import reference_step
 from sepv.reference.vector import ReferenceVector, load, schemes_with_vectors
 
 from sepv.errors import StepFailure
-from sepv.problem import Array, GivenProblem
-from sepv.record import EPS, TINY
+from sepv.problem import Array, GivenProblem, Problem, matvec
+from sepv.problems import commuting_actions
+from sepv.record import EPS, TINY, poly
 from sepv.schemes import Scheme, Systems, ask
 from sepv.verification import (
     Case,
@@ -39,12 +40,15 @@ from sepv.verification import (
     searched,
     state_ulp,
 )
-from sepv.verification._cases.commuting import critical_step
-from sepv.verification._tolerance import quadrature_rounding, state_error
+from sepv.verification._cases.commuting import of_actions
+from sepv.verification._cases.random_parts import coefficient
+from sepv.verification._tolerance import gradient_majorant, state_error, structure_majorant
 
 # The `rounding` of a reference vector bounds the error of one evaluation of the equation in binary64. As in
 # sepv.verification._tolerance, this factor covers implementations that order the same operations differently.
 ORDER_OF_OPERATIONS = 4.0
+# The most nodes of a quadrature that is exact to rounding: 33 Chebyshev points, 20 Gauss nodes, …
+QUADRATURE_NODES = 40
 # The beginning of the reference solver's error for a step of several Hamiltonians from a critical point of H_0, where a
 # structure is undefined (`sepv.problem._structures`).
 UNDEFINED = "a structure is undefined"
@@ -109,6 +113,20 @@ def _undefined(scheme: Scheme, case: Case) -> bool:
     return False
 
 
+def quadrature_rounding(problem: Problem, y0: Array, y1: Array, h: float, dW: Array) -> Array:
+    """A bound (d,) of the change of the right side by another quadrature of ∇̄H that is exact to rounding.
+
+    A sum of N products w_n ∇H(y_n) in any order is off by at most (N + 2)u Σ|w_n||∇H(y_n)| (Higham, *Accuracy and
+    Stability of Numerical Algorithms*, §3.1), weights rounded; rounded points y_n are part of M_g where H is no
+    polynomial, and a few of N where it is. Weights are positive with sum 1, so that it is N u |Δ|₁ M_B M_g.
+    The result is 0 where that overflows, which excuses nothing.
+    """
+    with np.errstate(all="ignore"):
+        length = abs(h) + float(np.sum(np.abs(problem.c * dW)))
+        flow = matvec(structure_majorant(problem, y0, y1), gradient_majorant(problem, y0, y1))
+        return np.nan_to_num(0.5 * EPS * QUADRATURE_NODES * length * flow, nan=0.0, posinf=0.0)
+
+
 def _against_vector(scheme: Scheme, case: Case, vector: ReferenceVector) -> Measurement:
     problem, y, h, dW = case.build()
     name = f"vector {vector.id} ({vector.note})"
@@ -154,6 +172,27 @@ def _statistics(scheme: Scheme, seen: list[tuple[Case, Measurement]]) -> str:
         f"over {count} vectors and {len(measured) - count} other steps"
         + (f"; {refused} steps without a solution or hard to solve refused" if refused else "")
     )
+
+
+def critical_step(random: Random) -> Case:
+    """A step from a critical point of H_0 at which some B∇H_j is not zero: it must be refused.
+
+    It is a plane at rest beside one that a noise turns, or a circle of critical points, H_0 = ½I² − I_0 I.
+    """
+    a, b = random.choice([(1.0, 0.0), (0.5, 0.5), (1.0, -2.0), (-0.25, 0.5)])
+    y: tuple[float, ...]
+    if random.choice([True, False]):
+        n, kept, y = 2, 1, (0.0, 0.0, a, b)
+        H = poly.polynomial(2, {(1, 0): 1.0, (2, 0): coefficient(random), (1, 1): coefficient(random)})
+    else:
+        # I_0 is a sum of squares of few bits: ∇H_0 = (I − I_0) y is exactly zero.
+        n, kept, y = 1, 0, (a, b)
+        H = poly.polynomial(1, [((2,), 0.5), ((1,), -0.5 * (a * a + b * b))])
+    m = random.randint(1, 2)
+    others = [poly.variable(n, kept), *(of_actions(n, random) for _ in range(m - 1))]
+    system = commuting_actions(H, others, (1.0, 0.5)[:m])
+    h = random.choice([2.0**-3, 2.0**-6, 2.0**-10])
+    return Case(system, y, h, tuple(random.choice([1.0, -1.0, 0.5]) * h**0.5 for _ in range(m)))
 
 
 @cache

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import fields, replace
 from functools import lru_cache
 from typing import Any
@@ -168,25 +168,6 @@ def vanishes(bracket: tuple[Polynomial, list[Polynomial]]) -> bool:
     total, terms = bracket
     size = max((abs(c) for p in terms for _, c in p.terms), default=0.0)
     return all(abs(c) <= 64 * EPS * size for _, c in total.terms)
-
-
-def drift_of_energy(data: PolynomialSystem) -> float | None:
-    """The constant rate at which the mean of H_0 changes; None if the rate depends on y.
-
-    The rate is LH_0 with the generator L: ½ Σ_j c_j² {{H_0, H_j}, H_j}, or ½ Σ_j c_j² g_jᵀH_0″g_j for vectors g_j.
-    """
-    noises: list[Callable[[Polynomial], Polynomial]]
-    noises = [lambda p, H=H: bracket(data, p, H)[0] for H in data.noise_hamiltonians]  # type: ignore[misc]
-    noises += [lambda p, g=g: _along(p, g) for g in data.noise_vectors]  # type: ignore[misc]
-    parts = [poly.scale(0.5 * c * c, f(f(data.hamiltonian))) for c, f in zip(data.noise, noises, strict=True)]
-    total = poly.add(poly.polynomial(data.dimension, {}), *parts)
-    return None if total.degree else sum((c for _, c in total.terms), 0.0)
-
-
-def _along(p: Polynomial, g: Sequence[float]) -> Polynomial:
-    """The derivative ∇pᵀg of a polynomial p along a vector g."""
-    parts = [poly.scale(v, slope) for v, slope in zip(g, poly.gradient(p), strict=True)]
-    return poly.add(poly.polynomial(p.dimension, {}), *parts)
 
 
 def _nambu(factor: Polynomial, casimir: Polynomial) -> Nambu:

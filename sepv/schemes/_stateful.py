@@ -7,6 +7,7 @@ the step before (`sepv.schemes.carry`).
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from operator import itemgetter
@@ -96,15 +97,12 @@ class PathSolver(StatefulStep):
 
         They are NaN from the first step that the solver refuses by an exception of `REFUSALS`.
         """
-        solved, refused, states = 0, len(dW) + 1, np.full((len(dW) + 1, y0.size), np.nan)
-        states[0], n = y0, len(dW)
-        while solved < n < refused:
-            try:
+        states = np.full((len(dW) + 1, y0.size), np.nan)
+        states[0] = y0
+        for n in range(len(dW), 0, -1):  # the longest beginning of the path that the solver takes
+            with suppress(*REFUSALS):
                 states[: n + 1] = whole(self.path, problem, y0, h, dW[:n])
-                solved = n
-            except REFUSALS:
-                refused = n
-            n = (solved + refused) // 2
+                break
         return states
 
 

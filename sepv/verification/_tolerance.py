@@ -43,7 +43,6 @@ from sepv.problem import (
     HamiltoniansProblem,
     Problem,
     StructuresProblem,
-    matmul,
     matvec,
     noise_vectors,
 )
@@ -169,17 +168,6 @@ def _of_polynomials(function: object, reach: Array) -> Array:
     return function.majorant(reach)
 
 
-def correction_rounding(problem: Problem, y0: Array, y1: Array, h: float) -> Array:
-    """A bound of rounding in Itô's correction ½ Σ c_j² h f′f, (d,), for polynomial data.
-
-    A scheme that treats drift and noise apart may have it; where the increments are small beside √h it exceeds their
-    effect. f errs by K u M_f and f′ by K u M_f′, so the sum errs by Σ c_j² |h| K u M_f′ M_f.
-    """
-    B, g, dB, H = majorants(problem, np.maximum(np.abs(y0), np.abs(y1)))
-    factor = 0.5 * EPS * operations(problem) * abs(h) * float(problem.c @ problem.c)
-    return np.asarray(factor * matvec(matvec(dB, g) + matmul(B, H), matvec(B, g)))
-
-
 def _any_gradient(problem: Problem, y0: Array, y1: Array) -> Array:
     """The majorant M_g of H, and of all H_j if there are several Hamiltonians."""
     stated = gradient_majorant(problem, y0, y1)
@@ -188,24 +176,6 @@ def _any_gradient(problem: Problem, y0: Array, y1: Array) -> Array:
     hessians = problem.noise_hessians or (None,) * problem.noises
     alike = zip(problem.noise_gradients, hessians, strict=True)
     return np.max([stated, *(_slope_majorant(g, H, y) for g, H in alike for y in (y0, y1))], axis=0)
-
-
-# The most nodes of a quadrature that is exact to rounding: 33 Chebyshev points, 20 Gauss nodes, …
-QUADRATURE_NODES = 40
-
-
-def quadrature_rounding(problem: Problem, y0: Array, y1: Array, h: float, dW: Array) -> Array:
-    """A bound (d,) of the change of the right side by another quadrature of ∇̄H that is exact to rounding.
-
-    A sum of N products w_n ∇H(y_n) in any order is off by at most (N + 2)u Σ|w_n||∇H(y_n)| (Higham, *Accuracy and
-    Stability of Numerical Algorithms*, §3.1), weights rounded; rounded points y_n are part of M_g where H is no
-    polynomial, and a few of N where it is. Weights are positive with sum 1, so that it is N u |Δ|₁ M_B M_g.
-    The result is 0 where that overflows, which excuses nothing.
-    """
-    with np.errstate(all="ignore"):
-        length = abs(h) + float(np.sum(np.abs(problem.c * dW)))
-        flow = matvec(structure_majorant(problem, y0, y1), gradient_majorant(problem, y0, y1))
-        return np.nan_to_num(0.5 * EPS * QUADRATURE_NODES * length * flow, nan=0.0, posinf=0.0)
 
 
 def energy_bound(problem: Problem, y0: Array, y1: Array, residual: Array) -> Any:

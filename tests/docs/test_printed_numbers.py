@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from doors import ROOT, block_in, doc, python, verdicts
 from sepv.properties._trace_formula import mean_after
-from sepv.properties.test_energy_drift import quantity
+from sepv.properties.test_energy_drift import drift_of_energy, quantity
 from sepv.reference.paper.remarks import _solvable
 
 import sepv
@@ -22,7 +22,7 @@ from sepv.external import Program, check_protocol, load_program
 from sepv.external._errors import StepRefused
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.problems._common import hat
-from sepv.problems._polynomial_system import drift_of_energy, started
+from sepv.problems._polynomial_system import started
 from sepv.record import _polynomial as poly
 from sepv.record import polynomial
 from sepv.studies._solvability.map import solvability_map

@@ -18,6 +18,7 @@ from sepv.properties import test_casimir_drift as casimir_drift
 from sepv.properties import test_energy_drift as energy_drift
 from sepv.properties import test_identity as identity
 from sepv.properties._trace_formula import mean_after
+from sepv.properties.test_energy_drift import drift_of_energy
 from sepv.reference.equations_by_class import BOTH_INVARIANTS
 from sepv.reference.generator import moments
 from sepv.reference.steps import reference_step
@@ -31,7 +32,7 @@ from sepv.errors import ProblemError, Skipped, SystemsError
 from sepv.problem import DampedProblem, HamiltoniansProblem, PolynomialSystem, Systems, vector_field
 from sepv.problem._checks import check_problem
 from sepv.problem._hamiltonians import noise_vectors
-from sepv.problems import drift_of_energy, from_json, to_json
+from sepv.problems import from_json, to_json
 from sepv.record import _polynomial as poly
 from sepv.simulate import _wiener as wiener
 from sepv.verification import Case, state_ulp

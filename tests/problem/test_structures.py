@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sepv.properties._orders.several_fields import finer
+from sepv.properties.test_reference import critical_step
 from sepv.reference.equations_by_class import equation_for
 from sepv.reference.steps import reference_step
 
@@ -20,7 +21,7 @@ from sepv.record import _polynomial as poly
 from sepv.record._binary64 import EPS, TINY
 from sepv.solve import Status
 from sepv.verification import Case
-from sepv.verification._cases.commuting import commuting_step, critical_step
+from sepv.verification._cases.commuting import commuting_step
 from sepv.verification._cases.of_law import EVERYTHING, Question
 
 _RANDOM = st.randoms(use_true_random=False)

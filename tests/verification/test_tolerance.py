@@ -7,6 +7,7 @@ from typing import Any
 import mpmath
 import numpy as np
 import pytest
+from sepv.properties.test_reference import QUADRATURE_NODES, quadrature_rounding
 
 import sepv
 from sepv import problems, schemes
@@ -15,7 +16,6 @@ from sepv.record import _polynomial as poly
 from sepv.record._binary64 import EPS, TINY
 from sepv.schemes._tableaux import amplification
 from sepv.verification import _tolerance as tolerance
-from sepv.verification._tolerance import QUADRATURE_NODES, quadrature_rounding
 
 # The same formula in another order: a dozen operations on numbers that do not cancel.
 SAME = 12 * EPS

@@ -11,7 +11,7 @@ from sepv.problem import Array, Problem, StructuresProblem
 from sepv.problems import commuting_actions
 from sepv.record import Polynomial, poly
 from sepv.verification._cases.case import Case
-from sepv.verification._cases.random_parts import coefficient, hamiltonian
+from sepv.verification._cases.random_parts import hamiltonian
 from sepv.verification._cases.strata import monomials
 
 
@@ -22,8 +22,8 @@ def commuting_step(random: Random) -> Case | None:
     fields at y allow, which is measured and not derived.
     """
     n, m = random.randint(1, 2), random.randint(1, 2)
-    H = poly.add(poly.linear((1.0,) * n), _of_actions(n, random))
-    others = [_of_actions(n, random) for _ in range(m)]
+    H = poly.add(poly.linear((1.0,) * n), of_actions(n, random))
+    others = [of_actions(n, random) for _ in range(m)]
     system = commuting_actions(H, others, tuple(random.choice([1.0, 0.5, 2.0, 0.25]) for _ in range(m)))
     y = tuple(random.choice([0.5, 1.0, -0.75]) for _ in range(2 * n))
     problem, state = problems.build(system), np.array(y)
@@ -34,28 +34,7 @@ def commuting_step(random: Random) -> Case | None:
     return Case(system, y, part, dW)
 
 
-def critical_step(random: Random) -> Case:
-    """A step from a critical point of H_0 at which some B∇H_j is not zero: it must be refused.
-
-    It is a plane at rest beside one that a noise turns, or a circle of critical points, H_0 = ½I² − I_0 I.
-    """
-    a, b = random.choice([(1.0, 0.0), (0.5, 0.5), (1.0, -2.0), (-0.25, 0.5)])
-    y: tuple[float, ...]
-    if random.choice([True, False]):
-        n, kept, y = 2, 1, (0.0, 0.0, a, b)
-        H = poly.polynomial(2, {(1, 0): 1.0, (2, 0): coefficient(random), (1, 1): coefficient(random)})
-    else:
-        # I_0 is a sum of squares of few bits: ∇H_0 = (I − I_0) y is exactly zero.
-        n, kept, y = 1, 0, (a, b)
-        H = poly.polynomial(1, [((2,), 0.5), ((1,), -0.5 * (a * a + b * b))])
-    m = random.randint(1, 2)
-    others = [poly.variable(n, kept), *(_of_actions(n, random) for _ in range(m - 1))]
-    system = commuting_actions(H, others, (1.0, 0.5)[:m])
-    h = random.choice([2.0**-3, 2.0**-6, 2.0**-10])
-    return Case(system, y, h, tuple(random.choice([1.0, -1.0, 0.5]) * h**0.5 for _ in range(m)))
-
-
-def _of_actions(n: int, random: Random) -> Polynomial:
+def of_actions(n: int, random: Random) -> Polynomial:
     """A polynomial in the actions I_1, …, I_n of degree one or two, without constant term."""
     degree = random.randint(1, 2)
     return hamiltonian(n, degree, random.randint(1, min(3, monomials(n, degree))), 1.0, random)
