@@ -16,7 +16,7 @@ from sepv.properties._trace_formula import Quantity, measured, short
 from sepv import problems
 from sepv.errors import Skipped
 from sepv.problem import Array, GivenProblem, HamiltoniansProblem, PolynomialSystem, Problem, Systems
-from sepv.problems._polynomial_system import bracket
+from sepv.problems import bracket
 from sepv.record import Polynomial, PolynomialMap, poly
 from sepv.schemes import Scheme
 from sepv.verification import Case, Cases, Effort, Measurement, energy_bound, energy_ulp, require, searched

@@ -35,8 +35,8 @@ from sepv.problems._noisy_oscillators import pushed_henon_heiles as pushed_henon
 from sepv.problems._one_degree import harmonic_oscillator as harmonic_oscillator
 from sepv.problems._one_degree import pendulum as pendulum
 from sepv.problems._point_vortices import point_vortices as point_vortices
+from sepv.problems._polynomial_system import bracket, started, structure_entries
 from sepv.problems._polynomial_system import polynomial_problem as polynomial_problem
-from sepv.problems._polynomial_system import started, structure_entries
 from sepv.problems._rigid_body import rigid_body as rigid_body
 from sepv.problems._several import commuting_actions
 from sepv.problems._several import commuting_oscillators as commuting_oscillators
