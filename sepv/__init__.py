@@ -1,12 +1,12 @@
 """Property-based verification and benchmarks for energy-preserving integrators of stochastic Poisson systems.
 
-verify(scheme)                     every law on a scheme, as a `Report`; problems=[…] for what it is for
-integrate, ensemble, long_path     one path, the ends of many, one of any length
-exact_flow(problem, theta)         the exact solution at random times
+verify(scheme)                     measure every law on a scheme; problems=[…] names the scheme's problems
+integrate, ensemble, long_path     compute one path, the end states of many paths, one path of any length
+exact_flow(problem, theta)         compute the exact solution at random times
 Scheme, StatefulStep, Problem, …   the records that a user makes
 schemes, problems, strategies      the built-in schemes and problems, and random systems for Hypothesis
-simulate, exact, large, …          the rooms of the package, each with what it has for you
-Effort, Report, Verdict, Ensemble, Trajectory, and the errors, of which `Skipped` is raised by a step
+simulate, exact, large, …          the subpackages, each with its own public names
+Effort, Report, Verdict, Ensemble, Trajectory, and the errors; a user's step may raise `Skipped`
 
 >>> import sepv
 >>> report = sepv.verify("midpoint", laws="identity,energy", problems="pendulum")
@@ -23,7 +23,7 @@ import os as _os
 from sepv._lazy import lazily
 from sepv._version import __version__ as __version__
 
-# `typing` takes ten times as long to import as all of this, and `pathlib` as long as that: its name is set here.
+# Importing `typing` or `pathlib` takes ten times as long as the rest of this file, so TYPE_CHECKING is set here.
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from sepv import exact as exact
@@ -64,8 +64,8 @@ if TYPE_CHECKING:
     from sepv.verification import strategies as strategies
     from sepv.verification import verify as verify
 
-# In a checkout that is on the path itself, `sepv.properties` and `sepv.reference` are the folders beside this one:
-# an installation maps them, but Python finds ./sepv before it.
+# `sepv.properties` and `sepv.reference` are folders beside this one, which an installation maps into the package.
+# If the checkout itself is on the path, Python finds ./sepv before the installation, so they are added here.
 _HERE = _os.path.dirname(_os.path.realpath(__file__))
 _CHECKOUT = _os.path.dirname(_HERE)
 if not _os.path.isdir(f"{_HERE}/reference") and _os.path.isdir(f"{_CHECKOUT}/reference/witnesses"):

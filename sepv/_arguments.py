@@ -1,6 +1,6 @@
-"""Numbers from outside: arguments as arrays of float64, and JSON, whose doubles are numbers or hex floats with 0x.
+"""Conversion of users' numbers: arguments to float64 arrays, and JSON, whose numbers may be hex floats with 0x.
 
-Text, complex numbers and ragged lists are refused; in JSON, NaN and repeated keys.
+Arguments may not be text, complex numbers or ragged lists. JSON may not contain NaN or repeated keys.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _SHOWN = 60
 
 
 def floats(what: str, value: Any) -> NDArray[np.float64]:
-    """Convert a value to an array of binary64 numbers, finite or not; a UsageError if it is not one of real numbers."""
+    """Convert a value to an array of binary64 numbers, finite or not; a UsageError for anything but real numbers."""
     try:
         array = np.asarray(value)
         if array.dtype.kind == "O":
@@ -52,7 +52,7 @@ def is_number(value: Any) -> bool:
 
 
 def is_whole(value: Any) -> bool:
-    """True for one integer, which True and False are not."""
+    """True for one integer; False for the truth values True and False."""
     return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
 
 
@@ -73,7 +73,7 @@ def require_flag(what: str, value: Any) -> None:
 
 
 def optional(module: str, expected: str, remedy: str, kind: type[UsageError] = UsageError) -> Any:
-    """Import a module that may not be installed; the error says what it is needed for."""
+    """Import a module that may not be installed; if it is missing, the error says what needs it."""
     try:
         return import_module(module)
     except ImportError as error:
@@ -81,7 +81,7 @@ def optional(module: str, expected: str, remedy: str, kind: type[UsageError] = U
 
 
 def did_you_mean(word: Any, known: Iterable[str]) -> str:
-    """An unknown word in quotes for a message, with the closest known one, if any is close."""
+    """Quote an unknown word for a message, with the closest known word if one is close."""
     near = get_close_matches(str(word).replace("_", "-").lower(), list(known), n=1)
     return f"{word!r} (did you mean {near[0]!r}?)" if near else repr(word)
 

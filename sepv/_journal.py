@@ -1,8 +1,8 @@
-"""Messages of a process to the one that watches it, so that its results survive a crash and the crash has a name.
+"""Messages from a process to its watcher, so that finished results survive a crash and the crash is described.
 
-``sepv`` on the command line runs in a process that another one watches (`sepv.commands._watch`). The measurement of a
-law is work with a key. Its result is sent to the watcher, so that after a crash the other laws go on in a new process.
-Without a watcher nothing here has any effect.
+A command of ``sepv`` runs in a child process; its parent is the watcher (`sepv.commands._watch`). Each measurement of a
+law is work with a key, a text. Its result is sent to the watcher, so that after a crash a new process measures the
+remaining laws. Without a watcher no message is sent.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from typing import Any, TypeVar
 
 T = TypeVar("T")
 
-# The most bytes of a note, and the bytes of its length before it.
+# The size of the shared memory in bytes, and how many of them hold the length of the note behind them.
 BYTES, _SIZE = 1 << 20, 4
 
-# The kinds of messages: work begins, its result, it ended without one; Ctrl-C is answered, or was lost; the end.
+# The kinds of messages: work begins; its result; work ended without a result; Ctrl-C is handled, or was lost; the end.
 BEGIN, RESULT, BACK, ANSWERED, LOST, END = b"b", b"r", b"k", b"a", b"l", b"e"
 
 
 class Crashed(Exception):
-    """The work ended its process; `note` is a case as JSON, a step in words, or None if neither was noted.
+    """The work crashed its process. `note` is the last case as JSON, or the last step in words; None without a note.
 
-    `violated` is a case as JSON that had violated the law before, or None.
+    `violated` is a case as JSON that violated the law before the crash, or None.
     """
 
     def __init__(self, status: str, note: bytes = b"") -> None:
@@ -41,13 +41,13 @@ class Crashed(Exception):
 
 
 class Notes:
-    """The last note, in memory that two processes share: writing it is no system call, and it survives a crash."""
+    """The last note, in memory that two processes share, so that it survives a crash; writing needs no system call."""
 
     def __init__(self, file: int = -1) -> None:
         self.memory = mmap(file, BYTES)
 
     def put(self, text: bytes) -> None:
-        """Replace the note; a text that is too long leaves none."""
+        """Replace the note; if the text is too long, the note is empty."""
         size = len(text) if len(text) <= BYTES - _SIZE else 0
         self.memory[_SIZE : _SIZE + size] = text[:size]
         self.memory[:_SIZE] = size.to_bytes(_SIZE, "big")
@@ -61,17 +61,17 @@ class Notes:
 class Journal:
     """The connection of a process to its watcher: a channel for messages, and a place for notes.
 
-    `results` and `crashes` are those of earlier processes of the run by the key of their work.
+    `results` and `crashes` hold the results and crashes of earlier processes of the run, by the key of the work.
     """
 
     send: Callable[[bytes, bytes], None]
     notes: Notes
     results: Mapping[str, bytes] = field(default_factory=dict)
     crashes: Mapping[str, tuple[str, bytes]] = field(default_factory=dict)
-    # The number of cases noted by the current work, and the time of the last one.
+    # The number of cases noted by the current work, and the time of the last note.
     cases: int = 0
     since: float = 0.0
-    # A case that violates, found by the current work.
+    # A case that violates the law which the current work measures.
     violated: dict[str, Any] | None = None
 
 
@@ -89,12 +89,12 @@ def current_journal() -> Journal | None:
 
 
 def attempted(key: str, work: Callable[[], T], *, kept: bool = True) -> T:
-    """Do the work of a key and return its result. If `kept`, it is computed once in a run, and must be picklable.
+    """Do the work with this key and return its result. If `kept`, the result, a picklable one, is computed once a run.
 
     Raises
     ------
     Crashed
-        If an earlier process of this run died of it.
+        If this work crashed an earlier process of the run.
     """
     journal = _journal.get()
     if journal is None:
@@ -117,7 +117,7 @@ def attempted(key: str, work: Callable[[], T], *, kept: bool = True) -> T:
 
 
 def note_case(case: Callable[[], dict[str, Any]]) -> None:
-    """Note the current case, in case it ends this process."""
+    """Note the current case, so that the watcher can report it if it crashes this process."""
     journal = _journal.get()
     if journal is not None:
         journal.cases, journal.since = journal.cases + 1, time.monotonic()
@@ -125,21 +125,21 @@ def note_case(case: Callable[[], dict[str, Any]]) -> None:
 
 
 def note_violation(case: Callable[[], dict[str, Any]]) -> None:
-    """Note a case that violates the current law: a later crash must not hide it."""
+    """Note a case that violates the current law, so that a later crash does not hide the violation."""
     journal = _journal.get()
     if journal is not None:
         journal.violated = case()
 
 
 def note_step(step: Callable[[], str]) -> None:
-    """Note the current step in words, in case it ends this process, unless it belongs to a case that is noted."""
+    """Note the current step in words, for a report of a crash, unless the current work has noted a case."""
     journal = _journal.get()
     if journal is not None and not journal.cases:
         journal.notes.put(pickle.dumps((step(), None)))
 
 
 def interruption_answered() -> None:
-    """Report that Ctrl-C was seen, and that this process will end by itself: it hears no other one."""
+    """Tell the watcher that this process saw Ctrl-C and will end by itself; further Ctrl-C are ignored."""
     journal = _journal.get()
     if journal is not None:
         signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -1,7 +1,7 @@
 """Results that no scheme influences, kept between runs in the user's cache: random test cases, reference solutions.
 
-They are a fifth of the time of a run of all laws. A change of sepv's own files, or another version of Python or NumPy,
-makes them anew.
+Without them a run of all laws spends a fifth of its time on computing them. They are computed anew if a file of sepv,
+or the version of Python or NumPy, has changed.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ import numpy as np
 from sepv.files import cache_folder, write_atomically
 
 T = TypeVar("T")
-# The most results of one kind: twice as many as a run of all laws has. Those that were used last stay.
+# The largest number of stored results of one kind, twice what a run of all laws needs: the last used are stored.
 MOST = 2048
 
 
 class Kept:
-    """The results of one kind, by a text that determines them. They are read at the first use."""
+    """The stored results of one kind, each by a key text that determines it. The file is read at the first use."""
 
     def __init__(self, kind: str) -> None:
         self.kind, self.added = kind, False
         self.results: dict[str, Any] | None = None
 
     def get(self, key: str, make: Callable[[], T]) -> T:
-        """The result for this key; `make` computes it where it is not kept. What `make` raises is not kept."""
+        """The result for this key; if none is stored, `make` computes it. An exception of `make` is not stored."""
         if self.results is None:
             self.results = self._read()
         made = self.results.pop(key) if key in self.results else self._made(make)
@@ -46,7 +46,7 @@ class Kept:
         return made
 
     def save(self) -> None:
-        """Write the results if some are new; nothing where the folder cannot be written to."""
+        """Write the results if some are new; do nothing if the folder cannot be written to."""
         if self.added and self.results is not None:
             last = dict(list(self.results.items())[-MOST:])
             with suppress(OSError):
@@ -54,7 +54,7 @@ class Kept:
             self.added = False
 
     def _read(self) -> dict[str, Any]:
-        # A file that is torn, of other sources or of somebody's own is made again.
+        # A file that is damaged, or that another version of the sources wrote, is replaced.
         with suppress(Exception):
             sources, results = pickle.loads(_path(self.kind).read_bytes())
             if sources == _sources():
@@ -64,7 +64,7 @@ class Kept:
 
 @cache
 def kept(kind: str) -> Kept:
-    """The results of this kind in this process."""
+    """The store of results of this kind: the same object at each call in this process."""
     _KINDS.append(found := Kept(kind))
     return found
 
@@ -79,7 +79,7 @@ def save_all() -> None:
 
 
 def _path(kind: str) -> Path:
-    # Environments side by side, such as those of two branches, do not replace each other's files.
+    # The name depends on the path of this file, so that two installations do not replace each other's results.
     return cache_folder("kept") / f"{kind}-{crc32(__file__.encode()):08x}.pickle"
 
 

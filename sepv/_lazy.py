@@ -1,10 +1,10 @@
-"""Names that a room offers and loads when they are first used."""
+"""Lazy names of a package: they are loaded when they are first used."""
 
 from __future__ import annotations
 
 from importlib import import_module
 
-# `typing` and `collections.abc` take longer to import than this.
+# `typing` and `collections.abc` take longer to import than the rest of this file.
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -12,15 +12,15 @@ if TYPE_CHECKING:
 
 
 def lazily(room: str, offered: Mapping[str, str]) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """Make `__getattr__` and `__dir__` of a room.
+    """Make `__getattr__` and `__dir__` of a package that loads its names when they are first used.
 
     Parameters
     ----------
     room : str
-        Its name.
+        The name of the package.
     offered : mapping of str
-        Names by the module below the room that has them, separated by blanks. `one=other` is its `other` under the
-        name `one`, `*one` the module itself.
+        For each module of the package, the names that the package takes from it, separated by blanks. `one=other` is
+        the module's `other` under the name `one`; `*one` is the module itself, under the name `one`.
     """
     places = {}
     for module, entries in offered.items():

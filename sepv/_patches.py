@@ -1,7 +1,7 @@
-"""All patches of other packages: names outside their interfaces that sepv changes.
+"""All patches of other packages: names outside the packages' public interfaces that sepv changes.
 
-Each has its reason upstream. tests/simulate/test_compiled_code.py has a test for each that fails once the reason is
-gone; then the patch goes.
+Each patch answers a behaviour of the other package. tests/simulate/test_compiled_code.py has a test for each patch,
+which fails once that behaviour has changed; the patch is then to be removed.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ from typing import Any
 
 
 def put_off_blas() -> None:
-    """Make numba import scipy.linalg only for code that calls BLAS: that is a fifth of the time of a first ensemble.
+    """Make numba import scipy.linalg only for code that calls BLAS: this saves a fifth of the first ensemble's time.
 
-    numba.np.arraymath imports it to learn if it is there, which it is, since sepv needs SciPy. Code that calls BLAS
-    asks numba.np.linalg.ensure_blas again.
+    numba.np.arraymath imports scipy.linalg to check that it is installed, which sepv requires anyway. Code that calls
+    BLAS makes the same check again, by numba.np.linalg.ensure_blas.
     """
     from numba.np import linalg
 
@@ -32,10 +32,10 @@ def put_off_blas() -> None:
 
 
 def add_attribute(attributes: Any, text: str) -> None:
-    """Add an attribute that LLVM knows to those of a function of llvmlite.
+    """Add an attribute of LLVM, as text, to the attributes of a function of llvmlite.
 
-    llvmlite has a list of names and refuses others, such as one with a value, "prefer-vector-width"="512". This one
-    goes into the set without the check.
+    llvmlite has a list of names and refuses others, such as a name with a value, "prefer-vector-width"="512". This
+    function adds the text to the set of attributes without llvmlite's check.
     """
     set.add(attributes, text)
 
@@ -44,9 +44,9 @@ def add_attribute(attributes: Any, text: str) -> None:
 def without_local_constants() -> Iterator[None]:
     """A context in which Hypothesis draws from its own list of constants only; its state is restored at the end.
 
-    It also draws constants that it reads in loaded modules, and has no switch for that. A run would depend on the
-    command that started it, on the user's own source and on how sepv is installed. A release without such constants,
-    or with them elsewhere, is not changed.
+    By default Hypothesis also draws constants that it reads in loaded modules, and no option prevents that. The run
+    would then depend on the command that started it, on the user's own source and on how sepv is installed. If a
+    release of Hypothesis has no such constants, or has them under other names, nothing is changed.
     """
     providers: Any
     try:

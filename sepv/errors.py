@@ -25,14 +25,14 @@ class UsageError(SepvError, ValueError):
 def require_one_of(
     what: str, given: Any, known: Collection[Any], remedy: str = "correct the name", received: str = ""
 ) -> None:
-    """Raise a UsageError for a value that is not among the known ones; `what` names it in the message."""
+    """Raise a UsageError for a value that is not among the known ones; `what` names the value in the message."""
     if given not in known:
         names = ", ".join(map(str, known))
         raise UsageError(expected=f"{what}, one of {names}", received=received or repr(given), remedy=remedy)
 
 
 class ProblemError(UsageError):
-    """A problem whose parts contradict each other, such as a gradient that is not that of H."""
+    """A problem whose parts contradict each other, such as a gradient that is not ∇H."""
 
 
 class SystemsError(UsageError):
@@ -44,11 +44,11 @@ class TargetError(UsageError):
 
 
 class SchemeFault(UsageError):
-    """A result of a scheme that breaks the contract of ``step``, by its shape, type, NaN or mutation."""
+    """A scheme broke the contract of ``step``: a wrong shape or type, a NaN, or a changed argument."""
 
 
 class Skipped(SepvError):
-    """A problem that a program does not take: no fault, and no verdict about a law."""
+    """A scheme does not take this problem, which is no fault of the scheme and no verdict about a law."""
 
     def __init__(self, reason: str) -> None:
         self.reason = reason
@@ -56,7 +56,7 @@ class Skipped(SepvError):
 
 
 class ClusterFailure(SepvError, RuntimeError):
-    """A cluster is gone, or cannot do this work."""
+    """A cluster of workers is lost, or cannot do this work."""
 
     def __init__(self, what: str, remedy: str) -> None:
         self.what, self.remedy = what, remedy
@@ -64,14 +64,14 @@ class ClusterFailure(SepvError, RuntimeError):
 
 
 class ChunkFailure(SepvError, RuntimeError):
-    """An ensemble is incomplete: a chunk raised, on its worker and again here, or the cluster is gone.
+    """An ensemble is incomplete: some paths raised, in a worker and again in this process, or a cluster is lost.
 
     Attributes
     ----------
     paths : (P,) array, or a range
         The numbers of the paths that are finished.
     ensemble : Ensemble
-        The ends of these paths; with `reduce=` their summaries.
+        The end states of the finished paths; if `reduce=` was given, their summaries.
     """
 
     def __init__(self, cause: Exception, finished: tuple[Any, Any]) -> None:
@@ -88,14 +88,14 @@ class ChunkFailure(SepvError, RuntimeError):
 
 
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C during an ensemble, with the finished part.
+    """Ctrl-C interrupted an ensemble; the error holds the finished paths.
 
     Attributes
     ----------
     paths : (P,) array, or a range
         The numbers of the paths that are finished.
     ensemble : Ensemble
-        The ends of these paths; with `reduce=` their summaries.
+        The end states of the finished paths; if `reduce=` was given, their summaries.
     """
 
     def __init__(self, finished: tuple[Any, Any]) -> None:
@@ -105,7 +105,7 @@ class Interrupted(KeyboardInterrupt):
         )
 
 
-# The remedy for each status of a solve, by the first words of its text.
+# The remedy for each status of a solve, by the first words of the status.
 _REMEDIES = {
     "no convergence": "a smaller h, or a truncation of the increments (Remark 2.1); for large |Δ| the equation may "
     "have no solution near y at all, and `sepv solvability` shows how far the solutions from y reach",
@@ -123,10 +123,10 @@ class TruncationWarning(UserWarning):
 
 
 class StepFailure(SepvError, ArithmeticError):
-    """A step's implicit equation was not solved. Nothing unconverged is ever returned unmarked.
+    """The implicit equation of a step was not solved. An unconverged result is never returned unmarked.
 
-    A user's scheme raises it with words, ``StepFailure("no convergence after 50 iterations")``; the schemes of sepv
-    give the facts by name, and the message is made from them.
+    A user's scheme raises this error with a text, ``StepFailure("no convergence after 50 iterations")``. The schemes of
+    sepv pass the attributes below by name, and the message is made from them.
 
     Attributes
     ----------
@@ -137,7 +137,7 @@ class StepFailure(SepvError, ArithmeticError):
     delta : float
         The random step Δ = h + Σ c_j ΔW_j.
     residual : float
-        Largest component of the residual of the implicit equation where the iteration stopped.
+        Largest component of the residual of the implicit equation at the state where the iteration stopped.
     status : str
         The kind of failure (see `sepv.solve.Status`).
     """

@@ -1,6 +1,6 @@
 """Files that a run writes: written whole or not at all, and the JSON Schemas that they obey.
 
-A result is one JSON object. Its first entry, "made", names its schema and the versions that made it.
+A result is one JSON object. Its first entry, "made", names the schema and the versions of the software that wrote it.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ __all__ = ["RESULTS", "schema"]
 
 
 def require_folder(path: str | None) -> None:
-    """Raise a UsageError for the path of a file that cannot be written, before hours of work."""
+    """Raise a UsageError if no file can be written at this path; for a check before a long computation."""
     if path is None:
         return
     folder = Path(path).resolve().parent
@@ -42,8 +42,8 @@ def require_folder(path: str | None) -> None:
 def cache_folder(name: str) -> Path:
     """A folder that only this user can write to: ~/.cache/sepv/NAME, or below $XDG_CACHE_HOME or $SEPV_CACHE_DIR.
 
-    Without such a folder (no home, a read-only one, one of somebody else) it is a fresh one, removed when this process
-    ends: code is run from there, and a name in /tmp that others can guess would let them choose it.
+    Code is run from this folder, so others must not be able to write to it. If there is none (no home, a read-only
+    home, somebody else's home), a temporary folder with a random name is made, and removed when this process ends.
     """
     try:
         named = os.environ.get("SEPV_CACHE_DIR")
@@ -68,7 +68,7 @@ def _fresh_folder(name: str) -> Path:
 
 
 def _is_private(folder: Path) -> bool:
-    """True if nobody else can write there; Windows keeps users apart by their homes."""
+    """True if only this user can write to the folder; always on Windows, which protects each user's home."""
     status = folder.stat()
     return not hasattr(os, "geteuid") or (status.st_uid == os.geteuid() and not status.st_mode & 0o022)
 
@@ -87,19 +87,19 @@ def write_atomically(path: str, content: str | bytes) -> None:
         raise
 
 
-# The results that commands write, with the version of their schema, raised where older readers would misread a file.
+# The results that commands write, with their schema's version: it is raised if older programs would misread a file.
 RESULTS = {
     "bench": 1, "comparison": 1, "growth": 1, "hard": 1, "path": 1, "report": 2, "reproduction": 1, "solvability": 1,
     "teeth": 1, "ulps": 1,
 }  # fmt: skip
-# The names of all schemas: those of results, and of problems and witnesses, which users write.
+# The names of all schemas: the results, and the problems and witnesses, which users write.
 SCHEMAS = (*RESULTS, "problem", "witness")
-# The most bytes of a file; larger ones are no result of this package.
+# The largest file in bytes; no result of this package is larger.
 LARGEST = 64 * 2**20
 
 
 def json_text(data: Any, *, indent: int | None = 1) -> str:
-    """Strict JSON: a ValueError for a number that is not finite, which `finite` makes null."""
+    """Write data as strict JSON; a ValueError for a number that is not finite (`finite` converts it to null)."""
     return json.dumps(data, indent=indent, ensure_ascii=False, allow_nan=False) + "\n"
 
 
@@ -117,7 +117,7 @@ def finite(value: Any) -> Any:
 def write_json(
     path: str, name: str, data: dict[str, Any], *, command: str = "", indent: int | None = 1
 ) -> None:
-    """Write a result, one of `RESULTS`, after its origin: versions, the platform and the command."""
+    """Write a result, one of `RESULTS`, with its origin first: versions, the platform and the command."""
     write_atomically(path, json_text({"made": made(name, command)} | data, indent=indent))
 
 
@@ -148,7 +148,7 @@ def read_json(path: str | Path, largest: int = LARGEST, /, *, expected: str, rem
 
 
 def require_schema(data: Any, name: str, path: str | Path, *, expected: str, remedy: str) -> None:
-    """Raise UsageError for data of a file that do not obey a schema of `SCHEMAS`. Older files have no "made"."""
+    """Raise a UsageError if a file's data break this schema of `SCHEMAS`. Older files have no entry "made"."""
     made = data.get("made") if isinstance(data, dict) else None
     version = made.get("version") if isinstance(made, dict) else None
     if isinstance(version, int) and version > RESULTS.get(name, version):
@@ -162,11 +162,12 @@ def require_schema(data: Any, name: str, path: str | Path, *, expected: str, rem
 
 
 def schema(name: str) -> dict[str, Any]:
-    """The JSON Schema of one of `SCHEMAS`; that of a result describes "made" in full.
+    """The JSON Schema of this name; the schema of a result describes the entry "made" in full.
 
     Raises
     ------
     UsageError
+        For a name that is not in `SCHEMAS`.
     """
     require_one_of("a schema", name, SCHEMAS)
     packaged = _packaged("problem" if name == "witness" else name)
@@ -184,7 +185,7 @@ def _packaged(name: str) -> dict[str, Any]:
 
 
 def fault(data: Any, schema: dict[str, Any]) -> str:
-    """The most informative fault of data by a JSON Schema, with its place; empty if they obey the schema."""
+    """Describe the most informative violation of a JSON Schema by data, with its place; empty if they obey it."""
     from jsonschema import Draft202012Validator, FormatChecker
     from jsonschema.exceptions import best_match
 
@@ -194,6 +195,6 @@ def fault(data: Any, schema: dict[str, Any]) -> str:
     error = best_match(errors)
     if error is None:
         return ""
-    # For a number, our own words, which say what it may be.
+    # For a wrong number, the error of `double`, which says how a number may be written.
     cause = next((e.cause for e in errors if e.cause is not None and e.json_path == error.json_path), None)
     return f"{error.json_path}: {cause or f'{error.message:.200}'}"

@@ -1,11 +1,12 @@
-"""The pytest plugin. It is opt-in: ``pytest -p sepv.pytest_plugin``; it never loads itself.
+"""The pytest plugin. It never loads itself: ``pytest -p sepv.pytest_plugin`` loads it.
 
-``pytest -p sepv.pytest_plugin --pyargs sepv.properties --scheme mypkg.mymodule:step`` runs the laws on a scheme
-of yours. With ini ``sepv_schemes`` they run beside your own tests whenever pytest is called without a path. A test
-module may have a list of that name; without any of these it is the built-in schemes.
+``pytest -p sepv.pytest_plugin --pyargs sepv.properties --scheme mypkg.mymodule:step`` runs the laws on your scheme. If
+the ini file lists ``sepv_schemes``, the laws run on them beside your own tests whenever pytest is called without a
+path. A test module may have a list ``sepv_schemes``. If no scheme is named, the laws run on the built-in schemes.
 
-Claimed laws must hold. A law that is not claimed is skipped with what was measured, as is one that does not apply;
-an error fails, claimed or not. ``--expected FILE`` is the file of ``sepv verify --pin``, strict both ways.
+A claimed law must hold. The test of an unclaimed law, or of a law that does not apply, is skipped and shows the
+measurement. A law that ends in an error fails, claimed or not. ``--expected FILE`` takes a file that ``sepv verify
+--pin`` wrote: a violation that the file does not list fails, and so does a listed violation that no longer occurs.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from sepv.errors import SepvError, UsageError
 from sepv.schemes import Scheme
 from sepv.verification import Effort, Expectations, Finding, Law, LawViolated, Run, Verdict, has_words
 
-# The findings, as properties of their tests, which travel from workers of pytest-xdist and into JUnit files.
+# The findings of this run. They are properties of tests, because pytest-xdist and JUnit files carry properties.
 _FINDINGS = pytest.StashKey[list[dict[str, str]]]()
 _RUNS = pytest.StashKey[dict[tuple[str, Effort], Run]]()
 _KEYS = ("sepv_scheme", "sepv_law", "sepv_verdict", "sepv_claimed", "sepv_name")
@@ -81,7 +82,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def _expectations(config: pytest.Config) -> Expectations:
-    """The expectations in the file of --expected or of the ini value; none without a file."""
+    """Read the expectations from the file that --expected or the ini value names; empty if neither names one."""
     from sepv.verification import LAWS
     from sepv.verification import load_expectations as load
 
@@ -111,7 +112,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     try:
         schemes = [load_scheme(name, metafunc.config.stash[_EXPECTED].claims or ()) for name in names]
     except SepvError as error:
-        # One error without frames of pytest: the other laws would repeat it.
+        # One error, without the frames of pytest; the remaining tests would only repeat the error.
         metafunc.definition.session.shouldfail = "there is no scheme to verify"
         raise pytest.Collector.CollectError(str(error)) from None
     if len(names) > 1 and metafunc.config.stash[_EXPECTED] != Expectations():
@@ -133,7 +134,7 @@ def effort(request: pytest.FixtureRequest) -> Effort:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Any:
-    """Make a law's finding the outcome of its test, in its own words and without frames of sepv."""
+    """Make a law's finding the outcome of its test, with the finding's text and without the frames of sepv."""
     if not _is_law(pyfuncitem.module):
         return (yield)
     from sepv.verification import law, require_named, suite
@@ -147,8 +148,8 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Any:
         if failure is not None:
             require_named(failure.witness, scheme)
         if not chosen.claimed_by(scheme) and not listed.is_pin:
-            # A violation becomes one line, without a counterexample, so none is simplified. An error is shown, and
-            # searched with the full effort.
+            # The violation of an unclaimed law is shown as one line, so its counterexample is not simplified.
+            # An error is shown in full, so the law is measured again with the full effort.
             finding = suite.measure(
                 chosen, scheme, replace(run, effort=replace(run.effort, shrink_checks=0)), failure=failure
             )
@@ -162,11 +163,11 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Any:
         try:
             result = yield
         except LawViolated:
-            pass  # judged below, in fewer words
+            pass  # `_conclude` below judges the finding, with a shorter text
         except SepvError as error:
             pytest.fail(str(error), pytrace=False)
     for finding in findings:
-        # The name of the scheme in reports and pins: a record has its own.
+        # The name of the scheme in reports and pins: that of a `Scheme` record, else the target.
         given = pyfuncitem.callspec.params if hasattr(pyfuncitem, "callspec") else {}
         name = getattr(given.get("scheme"), "name", target)
         row = (target, finding.law, finding.verdict.text, "yes" if finding.claimed else "no", name)

@@ -1,9 +1,9 @@
-"""From a scheme to verdicts: laws, their cases, their bounds, and the run that measures them.
+"""Verification of a scheme: laws, their cases, their bounds, and the run that measures the laws.
 
-Read `_law` first (a law, an effort, a verdict), then `_verify` (a run over all laws) with `_laws` (their list) and
-`_outcome` (the report). `_search` has laws about single steps, whose cases come from `strategies` and `_cases`.
-`_tolerance` derives every bound. `_report` prints a run, `_profiles` summarises its findings. The laws themselves,
-one a file, and what they measure with, are `sepv.properties`.
+Read `_law` first (a law, an effort, a verdict), then `_verify` (a run over all laws) with `_laws` (the list of laws)
+and `_outcome` (the report). `_search` measures laws about single steps; their cases come from `strategies` and
+`_cases`. `_tolerance` derives every bound. `_report` prints a report. `_profiles` states which properties a scheme was
+found to have. The laws themselves, one in each file, and the tools of their measurements are in `sepv.properties`.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Counterexamples replayed in a process that has made no other call of the scheme.
+"""Replay of counterexamples in a new process, which has made no other call of the scheme.
 
-A step that keeps state can violate a law after other calls, and obey it alone. The report then says so. One process
-replays all counterexamples of a run, and only of a scheme that it can import by name.
+A step that keeps state between calls can violate a law after other calls, and obey the law in a first call. The report
+then says so. One process replays all counterexamples of a run, if it can import the scheme by name.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any
 from sepv.verification._cases.case import has_words
 from sepv.verification._law import Finding, Verdict
 
-# Seconds after which a process is ended without an answer.
+# The new process is ended after this many seconds if it has not answered.
 SECONDS = 60.0
 _ANSWER = (
     "from sepv.verification import _fresh, _verify\n"  # `_verify` imports this file, which does not import it
@@ -26,7 +26,7 @@ _ANSWER = (
 
 
 def asked_afresh(target: Any, findings: Sequence[Finding], problems: Any = None) -> tuple[Finding, ...]:
-    """The findings, with a note on each violation whose counterexample does not violate in a fresh process."""
+    """The findings, each violation with the verdict (`afresh`) on its counterexample in a new process."""
     named = isinstance(target, str) and ":" in target and _words(problems)
     again = [f for f in findings if _may_be_replayed(f)] if named else []
     if not again:
@@ -49,7 +49,7 @@ def asked_afresh(target: Any, findings: Sequence[Finding], problems: Any = None)
 
 
 def _may_be_replayed(finding: Finding) -> bool:
-    """True for a violation with one case as its witness; setups of paths take as long as the law."""
+    """True for a violation whose witness is one case: a replay of a setup of paths takes as long as the law."""
     witness = finding.witness or {}
     return (
         finding.verdict is Verdict.VIOLATED
@@ -65,7 +65,7 @@ def _words(problems: Any) -> bool:
 
 
 def answer(replay: Callable[..., Finding]) -> None:
-    """Answer, in the fresh process, a question on stdin with verdicts on stdout; the scheme prints to stderr."""
+    """Replay witnesses in the new process: read them from stdin, write verdicts to stdout; the scheme prints to stderr."""
     out = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
     question = json.load(sys.stdin)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class Verdict(Enum):
-    """The result of a law. Counts over a suite always add up to the number of its laws."""
+    """The verdict of a law on a scheme. Each law of a run has exactly one verdict."""
 
     HOLDS = "holds"
     VIOLATED = "violated"
@@ -42,7 +42,7 @@ class Verdict(Enum):
 
 @dataclass(frozen=True)
 class Measurement:
-    """One measurement: the defect, the bound derived for it, both in `unit`, and a line for a reader."""
+    """One measurement of a law: the defect and the bound derived for it, in the law's `unit`, and a line of text."""
 
     defect: float
     bound: float
@@ -73,25 +73,25 @@ class Finding:
         The evidence of a violation or an error: a `sepv.verification.Case` as JSON, or the setup of a statistical
         law.
     replay : str
-        Arguments after ``sepv verify TARGET`` that show it again.
+        Arguments after ``sepv verify TARGET`` that measure the witness again.
     checks : int
         The number of measured examples or paths.
     message : str
-        The witness for a reader, or the reason of a verdict.
+        The witness in words, or the reason of the verdict.
     at_least : bool
-        True if the bound is a lower one, as for a measured order.
+        True if the bound is a lower bound, as for a measured order.
     traceback : str
         The traceback of an exception that the scheme raised.
     expected : str or None
-        The reason of an expected failure, which was checked by its witness.
+        The reason, if the law was expected to fail; the law was then measured on a stored witness alone.
     skipped : int
         The number of cases that the scheme refuses (`sepv.errors.Skipped`).
     share : float or None
-        Of a law that skipped cases it must ask: the share of its design that was measured.
+        The measured share of the law's cases, if cases that every scheme must take were skipped; else None.
     afresh : str
-        Of a violation: the verdict on its witness in a process without other calls; empty where none was asked.
+        For a violation, the verdict on its witness in a new process; empty if no process was started for it.
     step_seconds : float or None
-        Seconds of a step of one state, if the law timed it: for the estimate of a run's remaining time.
+        Seconds for a step of one state, if the law timed it; for the estimate of a run's remaining time.
     """
 
     law: str
@@ -121,7 +121,7 @@ class Finding:
 
     @property
     def words(self) -> str:
-        """The finding as a line: casimir (Prop. 3.2) violated: 1.2e+09 against 51 ulp of C."""
+        """The finding as one line, such as: casimir (Prop. 3.2) violated: 1.2e+09 against 51 ulp of C."""
         size = ""
         if self.defect is not None and self.bound is not None:
             size = f": {self.defect:.3g} against {self.bound:.3g} {self.unit}"
@@ -142,20 +142,20 @@ class Effort:
     Attributes
     ----------
     examples : int
-        Hypothesis examples a law, after its design.
+        Random examples of Hypothesis for each law, after the law's design (cases that meet every stratum).
     designs : int
-        Repetitions of a law's design, each with other content in the same strata.
+        Repetitions of a law's design, each with other random content in the same strata (classes of cases).
     paths : int
-        Largest number of paths of a statistical law. More than the default also lifts what is spared of a scheme that
-        takes one state at a time.
+        Largest number of paths of a statistical law. For a scheme that takes one state at a time, laws make fewer
+        steps, unless this number is above the default.
     seed : int
         The seed of examples and paths: the same seed gives the same run.
     shrink_checks : int
-        How many checks a counterexample may be simplified with; 0 leaves it as it was found. A number and not a time,
-        so that a finding does not depend on what else the machine does.
+        The most measurements for simplifying a counterexample; 0 leaves it unchanged. This is a number and not a time,
+        so that a finding does not depend on the load of the machine.
     corpus : bool
-        True if known witnesses (`sepv.verification._corpus`) are tried before a law's design. Without them, a count of
-        examples measures the search alone.
+        True if witnesses, cases that once showed a violation (`sepv.verification._corpus`), are tried before a law's
+        design. False for counting the examples that the search alone needs.
     """
 
     examples: int = 8
@@ -175,13 +175,13 @@ class Effort:
 
 
 def sparing(scheme: Scheme, effort: Effort) -> bool:
-    """True if few steps are made: for a scheme that takes one state at a time, unless more paths are requested."""
+    """True if laws make fewer steps: the scheme takes one state at a time, and no more paths were requested."""
     return not scheme.batched and effort.paths <= Effort.paths
 
 
 @dataclass(frozen=True)
 class Run:
-    """One run of laws on one scheme: the effort, and the errors that several laws judge.
+    """One run of laws on one scheme: the effort, and computed errors that several laws share.
 
     Attributes
     ----------
@@ -210,14 +210,14 @@ class Law:
     always_claimed : bool
         True for the contract of ``step``, which every scheme must obey.
     cost : float
-        Processor seconds for (2.1), measured once, without the steps below, after the laws before it; the first of
-        the laws that share paths pays for them. For the estimate of a run's remaining time.
+        Processor seconds that the law takes for scheme (2.1), without the time of `steps`; for the estimate of a run's
+        remaining time. If laws share paths, the cost of the first of them includes the paths.
     steps : int
-        The number of states of given problems that (2.1) steps, for the same estimate.
+        The number of steps of one state that the law makes with scheme (2.1) on fixed problems, for that estimate.
     cases : sepv.verification.Cases or None
-        The cases of a law about single steps.
+        The cases of a law about single steps; None for other laws.
     spared : int
-        `steps` for a scheme that takes one state at a time, if that is less.
+        The number of steps for a scheme that takes one state at a time, if smaller than `steps`; else 0.
     """
 
     name: str
@@ -242,7 +242,7 @@ class Law:
 
 
 def in_units(scheme: Scheme, finding: Finding) -> Finding:
-    """A finding in ulp of binary64 in those of the scheme's precision, named ulp32 where it is single."""
+    """Convert a finding from ulp of binary64 to ulp of the scheme's precision; ulp32 is the unit of single precision."""
     ratio = scheme.eps / EPS
     if ratio == 1 or not finding.unit.startswith("ulp"):
         return finding
@@ -255,7 +255,7 @@ NO_NOISE = "the scheme is for systems without noise, c = ()"
 
 
 def about_noise(run: Measure) -> Measure:
-    """Make `run` of a law about noise inapplicable to schemes without it."""
+    """Wrap a law's `run`: the law is then not applicable to schemes for systems without noise."""
 
     def asked(law: Law, scheme: Scheme, this_run: Run) -> Finding:
         if scheme.deterministic:
@@ -266,7 +266,7 @@ def about_noise(run: Measure) -> Measure:
 
 
 def pathwise(run: Measure) -> Measure:
-    """Make `run` of a law about paths inapplicable to increments of a few points, which no Wiener process has."""
+    """Wrap a law's `run`: the law is then not applicable to increments with a few values, which form no Wiener path."""
 
     def asked(law: Law, scheme: Scheme, this_run: Run) -> Finding:
         points = point_law(scheme.increments)
@@ -283,7 +283,7 @@ _collected: ContextVar[tuple[list[Finding], Measure | None] | None] = ContextVar
 
 @contextmanager
 def collecting(findings: list[Finding], measure: Measure | None = None) -> Iterator[None]:
-    """A context in which `require` appends its findings, made by `measure`, to a list: for runners that show them."""
+    """A context for test runners: in it `require` measures by `measure`, if given, and appends its findings to a list."""
     token = _collected.set((findings, measure))
     try:
         yield
@@ -292,9 +292,9 @@ def collecting(findings: list[Finding], measure: Measure | None = None) -> Itera
 
 
 def require(law: Law, scheme: Scheme, effort: Effort | None = None) -> Finding:
-    """The law's finding, for tests: raises `LawViolated` if a claimed law is not found to hold.
+    """Measure a law in a test and return its finding; raise `LawViolated` if a claimed law is not found to hold.
 
-    An unclaimed law is measured and returned too; it fails no test.
+    An unclaimed law is measured too, but no verdict on it raises.
     """
     __tracebackhide__ = True  # hides this frame: pytest then shows the finding and no frames of sepv
     findings, measure = _collected.get() or ([], None)

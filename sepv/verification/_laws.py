@@ -10,7 +10,7 @@ from sepv.errors import UsageError, require_one_of
 from sepv.verification._law import Law
 from sepv.verification._profiles import Requirement, laws_for
 
-# Report order; prerequisites first.
+# The laws in the order of a report; a law comes after its prerequisites.
 LAWS = (
     "contract",
     "reproducibility",
@@ -51,16 +51,16 @@ LAWS = (
 
 # Laws that share the paths they draw (`Run.paths`): one process measures them, in this order.
 SAMPLED = ("mean-square-order", "weak-order", "right-limit", "commutation")
-# Laws that share errors of one step.
+# Laws that share the computed errors of one step (`Run.steps`).
 LOCAL = ("local-mean", "local-mean-square", "local-weak")
 # Laws measured first: they take half a second, and show most faults.
 SOON = ("identity", "energy", "casimir")
-# Laws measured last: they make many steps of one state. The most expensive law is at the end.
+# Laws that make more steps of one state than this are measured last, the most expensive one at the end.
 DEAR = 2000
 
 
 def load_laws(names: Iterable[str] | None = None) -> list[Law]:
-    """The laws by name, all of them by default, in the suite's order.
+    """Load laws by name, all laws by default, in the suite's order.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def load_laws(names: Iterable[str] | None = None) -> list[Law]:
 
 
 def soonest(laws: Iterable[Law]) -> list[Law]:
-    """The laws in the order of measurement, which shows a violation soon and keeps families together."""
+    """Sort laws for measurement: laws that soon show a violation first, laws that share results one after another."""
     asked = list(laws)
     steps = {law.name: law.spared or law.steps for law in asked}
     for family in (SAMPLED, LOCAL):
@@ -85,7 +85,7 @@ def soonest(laws: Iterable[Law]) -> list[Law]:
 
 
 def laws_of(names: Iterable[str] | None = None, required: tuple[Requirement, ...] = ()) -> list[Law]:
-    """The laws of a run: by name, or those that the required profiles need, and not both."""
+    """Load the laws of a run: by name, or by the profiles that need them; a UsageError for both."""
     if not required:
         return load_laws(names)
     if names is not None:
@@ -98,7 +98,7 @@ def laws_of(names: Iterable[str] | None = None, required: tuple[Requirement, ...
 
 
 def listed(names: str | Iterable[str]) -> Iterable[str]:
-    """The names of a list, or of one string with commas between them; a UsageError for anything else."""
+    """Split a string of names at its commas; a list of names is returned unchanged. A UsageError for anything else."""
     if not isinstance(names, Iterable):
         raise UsageError(
             expected="names of laws in a list, or with commas in a text",

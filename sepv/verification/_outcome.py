@@ -30,12 +30,12 @@ class Report:
     interrupted : bool
         True if some laws were not measured.
     pinned : frozenset of str or None
-        The laws that held when the run's pin was written (`sepv.verification._expected_failures`). With a pin the run
-        fails at each violation that the pin does not list. None without a pin.
+        The laws that held when the run's pin, a file of expected verdicts (`sepv.verification._expected_failures`), was
+        written. With a pin the run fails at each violation that the pin does not list. None without a pin.
     pins : bool
         True if the command writes a pin of this report.
     gaps : tuple of str
-        Sentences about laws that the pin does not contain, or that it guards and that were not measured now.
+        Sentences about laws that are not in the pin, and about laws of the pin that this run did not measure.
     target : str
         The arguments that name the scheme and its problems on a command line; empty if there are none.
     required : tuple of Requirement
@@ -69,7 +69,7 @@ class Report:
 
     @property
     def problems(self) -> tuple[str, ...]:
-        """The words that named the scheme's problems; empty for a whole class, and for problems given as objects."""
+        """The names of the scheme's problems, as given; empty for a whole class of systems, or if one is an object."""
         words = tuple(getattr(item, "text", "") for item in self.scheme.problems)
         return words if all(words) else ()
 
@@ -88,8 +88,8 @@ class Report:
     def exit_code(self) -> int:
         """0: every claimed law holds. 1: one does not, or an expected failure passes. 3: an error. 130: interrupted.
 
-        A claimed law that is inconclusive, or whose cases the scheme skipped, was not shown to hold: 1. No
-        measurement at all: 1. A required profile that was not found: 1.
+        The code is also 1 if a claimed law is inconclusive, if the scheme skipped all cases of a claimed law, if no law
+        was measured, or if a required profile was not found.
         """
         if self.interrupted:
             return 130
@@ -137,7 +137,7 @@ class Report:
         return replace(known.replay(known, self.scheme, finding.witness), claimed=finding.claimed)
 
     def again(self, finding: Finding) -> str:
-        """The way to measure a finding again: a command, or Python if no words name the scheme or its problem."""
+        """The command that measures a finding again, or Python code if a command cannot name the scheme or problem."""
         if not finding.replay:
             return ""
         if self.target and has_words(finding.witness):
@@ -156,16 +156,16 @@ class Report:
         return f"<Report of {self.scheme.name}: {counts}>"
 
     def html(self) -> str:
-        """The report as one page, complete: the verdicts on a scale, each counterexample drawn, and its replay.
+        """The report as one HTML page: the verdicts on a scale, each counterexample with a picture and its replay.
 
-        The scheme is asked again, for the pictures. ``sepv verify --html`` writes this page.
+        The scheme's step is called again for the pictures. ``sepv verify --html`` writes this page.
         """
         return str(
             import_module("sepv.page").of_report(self)
         )  # not at the top: `sepv.page` imports this package
 
     def _repr_html_(self) -> str:
-        """The page in a notebook, in a frame of its own; the last line stands below it."""
+        """Show the report's page in a frame of a notebook, and the report's last line below the frame."""
         from sepv.verification._report import in_notebook
 
         return in_notebook(self)
@@ -201,14 +201,14 @@ EFFORT = ("seed", "examples", "paths", "designs", "shrink_checks", "corpus")
 
 
 def fails(f: Finding, pinned: frozenset[str] | None = None) -> bool:
-    """True if a finding makes the exit code 1. Under a pin of these laws every violation must be listed."""
+    """True if a finding makes the exit code 1. With a pin, whose laws are `pinned`, every violation must be listed."""
     if f.verdict in (Verdict.ERROR, Verdict.NOT_MEASURED):
         return False  # errors and interrupts have other exit codes
     if f.expected is not None:
         return f.verdict is not Verdict.VIOLATED
     if not f.claimed:
         return pinned is not None and f.verdict is Verdict.VIOLATED
-    # Not applicable is not a failure, unless the scheme skipped cases or a pin said that it held.
+    # A law that is not applicable does not fail, unless the scheme skipped cases or the law held in the pin.
     unasked = f.verdict is Verdict.NOT_APPLICABLE and not f.skipped and f.law not in (pinned or ())
     return f.verdict is not Verdict.HOLDS and not unasked
 

@@ -17,7 +17,7 @@ from sepv.verification._profiles import PROFILES, SUITE, found
 if TYPE_CHECKING:
     from sepv.verification._outcome import Report
 
-# The style of each verdict, and its mark in the matrix.
+# The style of each verdict in a table, and its mark in the matrix of schemes and laws.
 _SHOWN = {
     Verdict.HOLDS: ("green", "holds"),
     Verdict.VIOLATED: ("bold red", "–"),
@@ -28,12 +28,12 @@ _SHOWN = {
 }
 _STYLES = {verdict: style for verdict, (style, _) in _SHOWN.items()}
 MARKS = {verdict: mark for verdict, (_, mark) in _SHOWN.items()}
-# Every scheme claims these. A scheme with no other claims cannot fail a run otherwise.
+# Laws that every scheme claims. If a scheme claims no other law, no other violation fails a run without a pin.
 ALWAYS = ("contract",)
 
 
 def show(report: Report, out: Console, *, debug: bool = False) -> None:
-    """The table of a report, then each counterexample with the command that replays it."""
+    """Print the table of a report, then each counterexample with the command that replays it."""
     print_table(law_table(report), out)
     errors_shown: set[str] = set()
     for finding in report.findings:
@@ -49,7 +49,7 @@ def show(report: Report, out: Console, *, debug: bool = False) -> None:
 
 
 def same_error(message: str) -> str:
-    """The line that identifies an error: a scheme that cannot be called has the same error for every law."""
+    """The line that identifies an error, which is shown once: an uncallable scheme has the same error in every law."""
     return "".join(message.splitlines()[-3:][:1])
 
 
@@ -59,7 +59,7 @@ def as_text(report: Report) -> str:
 
 
 def in_notebook(report: Report) -> str:
-    """The page of a report in a frame that runs no script, and the last line."""
+    """HTML for a notebook: the page of a report in a frame that runs no script, and the last line of the report."""
     frame = '<iframe sandbox="allow-same-origin" style="width:100%;height:42rem;border:1px solid #8886"'
     return f'{frame} srcdoc="{escape(report.html())}"></iframe><p>{escape(summary(report).plain)}</p>'
 
@@ -94,9 +94,9 @@ def _law_row(report: Report, f: Finding) -> tuple[str | Text, ...]:
 
 
 def summary(report: Report, before: str = "") -> Text:
-    """The last line: the counts, the claims, the profiles; and advice for a scheme without claims.
+    """The last line of a report: the counts, the claims, the profiles; and advice for a scheme without claims.
 
-    `before` names the scheme of a line that stands alone.
+    If the line is printed without the table, `before` names the scheme.
     """
     return Text(before, style="bold").append_text(_outcome(report)).append_text(_profiles(report))
 
@@ -133,7 +133,7 @@ def _outcome(report: Report) -> Text:
 
 
 def _profiles(report: Report) -> Text:
-    """The profiles that were found, if all their laws were measured; the required ones that were not."""
+    """Name the profiles that the scheme was found to have, and the required profiles that were not found."""
     text, profiles = Text(""), report.profiles
     if report.interrupted:
         return text
@@ -146,7 +146,7 @@ def _profiles(report: Report) -> Text:
 
 
 def _complaints(report: Report) -> list[str]:
-    """The reasons for a red run, a sentence for each kind."""
+    """The reasons why a run fails, one sentence for each kind of reason."""
     findings, failing = report.findings, report.failing
     wrong = (Verdict.VIOLATED, Verdict.INCONCLUSIVE, Verdict.ERROR)
     named = [f for f in failing if f.expected is None]
@@ -163,7 +163,7 @@ def _complaints(report: Report) -> list[str]:
 
 
 def _unguarded(report: Report) -> str:
-    """The advice for a scheme without claims: a green run does not guard it, and these claims would."""
+    """Advice for a scheme without claims: which claims would make a later run fail if a law that holds now breaks."""
     if report.pins:
         return "Nothing is claimed yet: the file of --pin guards what was found, once --expected names it."
     unguarded = [f.law for f in report.findings if f.verdict is Verdict.HOLDS and f.law not in ALWAYS]
@@ -184,13 +184,13 @@ def _unguarded(report: Report) -> str:
 
 
 def matrix(reports: Sequence[Report]) -> Table:
-    """A table of schemes and laws."""
+    """A table of verdicts: a row for each law, a column for each scheme."""
 
     def cell(f: Finding) -> Text:
         return Text(MARKS[f.verdict] + (" +" if f.claimed else ""), style=_STYLES[f.verdict])
 
     rows = [[f[0].law, *map(cell, f)] for f in zip(*(r.findings for r in reports), strict=True)]
-    # Two reports may have schemes of one name.
+    # Blanks after a name make the headings differ, because two schemes may have the same name.
     named = [Column(f"{r.scheme.name}{' ' * n}", words=True) for n, r in enumerate(reports)]
     caption = "+ claimed, – violated, ? inconclusive"
     return Table((Column("law"), *named), rows, caption=caption, ruled=True)

@@ -1,4 +1,4 @@
-"""The suite: the laws run on a scheme, one after the other or side by side."""
+"""The suite: measure the laws on a scheme, one after the other or in several processes."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from sepv.verification._laws import LAWS, LOCAL, SAMPLED, laws_of, listed, load_
 from sepv.verification._outcome import Report
 from sepv.verification._profiles import requirements
 
-# The longest time: thirty years; system clocks count no further.
+# The longest time limit in seconds, thirty years, because system clocks count no further.
 MOST_SECONDS = 1e9
 LawProgress = Callable[[Law, "Finding | None"], None]
 
@@ -52,39 +52,39 @@ def verify(
     Parameters
     ----------
     scheme : str, Scheme or function
-        As for `sepv.schemes.load_scheme`.
+        The scheme, in any form that `sepv.schemes.load_scheme` takes.
     laws : iterable of str, or one string with commas, optional
-        Only these; all by default.
+        The laws to measure; all by default.
     claims : iterable of str, or one string with commas
-        Further laws that it must obey.
+        Laws that the scheme must obey, in addition to the laws that it claims itself.
     timeout : float
-        Seconds for one law, in the main thread of a POSIX system: a scheme that does not return ends in the verdict
-        `error`. Python code can be interrupted in this way, a compiled loop cannot.
+        The most seconds for one law, in the main thread of a POSIX system. If the scheme does not return in time, the
+        verdict is `error`. Only Python code can be interrupted in this way, a compiled loop cannot.
     progress : callable (law, finding or None), optional
-        Called before each law with None, and after it with its finding.
+        Called before each law with None, and after the law with its finding.
     expected : path, optional
-        A file of claims and of expected failures (`sepv.verification._expected_failures`): the claims are added, and
-        the laws expected to fail are checked by the pinned witness alone.
+        A file of claims and of expected failures (`sepv.verification._expected_failures`). Its claims are added. A law
+        that is expected to fail is measured only on the witness (a stored counterexample) in the file.
     jobs : int
-        Laws measured side by side in so many processes, with the same verdicts. The scheme must be one that another
-        process can import.
+        The number of processes that measure laws; the verdicts do not depend on it. With several processes, the scheme
+        must be one that another process can import.
     problems : problem or strategy, or a list of them, optional
-        The scheme's problems, if it does not serve every system of its class: built-in names, families
+        The scheme's problems, if it is not for every system of its class: built-in names, families
         (`sepv.verification._cases.families`), ``module:attribute``, ``.json`` files, `Problem` records,
         Hypothesis strategies of `PolynomialSystem` or `Problem`. Laws draw their cases from these alone.
     workers : executor, map-like callable, Dask client or its address, optional
-        Workers on other machines (docs/clusters.md), as for `sepv.ensemble`. If a cluster is lost, the open laws are
-        not measured, and the report counts as interrupted.
+        Workers on other machines (docs/clusters.md), as for `sepv.ensemble`. If a cluster is lost, laws without a
+        finding are not measured, and the report counts as interrupted.
     effort : Effort, optional
-        The effort of the run; ``Effort().deeper()`` for a night.
+        The numbers of examples and paths; ``Effort().deeper()`` is for a nightly run.
     require : iterable of str, or one string with commas
-        Profiles that must be found, such as "energy,order-1" (docs/profiles.md): only the laws that they need are
-        measured, and those of a method; not beside `laws`.
+        Profiles (named sets of laws, docs/profiles.md) that the scheme must have, such as "energy,order-1". Only the
+        laws of these profiles and of the profile "method" are measured. Not together with `laws`.
 
     Returns
     -------
     Report
-        A finding for each law; `print` shows the table, `exit_code` is that of ``sepv verify``.
+        A finding for each law. `print` shows the table; `exit_code` is the exit code of ``sepv verify``.
 
     Raises
     ------
@@ -172,7 +172,7 @@ def _check_arguments(jobs: Any, timeout: Any, effort: Any, expected: Any) -> Non
 def _side_by_side(
     task: side_by_side.LawJob, chosen: list[Law], workers: Any, receive: Callable[[Law, Finding | None], None]
 ) -> None:
-    """Measure groups of laws in workers. The sampled laws come first: they take longest, and share their paths."""
+    """Measure groups of laws in workers. Laws that share sampled paths are one group, the first: it takes longest."""
     by_name = {law.name: law for law in chosen}
     shared = [[name for name in by_name if name in family] for family in (SAMPLED, LOCAL)]
     groups = [group for group in shared if group]
@@ -191,7 +191,7 @@ def _side_by_side(
             take(name, None)
             take(name, finding)
 
-    from sepv.workers import run_all  # laws on one worker do not need it
+    from sepv.workers import run_all  # imported here, because laws in one process do not need it
 
     run_all(partial(side_by_side.measured, task), groups, workers, threads=False, receive=arrived)
 
@@ -199,7 +199,7 @@ def _side_by_side(
 def load_in_time(
     scheme: str | Scheme | Step, claims: Iterable[str], timeout: float, problems: Any = None, target: str = ""
 ) -> Scheme:
-    """Load the scheme under a time limit: a bare function is called twice to test batches, and may not return."""
+    """Load the scheme under a time limit: loading calls a bare function twice, to test batches, and may not return."""
     try:
         with deadline(timeout):
             load = partial(load_candidate, scheme, listed(claims), problems)
@@ -228,9 +228,9 @@ def load_candidate(scheme: str | Scheme | Step, claims: Iterable[str], problems:
 
 
 def replay(scheme: str | Scheme | Step, law: str, witness: dict[str, Any], problems: Any = None) -> Finding:
-    """Measure one law on one witness, as a report holds it; a UsageError for the witness of another law.
+    """Measure one law on one witness of a report; a UsageError if the witness belongs to another law.
 
-    A witness with a problem module:attribute is measured only if `problems` name it, as for `verify`.
+    If the witness names its problem as module:attribute, `problems` must name it too, as for `verify`.
     """
     candidate = load_candidate(scheme, (), problems)
     cases.require_named(witness, candidate)
@@ -243,7 +243,7 @@ def replay(scheme: str | Scheme | Step, law: str, witness: dict[str, Any], probl
 
 
 def survived(law: Law, key: str, ask: Callable[[], Finding], effort: Effort | None = None) -> Finding:
-    """The finding of `ask`, or of an earlier process of this run, or an error if that process died."""
+    """Get the finding from `ask`, or from an earlier process of this run; an error finding if that process crashed."""
     try:
         return attempted(key, ask)
     except Crashed as crash:
@@ -251,7 +251,7 @@ def survived(law: Law, key: str, ask: Callable[[], Finding], effort: Effort | No
 
 
 def crashed(law: Law, crash: Crashed, effort: Effort) -> Finding:
-    """The error of a law whose process ended, with the last case."""
+    """The finding for a law whose process crashed: an error that names the last case."""
     lines = [f"the process ended with {crash.status}: the scheme, or a library that it uses, crashed it"]
     seen: dict[str, Any] = {"replay": f"--law {law.name} --seed {effort.seed} --paths {effort.paths}"}
     if isinstance(crash.note, dict):
@@ -271,7 +271,7 @@ def crashed(law: Law, crash: Crashed, effort: Effort) -> Finding:
 def measure(
     law: Law, scheme: Scheme, run: Run, timeout: float = 600.0, failure: ExpectedFailure | None = None
 ) -> Finding:
-    """Measure one law on one scheme: by its search, or by the witness of an expected failure of this law."""
+    """Measure one law on one scheme: by the law's search, or on the witness alone if the law is expected to fail."""
     start = time.perf_counter()
     try:
         with deadline(timeout):
@@ -306,12 +306,12 @@ def _wrong_witness(law: Law, received: str) -> UsageError:
 
 
 class TimedOut(BaseException):
-    """Raised in a scheme that does not return; not an Exception, so that no handler of its own catches it."""
+    """Raised in a scheme that does not return. Not an Exception, so that no handler in the scheme catches it."""
 
 
 @contextmanager
 def deadline(seconds: float) -> Iterator[None]:
-    """Raise `TimedOut` in a block that runs longer, in the main thread of a POSIX system; elsewhere never."""
+    """Raise `TimedOut` in a block that runs longer than this; only in the main thread of a POSIX system."""
     if not hasattr(signal, "setitimer") or threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -320,7 +320,7 @@ def deadline(seconds: float) -> Iterator[None]:
         raise TimedOut
 
     before = signal.signal(signal.SIGALRM, stop)
-    # Repeatedly, in case the scheme swallows the first one.
+    # The timer repeats, in case the scheme swallows the first `TimedOut`.
     signal.setitimer(signal.ITIMER_REAL, seconds, 1.0)
     try:
         yield
