@@ -1,4 +1,4 @@
-"""Advice in the report of a violation: the part of the step that makes the defect, a unit, or a solver's tolerance."""
+"""Advice in the report of a violation: one part of the step, a unit or a solver's tolerance may cause the defect."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from sepv.verification._cases.ends import beyond, in_other_units
 from sepv.verification._law import Law, Measurement
 
 Parts = dict[int, float]
-# The measurement of another case by the same law, or None if that fails.
+# A function that measures another case by the violated law; it returns None if that fails.
 MeasuredAgain = Callable[[Case], Measurement | None]
 # Relative defects below this may come from a solver's tolerance: eight times √eps, the default of many solvers.
 MOST_TOLERANCE = 2.0**-23
 
-# A term is named if it makes this share of all defects of single parts; a product if single parts make less than
-# the second share of it, and if half of a part leaves half of it, to a tenth.
+# A part of the step is named if its defect is the share MOST of the sum over all parts. A product of two parts is named
+# if each part alone makes at most LEAST of their defect, and if halving a part multiplies the defect as HALF says.
 MOST, LEAST, HALF = 0.95, 1e-3, (0.45, 0.55)
 # The largest number of parts of a step whose pairs are measured.
 PARTS = 5
@@ -33,7 +33,7 @@ PARTS = 5
 def advice(
     law: Law, scheme: Scheme, case: Case, measured: Measurement, largest: float, again: MeasuredAgain
 ) -> str:
-    """The lines of advice on a violation; empty where nothing is clear.
+    """The lines of advice on a violation; empty if no cause is clear.
 
     `measured` is the law's measurement of `case`, the simplest counterexample. `largest` is the largest defect before
     simplification.
@@ -47,7 +47,7 @@ def advice(
 def _may_be_a_tolerance(
     law: Law, scheme: Scheme, case: Case, measured: Measurement, largest: float, again: MeasuredAgain
 ) -> str:
-    """The advice to state a tolerance, if all defects are as small as a solver's, and no power of Δ."""
+    """Advice to state a solver's tolerance, if all defects are as small as one and do not fall like a power of Δ."""
     small = law.unit.startswith("ulp") and measured.bound > 0 and largest * EPS < MOST_TOLERANCE
     if not small or scheme.solver_tolerance or _is_a_power(case, measured.defect, again):
         return ""
@@ -58,7 +58,7 @@ def _may_be_a_tolerance(
 
 
 def _has_a_unit(case: Case, again: MeasuredAgain) -> str:
-    """The reason why a step at an extreme |y| violates, if it does not in units in which |y| is near 1."""
+    """Advice on a step that violates at an extreme |y|, but does not violate in units in which |y| is near 1."""
     if not beyond(case) or not isinstance(case.problem, PolynomialSystem):
         return ""
     measured = again(in_other_units(case, -round(math.log2(max(map(abs, case.y))))))
@@ -72,10 +72,10 @@ def _has_a_unit(case: Case, again: MeasuredAgain) -> str:
 
 
 def _is_a_power(case: Case, defect: float, again: MeasuredAgain) -> bool:
-    """True if the defect is that of a method of some order: c Δ^p with p ≥ 2, at Δ, Δ/2 and Δ/4.
+    """True if the defects at Δ, Δ/2 and Δ/4 fall like c Δ^p with p ≥ 2, as the defects of a method of some order do.
 
-    Both slopes are then p up to the next term, which is less than half of the first at a short step; 1.5 and 1 leave
-    room for it. An iteration that ends at a tolerance takes fewer turns at a shorter step: its slopes differ.
+    Both slopes are then p, up to the next term in Δ, which is less than half of the first at a short step; the limits
+    1.5 and 1 allow for it. An iteration that ends at a tolerance ends earlier at a shorter step, so its slopes differ.
     """
     defects = [defect]
     for share in (0.5, 0.25):
@@ -91,11 +91,11 @@ def _is_a_power(case: Case, defect: float, again: MeasuredAgain) -> bool:
 
 
 def _largest_share(case: Case, again: MeasuredAgain) -> str:
-    """The line that names the part of the step that makes most of the defect; empty where no part clearly does.
+    """A line that names the part of the step that causes most of the defect; empty if no part clearly does.
 
-    Each part of the step is measured alone, all with the same size, and so is each pair: the term in h, and each
-    c_jΔW_j. A fault of one term shows with that part alone. A fault of a product shows with its pair alone, and halves
-    with each of the two.
+    The parts of a step are the term in h and each c_jΔW_j. Each part is measured alone, all with the same size, and
+    each pair of parts. A fault of one term shows in that part alone. A fault of a product shows in the pair alone, and
+    halves if one of its two parts is halved.
     """
     c = problems.build(case.problem).c
     loud: list[int] = [0, *(np.flatnonzero(c) + 1).tolist()] if case.h else []

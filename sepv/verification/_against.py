@@ -1,8 +1,8 @@
-"""Repeated measurement of a report: its counterexamples and a share of its laws, on a scheme that the reader names.
+"""Repeated measurement of somebody's report: its counterexamples and a share of its laws, on the reader's scheme.
 
-The report is a file by somebody else. Nothing that it names is loaded or run, and none of its text is shown. It cannot
-ask for more work than the reader allows: its effort is cut to the reader's, its witnesses are bounded by a schema and
-share the time of one law.
+The report is not trusted: nothing that it names is loaded or run, and none of its text is shown. It cannot cause more
+work than the reader allows, because its effort is cut to the reader's, a schema bounds its witnesses (the stored
+counterexamples), and all witnesses share the time limit of one law.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ from sepv.verification._outcome import EFFORT
 from sepv.verification._profiles import SUITE
 from sepv.verification._verify import measure
 
-# The largest file: a report of all laws has 30 kB, a witness of 64 dimensions 2 MB; larger ones take long to check.
+# The largest file in bytes: a report of all laws has 30 kB, a witness of 64 dimensions 2 MB; more takes long to check.
 LARGEST = 2**22
-# The largest tables of B′ of a witness's batch, 2^27 bytes, and the largest degree of H: ours have a hundredth of that.
+# The most numbers in B′ over a witness's batch (2^27 bytes), and the largest degree of H: sepv's have a hundredth.
 _MOST_NUMBERS, _MOST_DEGREE = 2**24, 64
-# The share of the laws that is measured again, at least one.
+# The share of the laws that is measured again; at least one law is.
 SHARE = 0.25
-# Bits depend on these and on the scheme: if one differs, or is not in the report, only verdicts are compared.
+# The bits of a defect depend on these: if one differs, or is not in the report, only verdicts are compared.
 _BITS = ("sepv", "python", "numpy", "scipy", "hypothesis", "mpmath", "platform", "simd")
 _FACTS = ("mean_square_order", "weak_order", "order", "solver_tolerance", "truncation")
 
 
 @dataclass(frozen=True)
 class Again:
-    """One repeated measurement: the result, and its difference from the report; empty if there is none."""
+    """One repeated measurement: the result, and its difference from the report (empty if there is none)."""
 
     what: str
     came: str
@@ -46,7 +46,7 @@ class Again:
 
 
 def read_report(path: str | Path) -> dict[str, Any]:
-    """Read a report of ``sepv verify --json`` that is consistent and of this suite; a UsageError otherwise."""
+    """Read a report of ``sepv verify --json``; a UsageError if it contradicts itself or is of another suite version."""
     words = {"expected": "a report of `sepv verify --json`", "remedy": "write it with this version of sepv"}
     report: dict[str, Any] = read_json(path, LARGEST, **words)
     require_schema(report, "report", path, **words)
@@ -68,21 +68,21 @@ def read_report(path: str | Path) -> dict[str, Any]:
 def against(
     report: dict[str, Any], scheme: Scheme, allowed: Effort, timeout: float = 600.0, laws: Iterable[str] = ()
 ) -> Iterator[Again]:
-    """Replay each counterexample of a report, and measure these laws again, or a quarter of all.
+    """Replay each counterexample of a report, and measure `laws`, or else a random quarter of its laws, again.
 
-    Nobody knows in advance which quarter. Verdicts must agree. So must defects, to the last digit, if the effort, the
-    versions and the kind of processor agree.
+    The author of the report cannot know which quarter. Verdicts must agree. Defects must agree to the last digit if the
+    effort, the versions and the kind of processor agree.
 
     Parameters
     ----------
     report : dict
         The result of `read_report`.
     scheme : Scheme
-        Loaded by the reader, with the problems that it is for.
+        The scheme as the reader loaded it, with its problems.
     allowed : Effort
-        The most that the report may ask for.
+        The largest effort: a larger one of the report is cut to it.
     timeout : float
-        Seconds for one law, and for all counterexamples together.
+        The most seconds for one law, and for all counterexamples together.
     """
     facts = {key: (report["scheme"].get(key), getattr(scheme, key)) for key in _FACTS}
     facts["dtype"] = (report["scheme"].get("dtype", "float64"), scheme.dtype)
@@ -116,7 +116,7 @@ def against(
 
 
 def _counterexample(law: str, witness: Any, scheme: Scheme, run: Run, seconds: float) -> Again:
-    """Replay a witness, unless it asks for too much."""
+    """Replay a witness of the report, unless it needs too much work or code that the reader did not name."""
     what, wrong = f"counterexample of {law}", _too_much(witness, scheme, run.effort)
     if wrong or seconds <= 0:
         return Again(what, "not replayed", wrong or "no time is left (--timeout)")
@@ -131,7 +131,7 @@ def _counterexample(law: str, witness: Any, scheme: Scheme, run: Run, seconds: f
 
 
 def _too_much(witness: dict[str, Any], scheme: Scheme, effort: Effort) -> str:
-    """The reason to refuse a witness: code that nobody named, no witness, or more work than the reader allows."""
+    """The reason to refuse a witness (its code is not named, its form is wrong, it needs too much work); else empty."""
     if "problem" not in witness:
         most = {"paths": effort.paths, "examples": effort.examples, "seed": 2**128}
         sizes = {key: witness[key] for key in most if key in witness}

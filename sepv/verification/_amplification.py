@@ -11,7 +11,7 @@ from sepv.verification._contraction import CONTRACTION, has_majorants
 
 
 def amplification(scheme: Scheme, case: Case) -> float:
-    """A bound of ‖(I − ∂R/∂y1)⁻¹‖_∞: 1/(1 − κ) inside the contraction radius, computed for the paper's problems."""
+    """A bound of ‖(I − ∂R/∂y1)⁻¹‖_∞, R the right side: 1/(1 − κ) for a contraction factor κ, else computed."""
     # Several Hamiltonians that are functions use a measured radius, because the references lack their equation.
     if has_majorants(case) or isinstance(case.build()[0], HamiltoniansProblem):
         return 1 / (1 - CONTRACTION)

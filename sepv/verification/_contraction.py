@@ -12,13 +12,13 @@ from sepv.record import PolynomialMap
 from sepv.verification._cases.case import Case
 from sepv.verification._tolerance import majorants, pushes
 
-# A contraction factor of 1/4 leaves a unique solution near y0 for every scheme that evaluates B and ∇H between y0 and
-# y1, and makes |(I − ∂R/∂y1)⁻¹| at most 4/3.
+# The contraction factor 1/4 leaves a unique solution near y0 for every scheme that evaluates B and ∇H between y0 and
+# y1. With R the right side of y1 = y0 + R, it makes |(I − ∂R/∂y1)⁻¹| at most 4/3.
 CONTRACTION = 0.25
 
 
 def has_majorants(case: Case) -> bool:
-    """True if the contraction radius is derived: for polynomial data, except the S_j of commuting Hamiltonians."""
+    """True if the contraction radius is derived: the problem is polynomial data without commuting Hamiltonians."""
     data = case.problem
     if not isinstance(data, PolynomialSystem):
         return False
@@ -26,9 +26,9 @@ def has_majorants(case: Case) -> bool:
 
 
 def shortened(case: Case) -> Case:
-    """Shorten a step to half its contraction radius by a power of two, for polynomial data; others are unchanged.
+    """Shorten a step by a power of two to half its contraction radius, for polynomial data; other cases are unchanged.
 
-    Cauchy's estimate needs this for all states around y (law poisson-map).
+    The law poisson-map needs this, because its Cauchy estimate takes the step from all states around y.
     """
     problem, y, h, dW = case.build()
     if not isinstance(problem.gradient, PolynomialMap):
@@ -43,9 +43,9 @@ def shortened(case: Case) -> Case:
 def contraction_radius(problem: Problem, y: Array) -> float:
     """A radius for |h| + Σ|c_jΔW_j| inside which every implicit scheme's step from y is a contraction.
 
-    On the ball |y1 − y0|_∞ ≤ r the majorants M_B, M_g and those of their derivatives bound R by |Δ| G and its
-    Lipschitz constant by |Δ| L with L = |B′|M_g + M_B|H″| (twice that of (2.1), as the coordinate
-    increments of a discrete gradient need). Then |Δ| ≤ min(r/G, CONTRACTION/L) maps the ball into itself.
+    Let y1 = y0 + R(y1) be the step's equation. On the ball |y1 − y0|_∞ ≤ r the majorants of B, ∇H and their derivatives
+    bound R by |Δ| G and its Lipschitz constant by |Δ| L with L = |B′|M_g + M_B|H″| (twice the constant of (2.1), as a
+    coordinate-increment discrete gradient needs). If |Δ| ≤ min(r/G, CONTRACTION/L), y0 + R maps the ball into itself.
 
     `problem` must be polynomial data.
     """
@@ -53,10 +53,10 @@ def contraction_radius(problem: Problem, y: Array) -> float:
 
 
 def contraction_ball(problem: Problem, y: Array) -> tuple[float, float]:
-    """A pair (radius, r): for |Δ| ≤ radius the solution stays within r of y, also for complex Δ: majorants bound both.
+    """A pair (radius, r): for |Δ| ≤ radius, Δ real or complex, the solution stays within r of y.
 
-    Any r > 0 gives a radius. Those tried are parts of |y|, the scale of the system near y, and of 1 + |y|, for states
-    at and near the origin.
+    Each r > 0 gives a radius, and the largest radius is returned. The values tried for r are parts of |y|, the scale of
+    the system near y, and of 1 + |y|, for states at and near the origin.
     """
     largest = float(np.max(np.abs(y)))
     sizes = [(1 + largest) * 2.0**-k for k in range(6)] + [largest * 2.0**-k for k in range(-1, 6) if largest]
@@ -66,7 +66,7 @@ def contraction_ball(problem: Problem, y: Array) -> tuple[float, float]:
         B, g, dB, H = majorants(problem, reach)
         field = np.max(np.maximum(matvec(B, g), pushes(problem)[:, None]), axis=0)
         slope = np.max(np.sum(matvec(dB, g) + matmul(B, H), axis=1), axis=0)
-        # If nothing moves, every step is short enough. If majorants overflow, no step is.
+        # If the fields vanish, every step is short enough. If majorants overflow, no step is.
         radii = np.minimum(
             np.where(field > 0, balls / field, np.inf), np.where(slope > 0, CONTRACTION / slope, np.inf)
         )

@@ -1,8 +1,8 @@
 """The corpus of witnesses: cases that once showed a violation, tried before any search.
 
-``reference/witnesses/LAW.json`` obeys its schema; docs/vectors.md describes it for readers without Python. A witness is
-a case of its law like any other: the law's own check measures it, with its own bound. So the corpus can find a fault
-sooner, but cannot accuse a scheme that a search could not.
+The witnesses of a law are in ``reference/witnesses/LAW.json``; docs/vectors.md describes this file for other programs.
+A witness is a case of its law like any other, measured by the law's check against the law's bound. So the corpus can
+find a fault sooner, but cannot accuse a scheme that a search could not accuse.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ class Witness:
 
     id: str  # LAW/NUMBER
     systems: Systems
-    found: str  # the scheme of the simplified counterexample: a saboteur, or one that does not claim the law
+    found: str  # the scheme that gave the counterexample: a deliberately wrong one, or one without a claim to the law
     caught: tuple[str, ...]  # all schemes that violate the law in this case
     case: Case
 
 
 @lru_cache(maxsize=64)
 def witnesses(law: str, systems: Systems | None = None) -> tuple[Witness, ...]:
-    """The witnesses of a law, of one class of systems or of all; none for a law that has no file."""
+    """The witnesses of a law, for one class of systems or for all; empty for a law that has no file."""
     file = FOLDER / f"{law}.json"
     if not file.is_file():
         return ()
@@ -45,5 +45,5 @@ def witnesses(law: str, systems: Systems | None = None) -> tuple[Witness, ...]:
 
 
 def cases(law: str, systems: Systems) -> tuple[Case, ...]:
-    """The witnesses' cases in the order of the file: the one that catches most comes first."""
+    """The cases of a law's witnesses in the order of the file: the case that catches most schemes comes first."""
     return tuple(w.case for w in witnesses(law, systems))

@@ -1,6 +1,6 @@
-"""The course of a scheme from a counterexample, for a picture: its step with the same h and ΔW, again and again.
+"""The course of a scheme from a counterexample, for a picture: its step is repeated with the same h and ΔW.
 
-With one structure the exact solution along these steps is y(nΔ), on which H and every Casimir stay.
+For a system with one structure the exact solution after n steps is y(nΔ); H and every Casimir are constant along it.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ from sepv.verification._law import Finding, Verdict
 from sepv.verification._outcome import Report
 from sepv.verification._verify import TimedOut, deadline
 
-# The number of steps, and of points of the exact solution in each.
+# The number of steps of a course, and the number of points of the exact solution in each step.
 STEPS, FINER = 40, 3
-# The seconds for all courses of a report. What was stepped until then is shown.
+# The most seconds for all courses of a report. Steps that were made until then are shown.
 SECONDS = 10.0
-# A course ends when a state is larger than the first by this factor; larger ones would flatten the picture.
+# A course ends when a state is larger than the first by this factor, because larger states would flatten the picture.
 FAR = 100.0
 
 
 def with_courses(report: Report) -> dict[str, Any]:
-    """The report as JSON, in which each violation by a single step has its course: the scheme is asked again.
+    """The report as JSON, in which each violation by a single step has its course; the scheme's step is called again.
 
-    A course that cannot be drawn is left out: the verdict and its witness stand without it. Problems are functions of
-    others, which may raise anything at the states of a course. After Ctrl-C nothing is asked again.
+    A course that raises any exception is left out, because a user's problem may raise anything at the states of a
+    course, and the verdict and its witness are complete without it. After Ctrl-C no step is called.
     """
     data, end = report.to_json(), time.monotonic() + SECONDS
     for finding, law in zip(report.findings, data["laws"], strict=True):
@@ -51,17 +51,17 @@ def with_courses(report: Report) -> dict[str, Any]:
 
 
 def course(scheme: Scheme, finding: Finding, seconds: float = SECONDS) -> dict[str, Any]:
-    """The course of a scheme from the witness of a finding; empty if it does not move.
+    """The course of a scheme from the witness of a finding; empty if the state does not change.
 
     Returns
     -------
     dict
-        components : the two components of y that move most, from 1, or the only one
-        states : these components after each step, with the first state
-        exact : the same of the exact solution, `FINER` points a step; empty where no formula is known
-        kept, drift : the name of an invariant, and its change since the first state: H, or for laws of
-        Casimirs the one that changes most
-        size : the size of its terms, beside which rounding is told from drift
+        components : the numbers, from 1, of the two components of y that change most, or of the only one
+        states : these components in the first state and after each step
+        exact : these components of the exact solution, `FINER` points a step; empty if no formula is known
+        kept, drift : the name of an invariant, and its change since the first state: H, or for laws about Casimirs the
+        Casimir that changes most
+        size : the size of the invariant's terms, by which rounding is distinguished from drift
         ended : the reason of an early end, else empty
     """
     case = from_json(finding.witness, objects_of(scheme))

@@ -1,4 +1,4 @@
-"""Coverage of the laws' designs: the cases in each stratum, pairs of strata met, and impossible pairs."""
+"""Coverage of the laws' designs (lists of cases): cases in each stratum, pairs of strata met, and impossible pairs."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from sepv.verification._law import Law
 
 
 def pairs(space: Space) -> tuple[int, int]:
-    """(pairs of strata met by the design, pairs that are possible)."""
+    """Count pairs of strata: (pairs that the design meets, pairs that are possible)."""
     design = space.design()
     sizes = [len(axis.strata) for axis in space.axes]
     every = (sum(sizes) ** 2 - sum(n * n for n in sizes)) // 2
@@ -32,7 +32,7 @@ def cases_by_stratum(space: Space) -> dict[tuple[str, str], int]:
 
 
 def impossible(space: Space) -> dict[str, list[str]]:
-    """The impossible pairs of strata, by reason."""
+    """The impossible pairs of strata, by the reason why they are impossible."""
     by_axis: dict[str, list[str]] = {}
     for pair in sorted(space.design().impossible):
         names = [f"{space.axes[f].name} {space.axes[f].strata[k].name}" for f, k in pair]
@@ -41,7 +41,7 @@ def impossible(space: Space) -> dict[str, list[str]]:
 
 
 def show(laws: Iterable[Law], systems: Systems, out: Console) -> None:
-    """Print how many cases of each stratum these laws ask of a scheme for this class of systems."""
+    """Print how many cases of each stratum these laws measure for a scheme of this class of systems."""
     chosen = {law.name: law.cases.space(systems) if law.cases else None for law in laws}
     spaces = {name: space for name, space in chosen.items() if space is not None}
     order = list(spaces)
@@ -74,7 +74,7 @@ def show(laws: Iterable[Law], systems: Systems, out: Console) -> None:
         return Table(heads, rows, "Cases in each stratum", ruled=True)
 
     left = order
-    while left:  # as many columns of laws as fit
+    while left:  # print as many columns of laws as fit on the terminal
         count = next((n for n in range(len(left), 1, -1) if fits(strata(left[:n]), out)), 1)
         print_table(strata(left[:count]), out)
         left = left[count:]

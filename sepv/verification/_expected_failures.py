@@ -1,19 +1,19 @@
-"""Expectations of a scheme: a TOML file of claims and of known violations, strict in both directions.
+"""Expectations about a scheme: a TOML file of claims and of known violations, strict in both directions.
 
-    scheme = "mypkg.mymodule:step"     # whose they are, for a word where another one is measured
-    claims = ["contract", "casimir"]   # laws that must hold; leave it out where the scheme states its own
-    measured = ["contract", "casimir", "energy", "weak-order"]   # all that were asked for when it was pinned
-    problems = ["rigid-body"]          # what the scheme is for, as -p names it; a run without -p takes these
+    scheme = "mypkg.mymodule:step"     # the scheme; a run with another scheme gets a note
+    claims = ["contract", "casimir"]   # laws that must hold; leave it out if the scheme states its claims itself
+    measured = ["contract", "casimir", "energy", "weak-order"]   # all laws measured when the file was written
+    problems = ["rigid-body"]          # the scheme's problems, as -p names them; a run without -p takes these
 
-    [[expected]]                       # a law that it is known to break
+    [[expected]]                       # a law that the scheme is known to break
     law = "energy"
     reason = "B is taken at y_n in the drift"
     witness = "eNp1j88K…"              # as printed after --replay; for statistical laws a table { seed, paths }
 
-A known violation is checked by its witness and not by search: it costs one measurement and never fails by chance. A
-violation that is not listed fails the run, and so does an entry that no longer fails. A file with ``claims`` is a pin
-of the laws as they were measured (`pin`). Then even a violation of an unclaimed law must be listed, and the report
-names laws that were not measured for the pin.
+A known violation is measured on its witness (the stored counterexample) and not searched for: it costs one measurement
+and never fails by chance. A violation that is not listed fails the run, and so does an entry whose law is no longer
+violated. A file with ``claims`` is a pin, a record of the laws as they were measured (`pin`). With a pin even a
+violation of an unclaimed law must be listed, and the report names laws that were not measured for the pin.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from sepv.verification._cases import case as cases
 from sepv.verification._law import Finding, Verdict
 
 _ENTRY = {"law", "reason", "witness"}
-# The largest effort, eight times the nightly one.
+# The largest effort that a witness of a statistical law may state, eight times the nightly effort.
 _MOST = {"paths": 2**17, "examples": 8000}
 _KEYS = {"expected", "claims", "measured", "scheme", "problems"}
 _EXAMPLE = '[[expected]] with law = "…", reason = "…", witness = "…"; `--pin FILE` makes a first one'
@@ -37,7 +37,7 @@ _EXAMPLE = '[[expected]] with law = "…", reason = "…", witness = "…"; `--p
 
 @dataclass(frozen=True)
 class ExpectedFailure:
-    """One entry: the law, why it fails, and the witness as JSON."""
+    """One entry of a file: the law, the reason why it fails, and the witness as JSON."""
 
     law: str
     reason: str
@@ -46,9 +46,9 @@ class ExpectedFailure:
 
 @dataclass(frozen=True)
 class Expectations:
-    """A file's claims and measured laws, and the name and the problems of its scheme.
+    """The contents of a file: claims, expected failures, measured laws, and the name and the problems of its scheme.
 
-    None, or no problems, if the file does not state them.
+    A value that the file does not state is None or empty.
     """
 
     claims: frozenset[str] | None = None
@@ -63,7 +63,7 @@ class Expectations:
         return self.claims is not None
 
     def gaps(self, laws: Iterable[str], scheme: str, problems: Iterable[str] = ()) -> list[str]:
-        """Sentences about gaps: another scheme or other problems; laws unknown to the file; laws not measured now."""
+        """Sentences about a run that differs from the file: in the scheme, in the problems, or in the laws measured."""
         measured, guarded, gaps = list(laws), {*self.failures, *(self.claims or ())}, []
         if self.scheme is not None and self.scheme != scheme:
             gaps.append(
@@ -85,8 +85,8 @@ class Expectations:
 def load(path: str | Path, laws: Iterable[str]) -> Expectations:
     """Read a file of expectations.
 
-    Raises UsageError for a file that is missing or not TOML, an unknown or repeated law, a missing reason or witness, a
-    law that is both claimed and expected to fail.
+    Raises a UsageError for a file that is missing or not TOML, an unknown or repeated law, a missing reason or witness,
+    or a law that is both claimed and expected to fail.
     """
     try:
         data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
@@ -178,14 +178,14 @@ def _entry(entry: Any, where: str, known: tuple[str, ...]) -> ExpectedFailure:
 
 
 def _drawn(key: str, value: Any) -> bool:
-    """True for a bounded setup of a statistical law: a file must not keep a run busy for days."""
+    """True for an allowed number in a statistical law's witness; its limit keeps a file from busying a run for days."""
     return type(value) is int and 0 <= value <= _MOST.get(key, value)
 
 
 def to_toml(scheme: str, findings: Iterable[Finding]) -> str:
-    """A first file of expected failures, with the claimed laws that are violated. A person adds the reasons.
+    """Text of a first file of expected failures: the claimed laws that are violated. A person adds the reasons.
 
-    Unclaimed violations are not failures, and are not listed: a scheme that gains a law must not fail a build.
+    A violation of an unclaimed law is no failure and is not listed, because its later end must not fail a build.
     """
     listed = [f for f in findings if f.claimed or f.expected is not None]
     entries = _entries(f for f in listed if f.verdict is Verdict.VIOLATED)
@@ -195,9 +195,9 @@ def to_toml(scheme: str, findings: Iterable[Finding]) -> str:
 
 
 def pin(scheme: str, findings: Iterable[Finding], problems: Iterable[str] = ()) -> str:
-    """A pin of all measured laws: those that hold as claims, violations with their witnesses.
+    """Text of a pin of all measured laws: laws that hold as its claims, violations with their witnesses.
 
-    A law without a decision is listed as measured only: it is guarded once it is decided and pinned again.
+    A law without a decision is listed under `measured` only. A later pin can guard it, once the law is decided.
     """
     measured = [f for f in findings if f.verdict is not Verdict.NOT_MEASURED]
     held = [f.law for f in measured if f.verdict is Verdict.HOLDS]

@@ -65,7 +65,7 @@ def _words(problems: Any) -> bool:
 
 
 def answer(replay: Callable[..., Finding]) -> None:
-    """Replay witnesses in the new process: read them from stdin, write verdicts to stdout; the scheme prints to stderr."""
+    """Replay witnesses in the new process: read them from stdin, write verdicts to stdout. Schemes print to stderr."""
     out = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
     question = json.load(sys.stdin)

@@ -1,6 +1,6 @@
-"""A report for GitHub Actions: a summary in Markdown, and annotations of what makes a run red.
+"""A report for GitHub Actions: a summary in Markdown, and an annotation for each finding that makes a run fail.
 
-All text of schemes is escaped: it is no markup, no row of a table and no command of the runner.
+All text of a scheme is escaped, so that it cannot act as markup, as a row of a table or as a command of the runner.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from sepv.verification._law import Verdict
 from sepv.verification._outcome import Report
 from sepv.verification._report import law_table, same_error, summary
 
-# The longest message: a summary may have 1 MiB.
+# The most characters of a message, because a summary may have 1 MiB.
 LONGEST = 4000
 
 
@@ -37,7 +37,7 @@ def step_summary(report: Report) -> str:
 
 
 def error_lines(report: Report) -> list[str]:
-    """Commands of the runner: an error for each finding that makes the run red, at the step's line if it is here."""
+    """Commands of the runner: an error for each finding that makes the run fail, at the step's line if it is known."""
     red = [f for f in report.findings if f in report.failing or f.verdict is Verdict.ERROR]
     place = _place(report.scheme.step)
     lines = [
@@ -54,13 +54,13 @@ def error_lines(report: Report) -> list[str]:
 
 
 def _told(report: Report, findings: list[Any]) -> list[Any]:
-    """The findings, with an error that several of them share told once."""
+    """The findings without repetitions: of several findings with the same error, only the first."""
     errors = {same_error(f.message): f for f in reversed(report.findings) if f.verdict is Verdict.ERROR}
     return [f for f in findings if f.verdict is not Verdict.ERROR or errors[same_error(f.message)] is f]
 
 
 def _place(step: Any) -> dict[str, str]:
-    """File and line of a function below the working folder, as the runner names them; none for anything else."""
+    """File and line of a function below the working folder, as the runner names them; empty for other steps."""
     try:
         function = inspect.unwrap(step)
         file = Path(inspect.getsourcefile(function) or "").resolve().relative_to(Path.cwd())
@@ -80,7 +80,7 @@ def _data(text: str, more: dict[str, str]) -> str:
 
 
 def _cell(text: str) -> str:
-    """Text that is no markup in a table of Markdown, on one line."""
+    """Escape a text for a table of Markdown: one line that contains no markup."""
     return "".join(
         f"&#{ord(c)};" if c in "&<>|`*_[]#~!\\$@:" else c for c in " ".join(printable(text).split())
     )

@@ -40,9 +40,9 @@ def junit_xml(report: Report) -> str:
 
 
 def badge_json(report: Report) -> str:
-    """The badge, for a service with endpoints: the profiles that were found, after the reasons for a red run.
+    """A badge, as JSON for a badge service: the reasons why a run fails, then the profiles that were found.
 
-    Green is a run with exit code 0, orange one that ends undecided or in an error, red one with a failure.
+    The badge is green for exit code 0, orange if laws are undecided or end in an error, red for a failure.
     """
     undecided = (Verdict.INCONCLUSIVE, Verdict.ERROR, Verdict.NOT_MEASURED)
     wrong = [f for f in report.findings if f in report.failing or (f.claimed and f.verdict in undecided)]

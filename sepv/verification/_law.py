@@ -242,7 +242,7 @@ class Law:
 
 
 def in_units(scheme: Scheme, finding: Finding) -> Finding:
-    """Convert a finding from ulp of binary64 to ulp of the scheme's precision; ulp32 is the unit of single precision."""
+    """Convert a finding from ulp of binary64 to ulp of the scheme's precision, called ulp32 in single precision."""
     ratio = scheme.eps / EPS
     if ratio == 1 or not finding.unit.startswith("ulp"):
         return finding
@@ -283,7 +283,7 @@ _collected: ContextVar[tuple[list[Finding], Measure | None] | None] = ContextVar
 
 @contextmanager
 def collecting(findings: list[Finding], measure: Measure | None = None) -> Iterator[None]:
-    """A context for test runners: in it `require` measures by `measure`, if given, and appends its findings to a list."""
+    """A context for test runners: in it `require` uses `measure`, if given, and appends its findings to a list."""
     token = _collected.set((findings, measure))
     try:
         yield

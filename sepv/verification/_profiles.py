@@ -1,13 +1,13 @@
 """Profiles: the properties that a scheme was found to have, claimed or not.
 
-A profile is found where each of its laws was measured and holds. It is not found where one of them is not applicable,
-inconclusive or expected to fail.
+A profile is a named set of laws. It is found if each of its laws was measured and holds. It is not found if one of its
+laws is not applicable, inconclusive or expected to fail.
 
-An order is measured. For each problem, every law about orders states the order that the errors show (`measured` in
-its witness): the largest order whose bound lies below the slope. If paths are sampled, the lower end of the confidence
-interval stands for the slope. The profile has the least of these orders over problems and laws. For mean-square order p
-they are those of Milstein's theorem, (3.8) and (3.9) of the paper for one step, and the rms error of paths. The profile
-needs the rms error; if there is no reference for one step (*not applicable*), the other laws decide.
+The order of a profile is measured. For each problem, every law about orders states the order that the errors show
+(`measured` in its witness): the largest order whose bound lies below the slope of the errors. If paths are sampled, the
+lower end of the slope's confidence interval is used. The profile has the least of these orders over problems and laws.
+For mean-square order p the laws are Milstein's conditions on one step, (3.8) and (3.9) of the paper, and the rms error
+of paths, which is required. A law about one step is ignored if it is not applicable, for lack of a reference.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Profile:
     Attributes
     ----------
     ordered : bool
-        True for an order. The first law must then have measured it; the others may be not applicable.
+        True if the profile states an order. Its first law must have measured it; its other laws may be not applicable.
     """
 
     name: str
@@ -55,20 +55,20 @@ PROFILES = (
     Profile("2.1", "(2.1)", ("reference", "expansion", "midpoint", "reduction")),
 )
 NAMES = tuple(p.name for p in PROFILES)
-# Requested orders beyond this are typing errors.
+# A requested order above this is taken for a typing error.
 _LARGEST = 100
 
 
 @dataclass(frozen=True)
 class Requirement:
-    """A profile that must be found, with the order if it is one."""
+    """A profile that must be found, with the least order if the profile states one."""
 
     profile: Profile
     order: float = 0.0
 
     @property
     def name(self) -> str:
-        """The name after ``--require``: energy, order-1."""
+        """The name after ``--require``, such as energy or order-1."""
         return f"{self.profile.name}-{self.order:g}" if self.profile.ordered else self.profile.name
 
 
@@ -79,7 +79,7 @@ class Profiled:
     Attributes
     ----------
     order : float or None
-        The measured order, for a profile that is one; None if none is certain.
+        The measured order, for a profile that states one; None if no order is certain.
     why : str
         The reason why the profile is not found; empty if it is.
     """
@@ -90,17 +90,17 @@ class Profiled:
 
     @property
     def name(self) -> str:
-        """The name after ``--require``."""
+        """The name of the profile after ``--require``."""
         return Requirement(self.profile, self.order or 0.0).name
 
     @property
     def words(self) -> str:
-        """The words on a badge."""
+        """The words for the profile on a badge."""
         return f"{self.profile.words} {self.order:g}" if self.profile.ordered else self.profile.words
 
 
 def requirements(profiles: str | Iterable[str]) -> tuple[Requirement, ...]:
-    """The requirements of a list, or of one string with commas: "energy,order-1".
+    """Read requirements from a list, or from one string with commas: "energy,order-1".
 
     Raises
     ------
@@ -139,12 +139,12 @@ def _requirement(name: str) -> Requirement:
 
 
 def laws_for(required: Iterable[Requirement]) -> set[str]:
-    """The laws that these profiles need, and those of a method."""
+    """The names of the laws of these profiles, and of the profile "method"."""
     return {law for profile in (METHOD, *(r.profile for r in required)) for law in profile.laws}
 
 
 def profiled(findings: Iterable[Finding]) -> tuple[Profiled, ...]:
-    """Each profile whose laws were all measured."""
+    """The results of all profiles whose laws were all measured."""
     by_law = {f.law: f for f in findings if f.verdict is not Verdict.NOT_MEASURED}
     whole = [(p, [by_law[law] for law in p.laws]) for p in PROFILES if all(law in by_law for law in p.laws)]
     return tuple(_profiled(profile, about) for profile, about in whole)
@@ -165,7 +165,7 @@ def _profiled(profile: Profile, findings: list[Finding]) -> Profiled:
 
 
 def _order_shown(finding: Finding) -> float:
-    """The least order over the problems of a law; 0 where one of them shows none."""
+    """The least order over the problems of a law; 0 if the errors of one problem show no order."""
     measured = (finding.witness or {}).get("measured", ())
     return min((entry.get("order") or 0.0 for entry in measured), default=0.0)
 
@@ -173,7 +173,7 @@ def _order_shown(finding: Finding) -> float:
 def found(profiles: Iterable[Profiled]) -> list[str]:
     """The profiles that were found, in words.
 
-    A weak order that is no more than the mean-square one is left out, and the order without noise where there is one.
+    If there is a mean-square order, the deterministic order and a weak order that does not exceed it are left out.
     """
     have = {p.profile.name: p for p in profiles if not p.why}
     if "order" in have:

@@ -1,4 +1,4 @@
-"""Progress of a run of laws: those begun and done, and the seconds that the others will take."""
+"""Progress of a run: the laws that have begun, the laws that are done, and the estimated remaining seconds."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from sepv.verification._verify import LawProgress
 
 # Seconds after which a law may be called late, and after which the current case is named.
 LATE, SLOW = 5.0, 2.0
-# With this many steps the time of a law is mostly that of steps, if a step takes more than ten microseconds.
+# A law with this many steps spends most of its time on them, if a step takes more than ten microseconds.
 MANY = 10000
 
 
 class Course:
-    """Laws begun and done, and the estimate of the seconds that the others will take.
+    """The laws that have begun or are done, and an estimate of the remaining seconds.
 
-    A law takes pace · `Law.cost` + step · `Law.steps` seconds. The law "contract" times a step; a law of MANY steps may
-    reduce that, and gives it where it was not measured. The pace covers a slower machine and the cost of calls; it is a
-    median, so that one law with slow polynomials or counterexamples does not change it.
+    A law takes pace · `Law.cost` + step · `Law.steps` seconds. The law "contract" measures the time of a step; laws of
+    MANY steps may lower it, or give it if "contract" did not. The pace covers a slower machine and the cost of calls;
+    it is a median, so that one law with slow polynomials or counterexamples does not change it.
     """
 
     def __init__(self, laws: Sequence[Law]) -> None:
@@ -35,7 +35,7 @@ class Course:
         self.started = time.monotonic()
 
     def heard(self, law: Law, finding: Finding | None) -> None:
-        """Record that a law begins, or its finding. A display thread reads the fields: nothing is changed in place."""
+        """Record that a law begins, or its finding. Nothing is changed in place, because a display thread reads it."""
         others = {name: since for name, since in self.began.items() if name != law.name}
         if finding is None:
             self.began = {**others, law.name: time.monotonic()}
@@ -45,7 +45,7 @@ class Course:
         self.began = others
 
     def steps(self, law: Law) -> int:
-        """The number of states that a law steps: fewer for a scheme without batches, none for "reproducibility"."""
+        """The number of steps of a law: fewer if "reproducibility" does not apply, as for a scheme without batches."""
         alone = any(
             law.name == "reproducibility" and f.verdict is Verdict.NOT_APPLICABLE for law, f in self.found
         )
@@ -64,7 +64,7 @@ class Course:
         if many:
             spent = sum(max(0.0, f.seconds - pace * law.cost) for law, f in many)
             per_step = spent / sum(self.steps(w) for w, _ in many)
-            # With batches most of this time is spent on calls.
+            # If the scheme takes batches, most of the seconds `spent` are the cost of calls.
             step = min(step, per_step) if timed else per_step
         return pace, step
 
@@ -80,7 +80,7 @@ class Course:
         return {name: (t, whole[name]) for name, t in ran.items() if t > max(LATE, 2 * whole[name])}
 
     def seconds_left(self) -> float | None:
-        """None before the first law is done, and while late laws may take longest."""
+        """The estimated remaining seconds; None before the first law is done, or while late laws may take longest."""
         if not self.found:
             return None
         now, whole = time.monotonic(), self.whole()
@@ -128,7 +128,7 @@ def watching(
     """A progress callback for `sepv.verification.verify` with these laws; `name` names the scheme."""
     course, journal = Course(laws), current_journal()
     with showing(quiet) as shown:
-        # Loading calls a function, which may then be compiled.
+        # Loading a scheme calls its function, which may be compiled at the first call.
         shown.update(f"waiting for the first step of {name}")
         shown.expected = course.seconds_left
 

@@ -1,8 +1,9 @@
 """Laws about single steps: a design visits every stratum of the cases, then Hypothesis searches for a violation.
 
-Witnesses of the corpus come first (`sepv.verification._corpus`), then the design, because it misses no pair of strata
-(`sepv.verification._cases.strata`). If a case of it violates, Hypothesis searches for a simpler one; if it finds none,
-the case itself is simplified (`sepv.verification._cases.shrink`).
+The first cases are the witnesses of the corpus, which once showed a violation (`sepv.verification._corpus`). Then comes
+the design, cases in which no possible pair of strata is missing (`sepv.verification._cases.strata`). If one of these
+violates, Hypothesis searches for a simpler violation. If Hypothesis finds none, the violating case itself is simplified
+(`sepv.verification._cases.shrink`).
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ from sepv.verification._cases.users_problems import objects_of, sources
 from sepv.verification._law import Effort, Finding, Law, Measurement, Run, Verdict, in_units
 from sepv.verification._search_log import Check, SearchLog, conclude
 
-# Reasons to leave out a state of extreme size.
+# Reasons why a state or a step of extreme size is left out.
 FAR = "a step from a state larger or smaller than 2^±21"
 LENGTHY = "a step longer than 8"
 FAR_OFF = (
@@ -48,11 +49,11 @@ NO_BOUND = f"{FAR} has no bound: numbers overflow in it"
 UNDESIGNED = 12
 # A search ends after this many refused cases for each accepted one.
 MOST_SKIPPED = 20
-# Simplification ends after this many seconds, if a check takes longer than a fifth of a second: a law may be stopped
-# after ten minutes, and its violation must be reported before. Only then does the simplest counterexample depend on
-# time.
+# Simplification ends after this many seconds, which it reaches if a check takes longer than a fifth of a second: a law
+# may be stopped after ten minutes, and its violation must be reported before. Only with such slow checks does the
+# simplest counterexample depend on time.
 MOST_SECONDS = 100.0
-# The number of cases that cannot be measured before a design is given up: each may take as long as a call may.
+# A law's cases are given up after this many that cannot be measured, because each may take as long as a call may.
 MOST_FAULTS = 4
 
 
@@ -65,7 +66,7 @@ class _Fault(Exception):
 
 
 class _Crash(_Fault):
-    """Raised inside a search: the scheme crashed. Hypothesis simplifies it apart from other faults."""
+    """Raised inside a search: the scheme crashed. Hypothesis simplifies crashes apart from other faults."""
 
 
 class _Budget:
@@ -109,11 +110,11 @@ def searched(
     Parameters
     ----------
     check : (scheme, case) -> Measurement
-        May raise what `sepv.schemes.ask` raises.
+        The measurement of one case. It may raise the errors of `sepv.schemes.ask`.
     cases : Cases
         The cases of the law, for schemes of every class and for users' problems.
     faults_violate : bool
-        For the contract: a result of the wrong shape or type is a violation there, an error elsewhere.
+        True for the law "contract", which a result of a wrong shape or type violates. In other laws it is an error.
     not_applicable : scheme -> str
         The reason why the law does not apply to this scheme; empty if it does.
     cost, steps
@@ -178,14 +179,14 @@ def _designed(where: Question, seed: int, repeat: int) -> list[Case]:
 
 
 def _explore(log: SearchLog, scheme: Scheme, effort: Effort, question: _Question, examples: int) -> None:
-    """Search `examples` random cases, driven towards large defects over bounds; shrink the first violation."""
+    """Measure random cases, which Hypothesis drives to a large defect / bound; simplify the first violation."""
     measured_before = log.checks
     simplifying: _Budget | None = None
 
     def body(case: Case) -> None:
         nonlocal simplifying
-        # Both loops are bounded: when the budget is spent every case passes, which ends shrinking, and a search ends
-        # after too many refused cases.
+        # Both loops of Hypothesis are bounded. When the budget is spent, or after too many refused cases, every case
+        # passes, which ends shrinking or the search.
         if simplifying is not None and not simplifying.spend():
             return
         if log.refused > MOST_SKIPPED * (1 + log.checks - measured_before):
@@ -194,7 +195,7 @@ def _explore(log: SearchLog, scheme: Scheme, effort: Effort, question: _Question
             measured = _measure(log, scheme, case, question.check, question.faults_violate)
         except Skipped as skipped:
             if not isinstance(skipped.__cause__, StepFailure):
-                reject()  # Hypothesis then draws another example; a refused step counts as one
+                reject()  # Hypothesis then draws another example; a refused step counts as an example
             return
         except (_Violation, _Fault):
             simplifying = simplifying or _Budget(effort.shrink_checks)
@@ -211,7 +212,7 @@ def _explore(log: SearchLog, scheme: Scheme, effort: Effort, question: _Question
         report_multiple_bugs=True,
         verbosity=Verbosity.quiet,
         phases=(Phase.generate, Phase.target, Phase.shrink),
-        # Hypothesis complains of large examples and of slow ones. Cases are large, and slowness is the scheme's.
+        # Hypothesis would complain of large and of slow examples. Cases are large, and a slow scheme makes them slow.
         suppress_health_check=list(HealthCheck),
     )
     test = hypothesis_seed(effort.seed)(chosen(given(case=question.where.strategy)(body)))
@@ -230,7 +231,7 @@ def _explore(log: SearchLog, scheme: Scheme, effort: Effort, question: _Question
 
 
 def _visit(log: SearchLog, scheme: Scheme, visited: Iterable[Case], question: _Question) -> None:
-    """Measure cases in turn, up to the first violation, or up to a few that cannot be measured."""
+    """Measure cases in turn; stop at the first violation, or after MOST_FAULTS cases that cannot be measured."""
     faults: list[tuple[Case, Exception]] = []
     with warnings.catch_warnings(), suppress(_Violation):
         warnings.simplefilter("ignore")
@@ -275,13 +276,13 @@ def _simplify(log: SearchLog, scheme: Scheme, effort: Effort, question: _Questio
 
 
 def _measure(log: SearchLog, scheme: Scheme, case: Case, check: Check, faults_violate: bool) -> Measurement:
-    """Measure and log one case; raise _Violation or _Fault, from different lines: Hypothesis tells them apart so."""
+    """Measure and log one case; raise _Violation or _Fault, on different lines, by which Hypothesis separates them."""
     log.checks += 1
     note_case(lambda: cases_of.to_json(case))
     try:
         if scheme.longest_step is not None and not takes(scheme, *case.build()):
             raise Skipped("a longer step than the scheme says it takes (longest_step)")
-        # A library of particles has units: ASE keeps a force where atoms move by less than 1e-15 Å.
+        # A library may have thresholds with units: ASE computes no new force if atoms move by less than 1e-15 Å.
         if (scheme.solver_tolerance or scheme.deterministic) and beyond(case):
             raise Skipped(FAR_OFF)
         measured = check(scheme, case)
@@ -289,7 +290,7 @@ def _measure(log: SearchLog, scheme: Scheme, case: Case, check: Check, faults_vi
             raise Skipped(NO_BOUND)
     except Skipped as skipped:
         if case.given != "data":
-            # A scheme that cannot run functions gets the same system as data, so that the design stays whole.
+            # If the scheme refuses a problem given as functions, it gets the same system as data: no case is lost.
             log.checks -= 1
             return _measure(log, scheme, replace(case, given="data"), check, faults_violate)
         log.skip(skipped.reason, may=skipped.reason in (FAR_OFF, NO_BOUND) or may_be_refused(case))
@@ -315,7 +316,7 @@ def _measure(log: SearchLog, scheme: Scheme, case: Case, check: Check, faults_vi
             log.worst = log.violation[1]
             raise _Violation from error
         log.fault = case, error
-        # A program that died, or raised an exception, gave no result. A refusal, or a result of a wrong kind, is one.
+        # A program that crashed or raised an exception gave no result. A refusal or a result of a wrong kind is one.
         if not isinstance(error, (SchemeFault, ArithmeticError)):
             log.crash = case, error
             raise _Crash from error
@@ -323,7 +324,7 @@ def _measure(log: SearchLog, scheme: Scheme, case: Case, check: Check, faults_vi
     if log.worst is None or not measured.ratio <= log.worst.ratio:
         log.worst = measured
     if measured.violates:
-        log.violation, log.largest = (case, measured), max(measured.defect, log.largest)  # NaN stays
+        log.violation, log.largest = (case, measured), max(measured.defect, log.largest)  # a NaN remains
         note_violation(lambda: cases_of.to_json(case))
         raise _Violation
     return measured

@@ -1,4 +1,4 @@
-"""The log of a search over single steps, and the finding that it comes to."""
+"""The log of a search over single steps, and the finding that follows from the log."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from sepv.verification._cases.case import Case
 from sepv.verification._law import Finding, Law, Measurement, Verdict
 
 Check = Callable[[Scheme, Case], Measurement]
-# The share of a law's cases that must be measured if the scheme states its longest step. A scheme that skips problems
-# may be made for few of them.
+# The share of a law's cases that must be measured if the scheme states its longest step. A scheme that skips cases for
+# their problems may be made for few problems, so no share is required of it.
 LEAST_SHARE = 0.25
 
 
@@ -32,7 +32,7 @@ class SearchLog:
         self.fault: tuple[Case, Exception] | None = None
         self.crash: tuple[Case, Exception] | None = None  # a fault that no violation may hide
         self.skipped: dict[str, int] = {}
-        self.lacking = 0  # skipped cases that every scheme for the class is to take
+        self.lacking = 0  # skipped cases that every scheme for the class must take
         self.share: float | None = None  # the measured share of the design, if cases were left out
 
     @property
@@ -46,7 +46,7 @@ class SearchLog:
         return sum(self.skipped.values())
 
     def skip(self, reason: str, *, may: bool = False) -> None:
-        """Log a case that the scheme did not take; with `may`, one that a right scheme may refuse."""
+        """Log a case that the scheme skipped; `may` is True if a correct scheme may refuse the case."""
         self.checks -= 1
         self.lacking += not may
         self.skipped[reason] = self.skipped.get(reason, 0) + 1
@@ -55,7 +55,7 @@ class SearchLog:
 def conclude(law: Law, scheme: Scheme, log: SearchLog, check: Check) -> Finding:
     """The finding that follows from a finished log; a violation gets advice, for which the law measures other cases."""
     seen: dict[str, Any] = {"checks": log.checks}
-    # A witness has its own size; the defect before it was simplified may be larger.
+    # The defect is that of the simplified witness; before simplification it may have been larger.
     measured = log.worst if log.violation is None else log.violation[1]
     if measured:
         seen |= {"defect": measured.defect, "bound": measured.bound}
@@ -99,7 +99,7 @@ def _witness(law: Law, case: Case) -> dict[str, Any]:
 
 
 def _measured_again(scheme: Scheme, check: Check, case: Case) -> Measurement | None:
-    """The measurement of another case, for advice; None where it cannot be made."""
+    """The measurement of another case, for advice; None if the scheme or the law raises an error."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:

@@ -1,7 +1,7 @@
-"""Groups of laws in worker processes: started here, sent one group at a time, and always ended.
+"""Measurement of groups of laws in worker processes, which get one group at a time and are always ended.
 
-Each worker is a fresh interpreter (`sepv.verification._worker`), not a fork: a scheme's library may have threads, and a
-fork of threads can hang. Messages are pickled. A worker that dies takes one law with it, not the run.
+Each worker is a new interpreter (`sepv.verification._worker`), not a fork, because a scheme's library may have threads,
+and a fork of threads can hang. Messages are pickled. If a worker crashes, one law ends in an error; the run goes on.
 """
 
 from __future__ import annotations
@@ -58,9 +58,9 @@ class _Worker:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             pass_fds=(notes,),
-            # Ctrl-C goes to the parent, which ends the workers: their own session keeps it from them.
+            # A session of its own keeps Ctrl-C from the worker. The parent gets Ctrl-C and ends the workers.
             start_new_session=True,
-            # The worker must find the package before it can read the task, which carries the path.
+            # The worker must import sepv before it can read the task, which contains sys.path.
             env={**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
         )
 
@@ -94,8 +94,8 @@ def run(
 ) -> None:
     """Measure groups of laws on `jobs` workers; `receive` gets each law's name, first with None, then with its finding.
 
-    A law whose worker died is received with `Crashed`; the rest of its group goes to another worker. A UsageError for a
-    scheme that cannot go to another process; a RuntimeError is a defect of the suite in a worker, with its traceback.
+    If a worker crashes, `receive` gets the law with `Crashed`, and the rest of the group goes to another worker. Raises
+    a UsageError for a scheme that another process cannot load, a RuntimeError for a defect of the suite in a worker.
     """
     data, waiting = _pickled(task), [list(group) for group in groups]
     answers: queue.Queue[tuple[_Worker, Any]] = queue.Queue()
@@ -138,9 +138,9 @@ def run(
 
 
 def measured(task: LawJob, group: Sequence[str]) -> list[tuple[str, Any]]:
-    """One group in one process of its own, for a worker of a cluster: names with findings or `Crashed`.
+    """Measure one group of laws in a new process, on a worker of a cluster: names with findings or `Crashed`.
 
-    A time limit needs a main thread, which a cluster's worker does not give, and a crash must end one process.
+    The new process has a main thread, which a time limit needs, and a crash ends it instead of the cluster's worker.
     """
     results: list[tuple[str, Any]] = []
     run(task, [group], 1, lambda name, finding: None if finding is None else results.append((name, finding)))

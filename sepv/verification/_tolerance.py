@@ -1,33 +1,34 @@
 """The bounds of the laws, derived: the meaning of "exact" in binary64.
 
-Notation: u = eps/2; |·| of a matrix or vector is entrywise; M_g ≥ |∇H| and M_B ≥ |B| are majorants (sums of
-absolute values of terms), to which rounding errors are relative whatever cancels.
+Notation: u = eps/2; |·| of a matrix or vector is entrywise; M_g ≥ |∇H| and M_B ≥ |B| are majorants (sums of the
+absolute values of all terms). Rounding errors are relative to the majorants, even if terms cancel.
 
-**Residual.** A step that solves y1 = y0 + ΔB∇̄H as well as binary64 allows leaves, component by component,
+**Residual.** A step that solves y1 = y0 + R, R = ΔB∇̄H, as well as binary64 allows leaves in component i at most
 
     r_i = K u (max(|y0|_∞, |y1|_∞) + |Δ|₁ Σ_j M_B,ij M_g,j),     |Δ|₁ = |h| + Σ_j |c_j ΔW_j|:
 
-one rounding of y1 itself, the stagnation of the iteration at the scale of y, and the rounding of R. K counts
-the operations behind one entry: at most 2ν + T for a sum of T terms of degree ν evaluated at rounded
-quadrature points, d for the product B∇̄H, and 8 for Δ, weights and the final sum. A factor of 4 covers
-implementations that order the same operations differently. A scheme that states its own solver's
-tolerance gets |y| times that in addition.
+one rounding of y1 itself, the stagnation of the iteration at the scale of y, and the rounding of R. K counts the
+operations behind one entry: at most 2ν + T for a sum of T terms of degree ν evaluated at rounded quadrature points,
+d for the product B∇̄H, and 8 for Δ, weights and the final sum. A factor of 4 covers implementations that order the
+same operations differently. If a scheme states its solver's tolerance, |y| times the tolerance is added to r.
 
-**Single precision** (`Scheme.dtype`). u is then 2⁻²⁴, in the residual alone: the suite evaluates H, Casimirs and
-references as before. The step gets y0 and ΔW rounded, y0 + e with |e| ≤ u|y0|: as a step from y0 it leaves
-r + e + Δ ∂R/∂y0 e, and INPUTS counts this. Cases have numbers that single precision has: zero bounds stay.
+**Single precision** (`Scheme.dtype`). u is 2⁻²⁴ in the residual alone, because the suite evaluates H, Casimirs and
+references in binary64. The step gets y0 and ΔW rounded to single precision, so y0 + e with |e| ≤ u|y0|. Taken as a
+step from y0 it leaves r + e + Δ ∂R/∂y0 e; INPUTS counts the terms in e. Cases contain only numbers that single
+precision represents, so that bounds of zero remain zero.
 
-**Several stages.** A stage of an s-stage method leaves r too, with two more sums, of s stages and of ⌈sν/2⌉
-nodes, and averages that multiply errors of ∇H by up to max_i b_i⁻¹∫|ℓ_i| (1.57 for six stages). y1 = y0 + Σ b_j z_j
-with b_j ≥ 0 and Σ b_j = 1: what follows holds as for one stage, because H(y1) − H(y0) = Σ_j b_j g_jᵀ z_j.
+**Several stages.** A stage of an s-stage method leaves r too. Its K has two more sums, over s stages and over ⌈sν/2⌉
+nodes, and a factor for averages that multiply errors of ∇H by up to max_i b_i⁻¹∫|ℓ_i| (1.57 for six stages). Because
+y1 = y0 + Σ b_j z_j with b_j ≥ 0, Σ b_j = 1 and H(y1) − H(y0) = Σ_j b_j g_jᵀ z_j, the bounds below hold as they do for
+one stage.
 
 **Energy.** H(y1) − H(y0) = ∇̄Hᵀ(y1 − y0) (fundamental theorem), and ∇̄Hᵀ B ∇̄H = 0 for the computed skew B, so that
-|ΔH| ≤ Σ_i M_g,i r_i. **Casimirs**: the same with M_∇C. **Error of y1**: |(I − ∂R/∂y1)⁻¹| r.
+|ΔH| ≤ Σ_i M_g,i r_i. **Casimirs**: |ΔC| ≤ Σ_i M_∇C,i r_i. **Error of y1**: at most |(I − ∂R/∂y1)⁻¹| r.
 
-**Many steps** (Brouwer 1937). The sum y0 + z is rounded to nearest, component by component, with errors that are
-spread evenly over ±½ulp(y1_i): a step moves an invariant I by √(Σ_i (∂_iI ulp(y_i))²/12) in the root mean square,
-n steps by √n times that. For small |Δ| this is nearly all: the rounding of z itself is |z|/|y| of it. Means that are
-not quite zero show after 10⁶ steps and more, and are not predicted.
+**Many steps** (Brouwer 1937). A step adds an increment z to y0. The sum is rounded to nearest, with errors spread
+evenly over ±½ulp(y1_i) in component i, so one step moves an invariant I by √(Σ_i (∂_iI ulp(y_i))²/12) in the root mean
+square, and n steps by √n times as much. For small |Δ| this is nearly all, because the rounding of z itself is smaller
+by the factor |z|/|y|. Errors whose mean is not quite zero show after 10⁶ steps and more, and are not predicted.
 """
 
 from __future__ import annotations
@@ -52,9 +53,9 @@ from sepv.schemes import gauss_amplification as amplification
 
 
 def gradient_majorant(problem: Problem, *states: Array) -> Array:
-    """M_g (d,) over the given states: absolute coefficients for polynomials, else |∇H| + |H″||y|.
+    """Majorant M_g ≥ |∇H| (d,) over states: by absolute coefficients for a polynomial H, else |∇H| + |H″||y|.
 
-    The second form is the effect of one rounding of y on a well-written ∇H.
+    The term |H″||y| is the effect of one rounding of y on a well-written ∇H.
     """
     return np.asarray(np.max([_slope_majorant(problem.gradient, problem.hessian, y) for y in states], axis=0))
 
@@ -66,7 +67,7 @@ def _slope_majorant(gradient: Function, hessian: Function | None, y: Array) -> A
 
 
 def structure_majorant(problem: Problem, *states: Array) -> Array:
-    """M_B (d, d) over the given states: absolute coefficients, else |B| + |B′||y|."""
+    """Majorant M_B ≥ |B| (d, d) over states: by absolute coefficients for a polynomial B, else |B| + |B′||y|."""
     rows = []
     for y in states:
         if isinstance(problem.structure, PolynomialMap):
@@ -79,7 +80,7 @@ def structure_majorant(problem: Problem, *states: Array) -> Array:
 
 
 def slopes(function: Function, derivative: Function | None, y: Array) -> Array:
-    """∂function/∂y (…, d, ...) at y (d, ...), for sizes: as given, else by central differences good to six digits."""
+    """∂function/∂y (…, d, ...) at y (d, ...), for sizes: as given, or else by central differences, to six digits."""
     if derivative is not None:
         return derivative(y)
     columns = []
@@ -92,12 +93,12 @@ def slopes(function: Function, derivative: Function | None, y: Array) -> Array:
 
 
 def _largest(structure: Any, *states: Array) -> Array:
-    """M_G (d, d) of a noise structure over the states: its own majorant, else |G|."""
+    """Majorant M_G (d, d) of a noise structure G over states: by absolute coefficients if G is polynomial, else |G|."""
     return np.asarray(np.max([majorant(structure, y) for y in states], axis=0))
 
 
 def operations(problem: Problem, stages: int = 1) -> float:
-    """The constant K of the module's docstring."""
+    """The constant K of the residual's bound: a count of the roundings behind one entry (see the module)."""
     terms, degree, nodes = 6, 2, 2 * (stages + 4)  # nodes of a quadrature that is refined until it is exact
     if isinstance(problem.gradient, PolynomialMap) and isinstance(problem.structure, PolynomialMap):
         rows = [*problem.gradient.rows, *problem.structure.rows]
@@ -114,9 +115,9 @@ def operations(problem: Problem, stages: int = 1) -> float:
 def step_residual(
     problem: Problem, y0: Array, y1: Array, h: float, dW: Array, scheme: Scheme | None = None
 ) -> Array:
-    """The residual r (d,) that a solved step may leave, by the scheme's tolerance; (d, M) for a batch.
+    """The residual r (d,) that a solved step may leave, given the scheme's tolerance; (d, M) for a batch.
 
-    Without a scheme: solved to rounding, with one stage.
+    If no scheme is given, the step has one stage and is solved to rounding.
     """
     tolerance, stages, eps = 0.0, 1, EPS
     if scheme is not None:
@@ -134,21 +135,21 @@ def step_residual(
     return 0.5 * eps * count * (scale + length * flow) + tolerance * scale + least
 
 
-# Roundings of y0 and dW to single precision before the step: (1 + κ) of y and one of Δ, κ ≤ 1 its contraction factor.
+# Roundings of y0 and ΔW to single precision before the step: 1 + κ for y0, κ ≤ 1 the contraction factor, and 1 for Δ.
 INPUTS = 4.0
-# Underflow of single precision, whose subnormal numbers some processors take for 0.
+# A bound of underflow in single precision, because some processors take its subnormal numbers for 0.
 LEAST_SINGLE = 2.0**-120
 
 
 def pushes(problem: Problem) -> Array:
-    """The largest |g_j| of additive noise, (d,): a part of every field. Zeros for noise that is given otherwise."""
+    """The largest |g_j| (d,) over the vectors of additive noise, as a part of every field; zeros for other noise."""
     return np.asarray(np.max(np.abs(noise_vectors(problem)), axis=0, initial=0.0))
 
 
 def majorants(problem: Problem, reach: Array) -> tuple[Array, Array, Array, Array]:
-    """M_B, M_g and the majorants of their derivatives for |y| ≤ `reach` (d, ...), for polynomial data.
+    """Majorants of B, ∇H, B′ and H″ for all states with |y| ≤ `reach` (d, ...), for polynomial data.
 
-    The largest over all structures, or over all Hamiltonians, where there are several.
+    If there are several structures or several Hamiltonians, each majorant is the largest over them.
     """
     B, g, dB, H = (
         _of_polynomials(f, reach)
@@ -169,7 +170,7 @@ def _of_polynomials(function: object, reach: Array) -> Array:
 
 
 def _any_gradient(problem: Problem, y0: Array, y1: Array) -> Array:
-    """The majorant M_g of H, and of all H_j if there are several Hamiltonians."""
+    """The largest majorant of ∇H and, if there are several Hamiltonians, of all ∇H_j."""
     stated = gradient_majorant(problem, y0, y1)
     if not isinstance(problem, HamiltoniansProblem) or not problem.noise_gradients:
         return stated
@@ -179,12 +180,12 @@ def _any_gradient(problem: Problem, y0: Array, y1: Array) -> Array:
 
 
 def energy_bound(problem: Problem, y0: Array, y1: Array, residual: Array) -> Any:
-    """A bound of |H(y1) − H(y0)| for this residual."""
+    """A bound of |H(y1) − H(y0)| for a step with this residual."""
     return np.sum(gradient_majorant(problem, y0, y1) * residual, axis=0) + TINY
 
 
 def casimir_bound(A: Array, y0: Array, y1: Array, residual: Array) -> Any:
-    """A bound of |C(y1) − C(y0)| for this residual, for C = yᵀAy (matrix A) or C = bᵀy (vector A)."""
+    """A bound of |C(y1) − C(y0)| for a step with this residual, for C = yᵀAy (matrix A) or C = bᵀy (vector A)."""
     slope = np.abs(A) if A.ndim == 1 else np.abs(A) @ (np.abs(y0) + np.abs(y1))
     return np.sum(slope.T * residual.T, axis=-1) + TINY
 
@@ -202,9 +203,9 @@ def casimir_ulp(A: Array, y0: Array, y1: Array) -> float:
 
 
 def rounding_variances(gradient: Array, states: Array) -> Array:
-    """The mean square change (M,) of an invariant by the rounding of one step to each of the states (see above).
+    """Mean square changes (M,) of an invariant by rounding one step to each state ("Many steps" in the module).
 
-    `gradient` (d, M) is the invariant's at `states` (d, M). 0 where it overflows, which excuses nothing.
+    `gradient` (d, M) is its gradient at `states` (d, M). A change that overflows is 0, so that it excuses no defect.
     """
     with np.errstate(all="ignore"):
         roundings = gradient * np.spacing(np.abs(states))
@@ -222,8 +223,8 @@ def state_ulp(*states: Array) -> float:
     return EPS * max(TINY, *(float(np.max(np.abs(y))) for y in states))
 
 
-# Digits of the references for `state_error`: fourteen more than a binary64 number has, relative to the largest
-# component, as the bound is.
+# Decimal digits of the references for `state_error`, relative to the largest component, as the bound is: fourteen more
+# than a binary64 number has.
 DIGITS = 30
 
 
@@ -231,10 +232,10 @@ def state_error(
     exact: Sequence[Any], condition: Sequence[Sequence[float]], problem: Problem, y0: Array, y1: Array, h: float,
     dW: Array, scheme: Scheme | None = None,
 ) -> tuple[float, float]:  # fmt: skip
-    """Error and bound of y1 against an exact step, in ulp of the largest component: the worst component.
+    """(error, bound) of y1 against an exact step, in ulp of the largest component, for the component that is worst.
 
-    `exact` are d numbers of extended precision, `condition` (d, d) is |(I − ∂R/∂y1)⁻¹|, which turns residuals into
-    errors. The bound adds the rounding of y1 itself.
+    `exact` is the exact step, d numbers of extended precision. `condition` (d, d) is |(I − ∂R/∂y1)⁻¹|, which turns
+    residuals into errors. The bound adds the rounding of y1 itself.
     """
     unit = state_ulp(y0, y1)
     error = np.array([abs(float(a - float(b))) for a, b in zip(exact, y1, strict=True)])

@@ -1,9 +1,9 @@
 """A problem's own units of time and length, in which laws choose steps and states of a user's problem.
 
 With t = τs, the equation dy = B∇H(dt + Σ c_j∘dW_j) is dy = τB∇H(ds + Σ c_jτ^{−½}∘dW_j), and y = λx multiplies states by
-λ. Both change numbers and nothing else. So h, T, the ln h in A_h of Remark 2.1, and every bound that is compared with a
-state are taken in units (τ, λ) found from the problem itself, which change with it: no verdict depends on whether time
-is in seconds or in years.
+λ. Both changes of units change only the numbers of a problem. So the step h, the length T of a path, the ln h in the
+truncation A_h of Remark 2.1, and every bound that is compared with a state are taken in units (τ, λ) that are computed
+from the problem: no verdict depends on whether time is in seconds or in years.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ class Units:
 
 
 def units_for(scheme: Scheme, problem: Problem) -> Units:
-    """The units of a user's problem; 1 for the suite's own problems, whose steps are stated as they are."""
+    """The units of a user's problem; 1 for the suite's own problems, whose steps need no other units."""
     return units_of(problem) if scheme.problems else Units()
 
 
 def units_of(problem: Problem) -> Units:
-    """Choose the time that the flow's slope and the noise allow, and the size of the initial state.
+    """Choose a unit of time τ from the slope of a problem's fields and its noise, and a unit of length λ from y0.
 
-    With L the slope of the fields at y0, τ = min(2/L, 2(LΣc_j)⁻²). Over steps of τ/8, the longest that laws make, the
-    drift turns by ¼ at most, and the random time has a standard deviation of 1/(2L) at most. Paths are of length τ/4
-    and their coarsest steps τ/16, so that errors of right schemes fall as their order says.
+    With L the slope of the fields at y0, τ = min(2/L, 2(LΣc_j)⁻²). Over a step of τ/8, the longest that laws make, the
+    drift changes y by a relative ¼ at most, and the random time has a standard deviation of 1/(2L) at most. Paths have
+    length τ/4 and steps of τ/16 at most, so that the errors of a correct scheme fall with its order.
 
-    If L = 0 at y0, nearby states are used; if all fields are constant L is |f|/λ. From the origin λ is |f|/L. If
-    nothing moves both are 1: no law can see a unit there.
+    If L = 0 at y0, L is taken at nearby states; if all fields f are constant, L is |f|/λ. If y0 = 0, λ is |f|/L. If all
+    fields vanish, L is 1, and so is λ at the origin: no law then depends on a unit.
     """
     start = np.array(problem.initial, dtype=np.float64)
     length = float(np.max(np.abs(start), initial=0.0))
@@ -54,7 +54,7 @@ def units_of(problem: Problem) -> Units:
 
 
 def rates_at(problem: Problem, y: Array) -> tuple[float, float]:
-    """The largest component of a field at y, and a bound of its slope there, |B′||∇H| + |B||H″| + γ by row sums."""
+    """(largest component of a field at y, bound of the field's slope at y: row sums of |B′||∇H| + |B||H″|, plus γ)."""
     B, g, dB, H = sizes_at(problem, y)
     gamma = abs(damping_of(problem))
     slope = float(np.max(np.sum(np.einsum("ijk,j->ik", dB, g) + B @ H, axis=1)))

@@ -1,4 +1,4 @@
-"""A worker of `sepv.verification._side_by_side`: laws by name on stdin, findings on stdout, all pickled."""
+"""A worker process of `sepv.verification._side_by_side`: it reads laws from stdin and writes findings to stdout."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from sepv.errors import UsageError
 
 
 def main() -> None:
-    """Answer groups of laws until stdin ends; the argument is a file for notes, `sepv._journal.Notes`."""
+    """Measure groups of laws until stdin ends; the process's argument is a file for notes, `sepv._journal.Notes`."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     # Output of the scheme goes to stderr: stdout is for findings.
     out = os.fdopen(os.dup(1), "wb")
@@ -45,7 +45,7 @@ def answer(say: Any) -> None:
     from sepv.verification._laws import load_laws
     from sepv.verification._verify import load_candidate, measure
 
-    # The first half of the task has the module path, which the second half, with the scheme, may need.
+    # The first part of the task is the module path, which may be needed to unpickle the second part, with the scheme.
     path, folder, rest = pickle.load(sys.stdin.buffer)
     sys.path[:] = path
     os.chdir(folder)
@@ -74,7 +74,7 @@ def _read(groups: SimpleQueue[list[str]], end: Callable[[], None]) -> None:
 
 
 def _end_with_children(scheme: Any, *_: Any) -> None:
-    """End the program of another language before this process, at once and past every handler."""
+    """End the scheme's external program, if there is one, then this process, at once and without exit handlers."""
     owner: Any = getattr(scheme.step, "__self__", None)
     if hasattr(owner, "abandon"):
         owner.abandon()

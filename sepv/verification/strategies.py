@@ -1,8 +1,8 @@
 """Hypothesis strategies: random skew B(y), polynomial H, Casimirs by construction, and steps with a solution.
 
-They are the systems that the laws draw (`sepv.verification._cases.random_cases`). All coefficients are small dyadic
-rationals: products and sums of a few of them are exact in binary64, so that a Casimir holds exactly as data and a
-defect is the scheme's.
+The laws draw the same systems (`sepv.verification._cases.random_cases`). All coefficients are small dyadic rationals.
+Products and sums of a few of them are exact in binary64, so that the coefficients of a Casimir satisfy its definition
+exactly and a defect is due to the scheme.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def polynomials(
 
 
 def hamiltonians(dimension: int, degree: int = 6, *, least: int = 1) -> st.SearchStrategy[Polynomial]:
-    """Polynomial H, one to five terms. Examples shrink towards one term."""
+    """Polynomial Hamiltonians H with one to five terms. Examples shrink towards one term."""
     return polynomials(dimension, degree, least=min(least, degree))
 
 
@@ -70,7 +70,7 @@ def skew_structures(dimension: int, degree: int = 3) -> st.SearchStrategy[Struct
 
 @cache
 def noises(least: int = 0, most: int = 3) -> st.SearchStrategy[tuple[float, ...]]:
-    """Noise coefficients c_j ≥ 0. Examples shrink towards as few as possible, and c_j = 1."""
+    """Noise coefficients c_j ≥ 0, `least` to `most` of them. Examples shrink towards `least`, and c_j = 1."""
     return _made(
         lambda random: tuple(
             random.choice([1.0, 0.5, 2.0, 0.25, 0.0]) for _ in range(random.randint(least, most))
@@ -117,16 +117,16 @@ def _system(
 
 @cache
 def paper_problems() -> st.SearchStrategy[NamedProblem]:
-    """The paper's four problems with its parameters."""
+    """The paper's four problems with the paper's parameters."""
     data = [problems.by_name(name).data for name in problems.PAPER]
     return st.sampled_from([entry for entry in data if isinstance(entry, NamedProblem)])
 
 
 @cache
 def steps(systems: st.SearchStrategy[PolynomialSystem] | None = None) -> st.SearchStrategy[Case]:
-    """A state and a step inside the contraction radius, so that a solution near y0 exists and is unique there; h > 0.
+    """Cases of a state and a step h > 0 inside the contraction radius: a solution near y0 exists and is unique.
 
-    Without systems: those of class (1.1), of all sizes, as the laws draw them.
+    If no `systems` are given, the systems are of class (1.1) and of all sizes, as the laws draw them.
     """
     if systems is not None:
         return systems.flatmap(near)

@@ -1,6 +1,6 @@
-"""States and steps of extreme size: a case at the usual size in other units of y and of time.
+"""States and steps of extreme size, made from a case of usual size by a change of the units of y and of time.
 
-The step is the same one, and a scheme without a number that has a unit gives the same digits.
+The case is the same in other units, so that a scheme without a number that has a unit gives the same digits.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from sepv.record import Polynomial, poly
 from sepv.verification._cases.case import Case
 from sepv.verification._cases.strata import FAR, SIZE, STEP, Levels, Stratum
 
-# The exponents of 2 that coefficients and powers of y may have: none overflows, and 2⁻¹⁰⁷⁴, the error of what
-# underflows, is 2⁻⁵³ of the smallest of them and less.
+# The largest |exponent of 2| of coefficients and powers of y: none overflows, and an underflow, whose error is 2⁻¹⁰⁷⁴,
+# changes the smallest of them by less than a relative 2⁻⁵³.
 EXPONENTS = 960
-# Sizes |y| that every scheme must take, and the largest exponent of 2 of other sizes: |y| = 1e±100, whose squares are
-# numbers with all digits.
+# Sizes |y| that every scheme must take, and the largest exponent of 2 of other sizes: |y| = 1e±100, whose squares
+# neither overflow nor lose digits.
 USUAL, LARGEST = (2.0**-21, 2.0**21), 333
 
-# Steps |h| + Σ|c_j ΔW_j| that a scheme may refuse.
+# A scheme may refuse a step whose |h| + Σ|c_j ΔW_j| is larger than this.
 LONG = 8.0
 
 
@@ -31,18 +31,18 @@ def is_usual(size: float) -> bool:
 
 
 def beyond(case: Case) -> bool:
-    """True if the state is larger or smaller than those that every scheme must take."""
+    """True if the state is larger or smaller than the states that every scheme must take."""
     largest = max(map(abs, case.y), default=0.0)
     return largest > 0 and not is_usual(largest)
 
 
 def is_long(case: Case) -> bool:
-    """True if |h| + Σ|c_j ΔW_j| is more than any scheme must take: in other units the step is a usual one."""
+    """True if |h| + Σ|c_j ΔW_j| is more than any scheme must take; in other units it is a step of usual length."""
     return isinstance(case.problem, PolynomialSystem) and _length(case) > LONG
 
 
 def usual(levels: Levels) -> Levels:
-    """The strata with the usual ranges of |y| and |Δ|, in which a case is drawn before `at_the_end`."""
+    """Replace extreme ranges of |y| and |Δ| by usual ones: a case is drawn in these, then `at_the_end` rescales it."""
     ranges = {a.name: {s.name: s._replace(end=0.0) for s in a.strata} for a in (SIZE, STEP)}
     found = {a: ranges[a].get(s.name, s) if a in ranges else s for a, s in levels.items() if s not in FAR}
     far = next((s for s in levels.values() if s in FAR), None)
@@ -50,7 +50,7 @@ def usual(levels: Levels) -> Levels:
 
 
 def at_the_end(case: Case, levels: Levels) -> Case:
-    """The case in units in which |y| and |Δ| are as far beyond their usual ranges as the strata say."""
+    """Convert a case to units in which |y| and |Δ| are as far beyond their usual ranges as the strata say."""
     size = next((s for s in levels.values() if s in FAR), levels[SIZE.name])
     length = levels[STEP.name]
     ordinary = usual(levels)
@@ -59,7 +59,7 @@ def at_the_end(case: Case, levels: Levels) -> Case:
 
 
 def _power(wanted: Stratum, ordinary: Stratum, value: float) -> int:
-    """The exponent of 2 between a value and the number wanted, 0 where that is of the usual range."""
+    """The exponent of 2 of the factor from a value to the wanted size; 0 if the wanted size is in the usual range."""
     return (
         0
         if ordinary.low <= wanted.low <= ordinary.high or not value
@@ -73,14 +73,15 @@ def _length(case: Case) -> float:
 
 
 def in_other_units(case: Case, power: int, time: int = 0) -> Case:
-    """The step in other units of y, by 2ⁿ, and of time, by 4ᵏ, which leads to 2ⁿy1.
+    """Convert a case to other units: y is multiplied by 2ⁿ and time by 4ᵏ, so that the step leads to 2ⁿy1.
 
-    H is 4ⁿ⁻ᵏH(2⁻ⁿy), B is B(2⁻ⁿy), so that canonical and mechanical systems stay what they are, g_j is 2ⁿ4⁻ᵏg_j, γ is
-    4⁻ᵏγ, h is 4ᵏh, and c_j and ΔW_j are 2ᵏ times what they were. n is `power`, or as near to it as numbers go.
+    H becomes 4ⁿ⁻ᵏH(2⁻ⁿy) and B becomes B(2⁻ⁿy), so that canonical and mechanical systems remain such systems. The noise
+    vectors become 2ⁿ4⁻ᵏg_j, the damping 4⁻ᵏγ and the step 4ᵏh; c_j and ΔW_j are multiplied by 2ᵏ. k is `time`. n is
+    `power`, or nearer to 0 if numbers would otherwise overflow.
     """
     system = case.problem
     assert isinstance(system, PolynomialSystem)
-    # The brackets {H, H_j} are sums of products of three coefficients.
+    # The brackets {H, H_j} are sums of products of three coefficients, so that three exponents add up.
     most = (EXPONENTS / 3 if system.noise_hamiltonians else EXPONENTS) - 2 * abs(time)
     while power and any(abs(e) > most for e in _exponents(case, system, power)):
         power = int(power / 1.25)
@@ -111,7 +112,7 @@ def _of(B: Structure, power: int) -> Structure:
 
 
 def _exponents(case: Case, system: PolynomialSystem, power: int) -> Iterator[float]:
-    """Exponents of 2 of the numbers of the case in those units, and of powers of y; a large one for too large a y."""
+    """Exponents of 2 of a case's numbers and of powers of y after the change of units; one too large if |y| is."""
     sizes = [abs(v) for v in case.y if v]
     ends = [math.log2(v) + power for v in (max(sizes), min(sizes))] if sizes else []
     yield from (EXPONENTS + 1 for end in ends[:1] if abs(end) > LARGEST)
