@@ -1,7 +1,7 @@
-"""Output of commands: texts that do nothing to a terminal, tables, consoles and progress.
+"""Output of commands: texts without control characters, tables, consoles and progress.
 
-Read `_tables` first; `_text` has the ASCII of our signs. `_console` is loaded when a console is asked for, because it
-needs rich, and `_progress` shows work that takes more than two seconds.
+Read `_tables` first. `_text` escapes control characters and converts signs to ASCII. `_console` is loaded when a
+console is used, because it needs rich. `_progress` shows the progress of work that takes more than two seconds.
 """
 
 from __future__ import annotations

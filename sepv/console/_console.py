@@ -1,4 +1,4 @@
-"""Consoles of rich: colour on terminals only, no markup, and a quiet end where the reader closes the pipe."""
+"""Consoles of rich: colour on terminals only, no markup, and no message if the reader closes the pipe."""
 
 from __future__ import annotations
 
@@ -20,9 +20,10 @@ def console(file: TextIO | None = None, *, stderr: bool = False) -> Console:
 
 
 class _Console(Console):
-    """A console whose reader may close the pipe (``| head``): it exits with 141 as for SIGPIPE; rich's 1 is a verdict.
+    """A console that exits with 141, as for SIGPIPE, if its reader closes the pipe (``| head``).
 
-    Brackets are not markup and no control character passes, because names and messages come from others.
+    Rich would exit with 1, which is a verdict here. Control characters are escaped and brackets are no markup, because
+    names and messages may come from others.
     """
 
     def print(self, *objects: Any, **options: Any) -> None:
@@ -35,17 +36,17 @@ class _Console(Console):
 
 
 class _Ascii(_Console):
-    """A console whose encoding lacks our signs: texts are converted to ASCII before they are laid out."""
+    """A console whose encoding lacks signs such as Δ: texts are converted to ASCII before they are laid out."""
 
     def print(self, *objects: Any, **options: Any) -> None:
         super().print(*(ascii_cell(o) for o in objects), **options)
 
 
 def print_sentence(out: Console, text: Text) -> None:
-    """Print a sentence: wrapped for a terminal, one line for a program."""
+    """Print a sentence: wrapped on a terminal, on one line if a program reads the output."""
     out.print(text, soft_wrap=not out.is_terminal)
 
 
 def plain_console(file: TextIO) -> Console:
-    """A console of 100 columns without colour, for a text that is kept."""
+    """A console of 100 columns without colour, for a text that is stored."""
     return _Console(file=file, highlight=False, markup=False, width=100, color_system=None)

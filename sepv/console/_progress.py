@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rich.console import Console
 
-# Seconds after which a line is printed if there is no bar; then one every REPEAT.
+# Without a bar, lines are printed after these seconds, then one every REPEAT seconds.
 FIRST = 2.0
 FIRST_LINES = (FIRST, 5.0, 10.0, 20.0)
 REPEAT = 20.0
-# Seconds between two looks at the work, once a line is printed: a violation is shown within them.
+# Seconds between two checks of the work once a line is printed, so that a violation is shown soon.
 TICK = 0.2
 
 
@@ -31,7 +31,7 @@ class Shown:
         # A source of better estimates: the seconds left, None if unknown, and the current work.
         self.expected: Callable[[], float | None] | None = None
         self.doing = lambda: self.text
-        self.found: list[str] = []  # what is to be said once, as soon as anything is
+        self.found: list[str] = []  # messages to print once, as soon as a line or a bar is shown
 
     def update(self, text: str | None = None, share: float | None = None) -> None:
         """Set the current work, and the share that is done, 0 to 1; omitted arguments keep their values."""
@@ -40,13 +40,13 @@ class Shown:
 
     @property
     def seconds_left(self) -> float | None:
-        """Seconds left, as the work expects, or at the pace so far; None without a pace."""
+        """The remaining seconds, by the work's own estimate or at the pace so far; None if there is no pace yet."""
         if self.expected is not None:
             return self.expected()
         return (time.monotonic() - self.started) * (1 - self._done) / self._done if self._done > 0 else None
 
     def share(self, left: float | None) -> float:
-        """The share of the work that is done, 0 to 1, if `left` seconds are left; None counts as unknown."""
+        """The share of the work that is done, 0 to 1, if `left` seconds remain; None means unknown."""
         if self.expected is None or left is None:
             return self._done
         elapsed = time.monotonic() - self.started
@@ -117,6 +117,6 @@ def _bar(shown: Shown, out: Console, done: threading.Event) -> None:
                 _say(shown, out)
             left = shown.seconds_left
             text = f"{_about(left)}  {shown.doing()}" if left is not None else shown.doing()
-            # Without a known share the bar pulses. Square brackets are not markup here.
+            # If the share is unknown, the bar pulses. Square brackets in the text are no markup.
             total, words = None if left is None else 1.0, text.replace("[", r"\[")
             bar.update(task, total=total, completed=shown.share(left), description=words)

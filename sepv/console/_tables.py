@@ -1,6 +1,6 @@
 """Tables on a terminal and in Markdown.
 
-A table that is too wide for its terminal loses columns, the least important first, and never digits.
+If a table is too wide for its terminal, columns are left out, the least important first. Digits are never cut.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ if TYPE_CHECKING:
 
     Cell = str | Text
 
-# The width from which a column of words reads well.
+# The least width at which a column of words reads well.
 WORDS = 24
 
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table. Columns of the same heading are dropped together, and are as wide as the widest of them."""
+    """A column of a table. Columns with the same heading are dropped together, and all get the width of the widest."""
 
     heading: str
     right: bool = False  # numbers are aligned at the right
-    words: bool = False  # may be broken between words, and within one if nothing else can be dropped
+    words: bool = False  # texts may be broken between words, and within a word if no column can be dropped
     # The order in which columns are dropped on a narrow terminal, 1 first; 0 for a column that stays.
     goes: int = 0
     least: int = 0  # the least width, in cells of a terminal
@@ -41,15 +41,15 @@ class Table:
     rows: Sequence[Sequence[Cell]]
     title: Cell = ""
     caption: Cell = ""
-    ruled: bool = False  # a line under the headings, on a terminal that is wide enough
-    edged: bool = True  # blanks around a ruled table
+    ruled: bool = False  # True for a line under the headings, on a terminal that is wide enough
+    edged: bool = True  # True for blanks around a ruled table
     headed: bool = True  # True if the headings are shown
 
 
 def columns(
     left: Iterable[str], right: Iterable[str] = (), *, goes: Sequence[str] = (), **more: Any
 ) -> tuple[Column, ...]:
-    """Columns of words and then of numbers by their headings; `goes` lists those to drop, in order."""
+    """Make columns of words, then of numbers, from their headings; `goes` lists the headings to drop, in order."""
     order = {heading: place for place, heading in enumerate(goes, 1)}
     listed = [*(Column(h, **more) for h in left), *(Column(h, right=True) for h in right)]
     return tuple(replace(c, goes=order.get(c.heading, 0)) for c in listed)
@@ -66,7 +66,7 @@ def print_table(table: Table, out: Console) -> None:
         table = _with_cells(table, ascii_cell)
     width, ruled = out.width, _ruled(table, out.width)
     needed, between = _laid(table, width)
-    # Columns with one heading stay or go together.
+    # Columns with the same heading are shown or dropped together.
     times = [c.heading for c in table.columns]
     total = {h: n * times.count(h) + between * (times.count(h) - 1) for h, n in needed.items()}
     order = {c.heading: c.goes for c in table.columns if c.goes}
@@ -84,7 +84,7 @@ def print_table(table: Table, out: Console) -> None:
         show_edge=table.edged,
         pad_edge=False,
         padding=(0, between - ruled, 0, 0),
-        # As wide as its title if a terminal allows it: a table of one column would break it.
+        # The table is at least as wide as its title if the terminal allows it; else a narrow table breaks the title.
         min_width=min(longest([_plain(table.title)]), 80, width) if table.title else None,
     )
     chosen = [n for n, c in enumerate(table.columns) if c.heading in left]
@@ -121,7 +121,7 @@ def _edges(table: Table, width: int) -> int:
 def _laid(table: Table, width: int) -> tuple[dict[str, int], int]:
     """The widths of columns by heading, and the number of blanks between columns, for a console of this width.
 
-    Headings are in one line, with two blanks between them, if all columns fit so.
+    If all columns then fit, each heading is on one line and there are two blanks between columns.
     """
     room = width - _edges(table, width)
     least = 2 if _ruled(table, width) else 1
@@ -133,7 +133,7 @@ def _laid(table: Table, width: int) -> tuple[dict[str, int], int]:
 
 
 def _with_cells(table: Table, change: Callable[[Any], Any]) -> Table:
-    """The table with a function applied to each of its texts, before it is laid out: in ASCII an arrow is two signs."""
+    """Apply a function to each text of a table, before it is laid out, because in ASCII an arrow has two characters."""
     return replace(
         table,
         columns=tuple(replace(c, heading=change(c.heading)) for c in table.columns),
@@ -146,8 +146,8 @@ def _with_cells(table: Table, change: Callable[[Any], Any]) -> Table:
 def _needed(table: Table, *, whole: bool = False, words: int = 0) -> dict[str, int]:
     """The least widths of columns by heading.
 
-    A column has room for the longest word of its heading, or for the `whole` heading, and for the longest line of its
-    cells. A column of words has room for the longest word, and for its cells up to `words`.
+    A column is as wide as the longest word of its heading, or as the `whole` heading, and as the longest line of its
+    cells. A column of words is as wide as its longest word, and as its longest cell up to the width `words`.
     """
     widths: dict[str, int] = {}
     for n, c in enumerate(table.columns):

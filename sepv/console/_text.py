@@ -1,4 +1,4 @@
-"""Texts without characters that affect a terminal, in ASCII where an encoding has no more."""
+"""Texts without characters that affect a terminal, in ASCII if an encoding has only that."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import codecs
 import unicodedata
 from typing import Any
 
-# ASCII for the signs of pages and messages; any other sign is decomposed or escaped.
+# The ASCII text for each sign of pages and messages; any other sign is decomposed or escaped.
 _ASCII = {
     "≤": "<=", "≥": ">=", "≠": "!=", "−": "-", "–": "-", "—": "-", "‑": "-", "·": "*", "×": "x",
     "∘": "o", "±": "+-", "…": "...", "√": "sqrt ", "Σ": "sum", "∑": "sum", "∇": "grad ",
@@ -21,10 +21,10 @@ _NAME = "sepv-ascii"
 
 
 def printable(text: str, allowed: str = "\n\t") -> str:
-    """Escape every character that affects a terminal, or is invisible there, except those allowed.
+    """Escape every character that affects a terminal, or is invisible on it, except the `allowed` ones.
 
-    Names and messages come from files and programs of others. Escape sequences, bells, marks that turn the direction of
-    writing and lone surrogates are escaped.
+    Names and messages may come from files and programs of others. Escape sequences, bells, marks that change the
+    direction of writing and lone surrogates are escaped.
     """
     if text.isprintable():
         return text
@@ -41,7 +41,7 @@ def printable_cell(cell: Any) -> Any:
 
 
 def ascii_text(text: str) -> str:
-    """A text in ASCII, with signs such as ≤ and Σ written out."""
+    """Convert a text to ASCII, with signs such as ≤ and Σ written out."""
     return "".join(c if c.isascii() else _character(c) for c in text)
 
 
@@ -55,7 +55,7 @@ def ascii_cell(cell: Any) -> Any:
 
 
 def counted(number: int, what: str) -> str:
-    """A number with its noun: 1 law, 27 laws."""
+    """A number with its noun in the singular or plural: 1 law, 27 laws."""
     return f"{number} {what}" + ("" if number == 1 else "s")
 
 
@@ -73,12 +73,12 @@ def _replace(error: UnicodeError) -> tuple[str, int]:
 
 
 def cannot_show(stream: Any) -> bool:
-    """True if the stream's encoding lacks the signs of our tables."""
+    """True if the stream's encoding lacks signs of sepv's tables, such as Δ: it is no form of UTF."""
     return not (getattr(stream, "encoding", None) or "utf-8").lower().replace("_", "-").startswith("utf")
 
 
 def never_fail(stream: Any) -> None:
-    """Make the stream write signs that its encoding lacks in ASCII, and a lone surrogate as an escape."""
+    """Make a stream write in ASCII each sign that its encoding lacks, and a lone surrogate as an escape."""
     codecs.register_error(_NAME, _replace)
     if hasattr(stream, "reconfigure"):
         stream.reconfigure(errors=_NAME)

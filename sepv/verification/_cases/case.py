@@ -30,7 +30,7 @@ from sepv.problem import (
 from sepv.problems.shown_to_schemes import GIVEN, as_given
 from sepv.schemes import Scheme, load_problem, require_trusted
 
-# The largest token, ten times a witness of sixty-four dimensions.
+# The largest unpacked token in bytes, ten times a witness of sixty-four dimensions.
 MOST_BYTES = 2**24
 
 
@@ -41,11 +41,11 @@ class Case:
     Attributes
     ----------
     given : str
-        The view of the problem for the scheme: one of `sepv.problems.shown_to_schemes.GIVEN`.
+        The view of the problem that the scheme gets: one of `sepv.problems.shown_to_schemes.GIVEN`.
     batch : int
-        For laws about batches: the number of states stepped together. 0 leaves it to the law.
+        For laws about batches, the number of states stepped together; if 0, the law chooses it.
     times : int
-        For the contract: the number of repetitions in a row. 0 leaves it to the law.
+        For the law "contract", how often the step is repeated; if 0, the law chooses it.
     """
 
     problem: Description
@@ -57,12 +57,12 @@ class Case:
     times: int = 0
 
     def build(self) -> tuple[Problem, Array, float, Array]:
-        """The arguments of ``step`` with the whole problem; `sepv.schemes.ask` gives the scheme its view."""
+        """The arguments of ``step`` with the whole problem, of which `sepv.schemes.ask` gives a scheme only a view."""
         problem = as_given(self.problem, self.given)
         return problem, np.array(self.y), self.h, np.array(self.dW, dtype=np.float64)
 
     def describe(self) -> str:
-        """Describe the case for a reader; `to_json` keeps every bit."""
+        """Describe the case in words; `to_json` gives every bit of its numbers."""
         problem = problems.build(self.problem)
         several = is_several(problem)
         step = 0.0 if several else float(problem.random_step(self.h, np.array(self.dW, dtype=np.float64)))
@@ -80,7 +80,7 @@ class Case:
 
 
 def with_noise(case: Case, c: tuple[float, ...], dW: tuple[float, ...]) -> Case:
-    """A copy of the case with other noises."""
+    """A copy of the case with other noise coefficients c and increments dW."""
     return replace(case, problem=_with_coefficients(case.problem, c), dW=dW)
 
 
@@ -93,7 +93,7 @@ def _with_coefficients(data: Description, c: tuple[float, ...]) -> Description:
 
 
 def quiet(case: Case) -> Case | None:
-    """A step of the same length without noise, c = () and h = Δ; None where each noise has a field of its own."""
+    """The case without noise, with c = () and h = Δ; None if each noise has a field of its own."""
     if not case.dW:
         return case
     problem, _, h, dW = case.build()
@@ -103,7 +103,7 @@ def quiet(case: Case) -> Case | None:
 
 
 def taken_by(scheme: Scheme, cases: Iterable[Case]) -> Iterator[Case]:
-    """The cases in the form that the scheme takes: for a scheme without noise, c = (), where a case has this form."""
+    """The cases in the form that a scheme takes: with c = () for a scheme without noise, omitting cases without it."""
     for case in cases:
         taken = quiet(case) if scheme.deterministic else case
         if taken is not None:
@@ -124,7 +124,7 @@ def _other_noise(given: GivenProblem, c: tuple[float, ...]) -> GivenProblem:
 
 
 def to_json(case: Case) -> dict[str, Any]:
-    """A JSON object, floats in hex."""
+    """Convert a case to a JSON object, with floats in hex."""
     return {
         "problem": problem_to_json(case.problem),
         "y": [v.hex() for v in case.y],
@@ -137,9 +137,9 @@ def to_json(case: Case) -> dict[str, Any]:
 
 
 def from_json(data: Any, objects: Iterable[Problem] = ()) -> Case:
-    """The inverse of `to_json`; a UsageError for anything else.
+    """Convert a JSON object of `to_json` to a case; a UsageError for anything else.
 
-    A problem that was given as an object is found by its name among `objects`.
+    If the problem was given as a Python object, it is found by its name among `objects`.
     """
     require_witness(data)
     case = of_valid(data, objects)
@@ -162,7 +162,7 @@ def require_witness(data: Any) -> None:
 
 
 def of_valid(data: dict[str, Any], objects: Iterable[Problem] = ()) -> Case:
-    """The case of JSON that obeys the schema of witnesses."""
+    """Convert JSON that obeys the schema of witnesses to a case."""
     given = data.get("given", "data")
     require_one_of("a way to show the problem", given, GIVEN, "copy the witness whole from a report")
     problem = data["problem"]
@@ -178,7 +178,7 @@ def of_valid(data: dict[str, Any], objects: Iterable[Problem] = ()) -> Case:
 
 
 def has_words(witness: Any) -> bool:
-    """True if a command can name the problem of a witness: one that was given as an object has no words."""
+    """True if a command can name the problem of a witness; False if it was given as a Python object."""
     problem = witness.get("problem") if isinstance(witness, dict) else None
     return not (isinstance(problem, dict) and problem.get("given") == "")
 
@@ -192,7 +192,7 @@ def require_named(witness: dict[str, Any], scheme: Scheme) -> None:
 
 
 def _given_problem(data: dict[str, Any], objects: Iterable[Problem]) -> GivenProblem:
-    """A problem made of functions, loaded from its name, or the only one of its name among `objects`."""
+    """A problem made of functions: loaded by its name, or the only problem with this name among `objects`."""
     target = data["given"]
     own = [problem for problem in objects if not target and problem.name == data.get("object")]
     if ":" not in target and target not in problems.EXTENSIONS | problems.HAMILTONIANS and len(own) != 1:

@@ -17,24 +17,24 @@ from sepv.verification._cases.strata import Axis, Space, Strata
 
 _SIZES = (strata.STATE, strata.DIMENSION, strata.DEGREE, strata.TERMS)
 _STEPS = (strata.SIZE, strata.STEP, strata.SIGN, strata.SHARE, strata.GIVEN, strata.BATCH)
-# Strata that hide a wrong quadrature or a wrong place of B. Most laws are served better by rows without them.
+# Strata in which a wrong quadrature, or a wrong place of B, does not show: most laws need rows without these strata.
 _RIGHT = {"degree of H": ("1–2",), "degree of B": ("0",), "degree of C": ("1", "2")}
 
 
 @dataclass(frozen=True)
 class SystemsClass:
-    """A class of systems.
+    """A class of systems, and the sources of its cases.
 
     Attributes
     ----------
     space : Space
-        Its random systems with a state and a step.
+        The space of random cases: a system of the class, a state and a step.
     named : names of problems
-        Problems that the random search steps too, near their initial state.
+        Problems from which the random search takes steps too, near their initial state.
     more : Random -> Case or None
         Steps of systems outside the space, for the random search.
     fixed : () -> cases
-        Cases of every seed.
+        Cases that are measured with every seed.
     problems : names of problems
         Problems for the laws about many steps, for a scheme of a narrow class.
     """
@@ -47,7 +47,7 @@ class SystemsClass:
 
 
 def _space(make: strata.Make, *axes: Axis, **left: Strata) -> Space:
-    """The space of these axes and those of every class, with only the strata and kinds `left`; _ stands for spaces."""
+    """The space of a class: its axes and the common ones. `left` names the strata and kinds to keep, _ for a blank."""
     wanted = {name.replace("_", " "): names for name, names in left.items()}
     kept = [
         replace(a, strata=tuple(s for s in a.strata if s.name in wanted.get(a.name, (s.name,))))
@@ -58,14 +58,14 @@ def _space(make: strata.Make, *axes: Axis, **left: Strata) -> Space:
     return replace(whole, pool=whole.part(blind=_RIGHT))
 
 
-# Two kinds of steps are left out for several fields. No noise cancels h there, as there is no Δ. And no path has a step
-# with h = 0 and ΔW ≠ 0: schemes for them take areas or other increments whose size is that of h.
+# For several fields two kinds of steps are left out. No noise cancels h, because there is no Δ. No path has a step with
+# h = 0 and ΔW ≠ 0, and schemes for several fields take areas or other increments whose size is that of h.
 _OF_PATHS = tuple(kind.name for kind in (strata.UNEVEN, strata.NEAR, *strata.FAR))
 _OF_STRUCTURES = (strata.STILL.name, *_OF_PATHS)
 _NOISY = ("1", "2", "3–4", "5–20")
 _MIDDLE = ("2", "3", "4–6", "7–9")
 _GENERAL = (strata.JACOBI, strata.CASIMIRS, strata.STRUCTURE)
-# Fewer terms, because several fields multiply them.
+# Fewer terms of H, because a system of several fields has the terms of each field.
 _FEWER = {"degree_of_H": ("1–2", "3–4", "5–6"), "terms_of_H": ("1–2", "3–9", "10–19")}
 _SMALL = {**_FEWER, "terms_of_H": ("1–2", "3–9")}
 
@@ -120,5 +120,5 @@ CLASSES: dict[Systems, SystemsClass] = {
         _space(families.damped, *_GENERAL, kinds=_OF_PATHS, d=_MIDDLE, **_SMALL), problems=("damped-top",)
     ),
 }  # fmt: skip
-# Narrow classes that users name. All cases of a scheme for such a class come from it.
+# Narrow classes that users name. All cases of a scheme for such a class come from the class.
 FAMILIES = {systems: own for systems, own in CLASSES.items() if own.problems}

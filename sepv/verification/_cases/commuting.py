@@ -18,8 +18,8 @@ from sepv.verification._cases.strata import monomials
 def commuting_step(random: Random) -> Case | None:
     """A step with Hamiltonians that are functions of the actions of one or two planes, away from the rest points.
 
-    S_j is singular where ∇H_0 = 0 and has no majorant near it: the step is a sixteenth of what the slopes of the
-    fields at y allow, which is measured and not derived.
+    The structure S_j of a noise is singular where ∇H_0 = 0 and has no majorant near such a point. So the length of the
+    step is measured, not derived: it is a sixteenth of the length that the slopes of the fields at y allow.
     """
     n, m = random.randint(1, 2), random.randint(1, 2)
     H = poly.add(poly.linear((1.0,) * n), of_actions(n, random))
@@ -41,7 +41,7 @@ def of_actions(n: int, random: Random) -> Polynomial:
 
 
 def _steepest(problem: Problem, y: Array) -> float:
-    """The largest slope of the fields h B∇H and c_j G_j∇H at y, by differences, and their largest size."""
+    """The largest slope, by differences, or size of the fields B∇H and c_j G_j∇H at y, whichever is larger."""
     assert isinstance(problem, StructuresProblem)
     worst = 0.0
     for c, G in zip((1.0, *problem.c), (problem.structure, *problem.noise_structures), strict=True):

@@ -1,8 +1,8 @@
 """Pairwise covering designs: few rows in which every possible pair of levels of two factors occurs.
 
-A fault that shows for one level of a factor, or for two levels of two factors, is then met for certain. The
-construction is greedy, as that of Cohen, Dalal, Fredman and Patton (IEEE Trans. Softw. Eng. 23, 1997), with
-constraints; ties are broken in several fixed ways and the smallest design is kept. The same factors give the same
+Such a design shows for certain each fault that shows at one level of a factor, or at two levels of two factors. The
+construction is greedy, like that of Cohen, Dalal, Fredman and Patton (IEEE Trans. Softw. Eng. 23, 1997), with
+constraints. Ties are broken in several fixed ways, and the smallest design is returned. The same factors give the same
 design.
 """
 
@@ -15,11 +15,11 @@ from itertools import combinations
 Row = tuple[int, ...]
 Partial = list[int | None]
 Level = tuple[int, int]  # a factor and its level
-# Two levels, in the order of factors.
+# Two levels of different factors, in the order of the factors.
 Pair = tuple[Level, Level]
 # The number of ways in which ties are broken.
 ATTEMPTS = 4
-# The fewest open pairs for which an offered row is taken. With fewer left, a row made for them meets more.
+# An offered row is taken only if it meets at least this many pairs not met before; else a newly made row meets more.
 LEAST = 4
 
 
@@ -39,10 +39,10 @@ def pairwise(
 ) -> Design:
     """A pairwise design for factors with these numbers of levels.
 
-    `allowed` tests a partial row, with None for an open level: a refused row stays refused however it is completed.
-    The levels `hiding` may hide a fault of other factors: pairs of others are not met in such a row, unless no other
-    row can have them. Of the rows `offered`, which are allowed and cheaper, those that meet many pairs are taken
-    first.
+    `allowed` tests a partial row, with None for a level not chosen yet; a refused row must stay refused however it is
+    completed. The levels `hiding` may hide a fault of other factors: a row with such a level does not count for pairs
+    of other levels, unless no other row can have them. The rows `offered` are allowed and cheaper; those that meet many
+    pairs are taken first.
     """
     taken = _Greedy(levels, allowed, hiding, 0).taken(offered)
     designs = [_Greedy(levels, allowed, hiding, shift).design(taken) for shift in range(ATTEMPTS)]
@@ -50,13 +50,13 @@ def pairwise(
 
 
 def shown_pairs(row: Row, hiding: frozenset[tuple[int, int]] = frozenset()) -> list[Pair]:
-    """The pairs of levels that a row meets: all of them, but only those with the level if it hides others."""
+    """The pairs of levels that count as met by a row: all its pairs or, if it has a hiding level, those with it."""
     hidden = {level for level in enumerate(row) if level in hiding}
     return [pair for pair in combinations(enumerate(row), 2) if hidden <= set(pair)]
 
 
 class _Greedy:
-    """One greedy attempt. Levels are numbered through all factors, and sets of levels are bits of an integer."""
+    """One greedy attempt at a design. Levels of all factors are numbered; a set of levels is an integer's bits."""
 
     def __init__(
         self, levels: Sequence[int], allowed: Callable[[Partial], bool], hiding: frozenset[Level], shift: int
@@ -89,7 +89,7 @@ class _Greedy:
         return Design(tuple(rows), frozenset(impossible))
 
     def taken(self, offered: Sequence[Row]) -> list[Row]:
-        """Choose offered rows that meet the most open pairs each, down to LEAST."""
+        """Choose offered rows, each time the one that meets the most new pairs, as long as these are at least LEAST."""
         rows: list[Row] = []
         known = {row: self._partners(row) for row in offered}
         while known:
@@ -101,7 +101,7 @@ class _Greedy:
         return rows
 
     def _partners(self, row: Row) -> list[tuple[int, int, int]]:
-        """The levels of a row as (factor, level), each with the levels that it meets there, as in `shown_pairs`."""
+        """For each level of a row, (factor, level, set of the levels that it meets in the row, as in `shown_pairs`)."""
         levels = list(enumerate(row))
         everyone = sum(1 << self._number(level) for level in levels)
         hidden = [level for level in levels if level in self.hiding]
@@ -113,7 +113,7 @@ class _Greedy:
         return found
 
     def _gain(self, partners: list[tuple[int, int, int]]) -> int:
-        """The number of open pairs that a row meets, each counted from both sides."""
+        """The number of pairs not met before that a row meets; `partners` lists each pair from both sides."""
         return sum([(self.open[f][k] & met).bit_count() for f, k, met in partners]) // 2
 
     def _number(self, level: tuple[int, int]) -> int:
@@ -128,7 +128,7 @@ class _Greedy:
             self.open[f][k] &= ~met
 
     def _row(self, goal: Pair) -> Row | None:
-        """A row with the pair `goal` and many other open pairs, by a greedy choice; None if there is none."""
+        """A row with the pair `goal` and many other pairs not met before, by a greedy choice; None if there is none."""
         # Fixing factors with one level first rules combinations out at once instead of by search.
         row: Partial = [0 if size == 1 else None for size in self.levels]
         for factor, level in goal:
@@ -139,7 +139,7 @@ class _Greedy:
         return self._fill(list(row), chosen, goal) or self._fill(row, chosen, goal, hidden=True)
 
     def _open_everywhere(self, row: Partial) -> bool:
-        """True if each open factor has a level that is allowed with the chosen ones."""
+        """True if each factor without a chosen level has a level that is allowed with the chosen levels."""
         for factor, value in enumerate(row):
             if value is None:
                 levels = range(self.levels[factor])

@@ -32,10 +32,10 @@ def canonical_separable(parts: Parts) -> PolynomialSystem:
 def mechanical(parts: Parts) -> PolynomialSystem:
     """H = ½ pᵀM⁻¹p + V(q) with y = (q, p) and B = J: q̇ = M⁻¹p, ṗ = −∇V.
 
-    M⁻¹ = LᵀDL with powers of two in D and halves in L, so that both M and M⁻¹ are exact, and momenta have few bits, so
-    that M⁻¹p is. A full M has |M||M⁻¹| ≤ 16 in each row's sum: a library that keeps velocities makes p = M(M⁻¹p) anew
-    in each step, with that many roundings of p. A potential that is bounded below has even powers of the positions
-    alone, with positive coefficients.
+    M⁻¹ = LᵀDL with powers of two in D and halves in L, so that M and M⁻¹ are exact. Momenta have few bits, so that M⁻¹p
+    is exact. The row sums of |M||M⁻¹| are at most 16 for a full M, because a library that stores velocities computes
+    p = M(M⁻¹p) in each step, with that many roundings of p. A potential that is bounded below has even powers of the
+    positions alone, with positive coefficients.
     """
     n, random, scale = parts.d // 2, parts.random, parts.unit**-2
     full = parts.levels["mass"].name == "full"
@@ -59,20 +59,20 @@ def mechanical(parts: Parts) -> PolynomialSystem:
 
 
 def _short(p: float, y: tuple[float, ...]) -> float:
-    """A momentum in twenty bits, so that libraries that keep velocities get M⁻¹p, and p again, without rounding."""
+    """Round a momentum to twenty bits, so that libraries that store velocities compute M⁻¹p and p without rounding."""
     unit = 2.0 ** (math.floor(math.log2(max(map(abs, y)) or 1.0)) - 20)
     return unit * round(p / unit)
 
 
 def _of(places: range, parts: Parts, degree: int, least: int = 1) -> Polynomial:
-    """A polynomial of this degree in these variables."""
+    """A random polynomial of this degree in the variables with these numbers."""
     k = len(places)
     count = min(parts.terms, monomials(k, degree) - monomials(k, least - 1))
     found = some.hamiltonian(k, degree, count, parts.unit, parts.random, least=least)
     return some.embedded(found, parts.d, places)
 
 
-# Structure constants {y_i, y_j} = Σ_k c y_k as (i, j, k, c), quadratic Casimirs as diagonals or entries, linear ones.
+# For each algebra d, structure constants (i, j, k, c) of {y_i, y_j} = Σ_k c y_k, quadratic and linear Casimirs.
 _ALGEBRAS: dict[str, tuple[int, Constants, tuple[dict[tuple[int, int], float], ...], Matrix]] = {
     "so(3)": (3, HAT, ({(0, 0): 1.0, (1, 1): 1.0, (2, 2): 1.0},), ()),
     "sl(2)": (3, ((0, 1, 2, 1.0), (0, 2, 1, 1.0), (1, 2, 0, -1.0)),
@@ -97,20 +97,20 @@ def algebra(name: str) -> tuple[int, Structure, tuple[Matrix, ...], Matrix]:
 
 
 def lie_poisson(parts: Parts) -> PolynomialSystem:
-    """B(y)_ij = Σ_k c_ij^k y_k of a Lie algebra, any polynomial H."""
+    """B(y)_ij = Σ_k c_ij^k y_k of a Lie algebra, with any polynomial H."""
     d, B, quadratic, linear = algebra(parts.levels["algebra"].name)
     return PolynomialSystem(d, parts.hamiltonian(), B, parts.noise(), quadratic, linear)
 
 
 def rigid_body(parts: Parts) -> PolynomialSystem:
-    """§4.2 with random moments of inertia: H = ½ Σ w_k y_k², w_k = 1/I_k in eighths."""
+    """The rigid body of §4.2 with random moments of inertia I_k: H = ½ Σ w_k y_k², w_k = 1/I_k in eighths."""
     d, B, quadratic, linear = algebra("so(3)")
     weights = [parts.random.choice([8, 4, 6, 10, 12, 16, 20, 24]) / 8 for _ in range(d)]
     return PolynomialSystem(d, poly.squares(weights), B, parts.noise(), quadratic, linear)
 
 
 def matrix_hamiltonians(parts: Parts) -> PolynomialSystem | None:
-    """B of so(3), so(4) or su(3), any H_0, …, H_m that do not all commute with H_0."""
+    """B of so(3), so(4) or su(3), with any H_0, …, H_m that do not all commute with H_0."""
     H, c = parts.hamiltonian(), parts.noise()
     others = tuple(parts.further() for _ in c)
     return general(matrix_system(parts.levels["matrices"].name, H, c, others))
@@ -151,8 +151,8 @@ _UNDAMPED = maker(_homogeneous, shows=False)
 def damped(levels: Levels, random: Random, attempt: int | None) -> Case | None:
     """A step of a damped system with a homogeneous H and |γh| between 1/16 and 1/8, where e^{−2γh} is far from 1 − 2γh.
 
-    The damped state is larger by 7 % at most, for h < 0, which leaves the step inside the contraction radius but for a
-    factor below 2.
+    For h < 0 damping makes the state larger by 7 % at most, so that the step is less than twice as long as the
+    contraction radius.
     """
     case = _UNDAMPED(levels, random, attempt)
     if case is None or not isinstance(case.problem, PolynomialSystem) or not case.h:

@@ -1,8 +1,8 @@
-"""Cases that no seed may miss: each law that they fit measures them after its random search.
+"""Cases that are measured with every seed: each law that applies to them measures them after its design.
 
-A search with a hundred random examples sees a fault that needs a high degree and a long step with most seeds,
-not with every one. These few cases are the same in each run. They come last, so that what a reader
-sees first is a small counterexample, and they are simple as they are: nothing shrinks them.
+A search with a hundred random examples finds a fault that needs a high degree and a long step with most seeds, but not
+with every seed. These few cases are the same in each run. They come after the design, so that a small counterexample
+is found first, and they are simple already.
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ _FAST = (3.0, 1.0)
 
 @cache
 def fixed_cases() -> tuple[Case, ...]:
-    """Polynomial systems of degree 5 and 6 at their contraction radius, long steps of the paper's problems."""
+    """Polynomial systems of degree 5 and 6 at their contraction radius, and long steps of the paper's problems."""
     return (*_polynomial(), *_papers())
 
 
 @cache
 def for_energy() -> tuple[Case, ...]:
-    """Cases for each degree of H alone, and steps that a scheme may refuse but not return unsolved."""
+    """Cases that test one degree of H each, and steps that a scheme may refuse but must not return unsolved."""
     return (*_degrees(), *long_steps())
 
 
 @cache
 def long_steps() -> tuple[Case, ...]:
-    """Steps far beyond the radius, all with a solution, for which Newton's iteration takes six or more iterations."""
+    """Solvable steps far beyond the contraction radius, for which Newton's method takes six or more iterations."""
     found = []
     for name, y, lengths in (("rigid-body", None, (4.0, 8.0)), ("pendulum", _FAST, (1.0, 2.0))):
         problem = problems.by_name(name)
@@ -61,7 +61,7 @@ def _polynomial() -> list[Case]:
         flat = PolynomialSystem(2, _dominated(2, degree), planes(2), (1.0,))
         sphere = PolynomialSystem(3, _dominated(3, degree), hat(), (1.0, 0.5), (UNIT3,))
         found += [_longest(flat, (1.0, 0.75)), _longest(sphere, (1.0, 0.75, -0.5))]
-    # Two uncoupled pairs, the second at rest: a nonzero guess there remains visible in the result.
+    # Two uncoupled pairs of components, the second at rest: a nonzero guess for the second pair shows in the result.
     found.append(_longest(PolynomialSystem(4, _dominated(4, 6), planes(4), (1.0,)), (1.0, 0.75, 0.0, 0.0)))
     return [case for pair in found for case in pair]
 
@@ -74,11 +74,11 @@ def _dominated(d: int, degree: int) -> Polynomial:
 
 
 def _degrees() -> list[Case]:
-    """For each degree, a step for which a quadrature with one node less is wrong by thousands of bounds.
+    """For each degree n of H, steps on which a quadrature with too few nodes is wrong by thousands of bounds.
 
-    H = a q^n + p drives q, from ¼ of |y|, at a constant rate: with this a as far as 1 inside the radius. H without a
-    stated degree is of degree 16 or 20. The longest step that is proved to exist shows one node less up to degree 14,
-    three less for 17 and four less for 20.
+    With H = a q^n + p, q changes at a constant rate from ¼ of |y|, and with this a as far as 1 inside the contraction
+    radius. H without a stated degree has degree 16 or 20. The longest step whose solution is proved to exist shows one
+    missing node up to degree 14, three missing nodes for degree 17 and four for degree 20.
     """
     found = []
     for degree, given in (*((n, "data") for n in _DEGREES), *((n, "bare functions") for n in _OPAQUE)):
@@ -107,7 +107,7 @@ def _papers() -> list[Case]:
         y = tuple(float(v) for v in np.asarray(problem.initial))
         for sign in (1.0, -1.0):
             found.append(_split(problem.data, y, problem.longest_step, sign))
-    # A fast pendulum, whose angle moves by 1.5: H has no degree, and four nodes are not enough.
+    # A fast pendulum, whose angle moves by 1.5: H is no polynomial, and a quadrature with four nodes is not enough.
     fast = problems.by_name("pendulum").data
     assert isinstance(fast, NamedProblem)
     found += [_split(fast, _FAST, 0.5, sign) for sign in (1.0, -1.0)]

@@ -1,7 +1,7 @@
-"""Cases of one problem: a state near its initial one, inside its domain, and a step that a contraction allows.
+"""Cases of one problem: a state near its initial state, inside its domain, and a step inside the contraction radius.
 
-For functions, the radius of one step is measured (`measured_radius`). Their unit of time is in
-`sepv.verification._units`.
+For a problem given by functions, this radius is measured (`measured_radius`). `sepv.verification._units` chooses the
+problem's unit of time.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from sepv.verification._cases.case import Case
 from sepv.verification._contraction import CONTRACTION, contraction_radius
 from sepv.verification._tolerance import pushes, slopes
 
-# Names of problems whose H, B and ∇H exist in extended precision.
+# Names of problems whose H, B and ∇H the references compute in extended precision.
 EXACT_NAMES = frozenset(named.PAPER)
 
 
@@ -38,7 +38,7 @@ _SIGNS = st.sampled_from([1.0, -1.0])
 _PERTURBED, _AWAY = st.floats(0.5, 1.5), st.sampled_from([0.0, 0.1, 0.3])
 # A quarter of the steps is short, because a scheme may be wrong for short steps alone.
 _LENGTHS = st.sampled_from([1.0, 1.0, 1.0, 2.0**-10])
-# Half of all parts are whole, because a quadrature error grows like a high power of the length.
+# Half of all parts are 1, because a quadrature error grows like a high power of the step's length.
 _PARTS = st.one_of(st.just(1.0), st.floats(0, 1 - 2.0**-10).map(lambda x: 1 - x))
 _SHARES = st.sampled_from([1.0, 0.5, 0.25, 2.0**-6])
 # Components below 1e-6 become zero: states of extreme size have their own cases.
@@ -51,7 +51,7 @@ def describe(problem: Problem, text: str = "") -> Description:
     """The problem's data if they agree with its functions and the references know them; else the problem itself."""
     data = problem.data
     known = isinstance(data, PolynomialSystem) or (data is not None and data.name in EXACT_NAMES)
-    # Data have no flows of parts of H and H_j: a problem built from them would lack these.
+    # Data contain no flows of parts of H and H_j, so a problem built from data would lack flows.
     lacks = isinstance(data, PolynomialSystem) and bool(problem.flows)
     whole = data is not None and known and not lacks and _agrees(problem, data)
     return data if whole and data is not None else GivenProblem(problem, text)
@@ -71,7 +71,7 @@ def _agrees(problem: Problem, data: PolynomialSystem | NamedProblem) -> bool:
 
 
 def of_case(value: Any) -> st.SearchStrategy[Case]:
-    """Turn a strategy's value into steps: a whole case is kept, a problem is stepped near its initial state."""
+    """Turn a value of a user's strategy into cases: a `Case` stays; a problem gives steps near its initial state."""
     if isinstance(value, Case):
         return st.just(value)
     if isinstance(value, Problem):
@@ -89,8 +89,8 @@ def of_case(value: Any) -> st.SearchStrategy[Case]:
 def near(draw: st.DrawFn, description: Description) -> Case:
     """A state near the problem's initial state, inside its domain, and a step from it.
 
-    Without an initial state, components lie in ±2. The step is at most as long as a contraction allows: a bound derived
-    from majorants for polynomial data, and measured for functions.
+    If the problem has no initial state, components lie in ±2. The step is at most as long as the contraction radius,
+    which is derived from majorants for polynomial data, and measured for functions.
     """
     problem = named.build(description)
     y = _state(draw, problem)
@@ -149,9 +149,9 @@ USUAL, NARROWEST = 5, 20
 def measured_radius(problem: Problem, y: Array) -> float:
     """Half of an estimated contraction radius, from maxima over some states of the ball.
 
-    `sepv.verification._contraction.contraction_radius` has majorants in their place. Maxima are no bounds: between the
-    states the slopes may be larger, and the half is a heuristic for that. A step refused inside this radius says more
-    of the radius than of the scheme, and is reported as not solved.
+    `sepv.verification._contraction.contraction_radius` has majorants instead of maxima. Maxima are no bounds, because
+    slopes may be larger between the states; the factor ½ is a heuristic for that. If a step inside this radius is
+    refused, the reason may be the radius and not the scheme, so the step is reported as not solved.
     """
     rng = np.random.default_rng(0)
     d = problem.dimension
@@ -176,7 +176,7 @@ def measured_radius(problem: Problem, y: Array) -> float:
 
 
 def sizes_at(problem: Problem, y: Array) -> tuple[Array, Array, Array, Array]:
-    """|B|, |∇H|, |∂B/∂y| and |∂²H/∂y²| at y, the last two by differences where they are not given."""
+    """|B|, |∇H|, |∂B/∂y| and |∂²H/∂y²| at y; the last two by differences if the problem does not give them."""
     with np.errstate(all="ignore"):
         dB = slopes(problem.structure, problem.structure_derivative, y)
         H = slopes(problem.gradient, problem.hessian, y)

@@ -31,30 +31,30 @@ from sepv.verification._cases.strata import Space, Strata
 from sepv.verification._cases.users_problems import Item
 from sepv.verification._law import NO_NOISE
 
-# The adaptation of a case to a law: a case to which it applies, or None.
+# A function that adapts a case to a law: it returns a case to which the law applies, or None.
 Adapt = Callable[[Case], Case | None]
 Strategy = st.SearchStrategy[Case]
 # The reason why laws about H do not apply to several Hamiltonians.
 NOT_KEPT = "with several Hamiltonians that do not commute with H_0 the exact flow does not keep H_0"
 
 
-# The default reason why a law does not apply.
+# The reason why a law does not apply to damped systems, unless it says otherwise.
 UNDAMPED = "the law speaks of systems without damping"
 
 
 def damping_of_case(case: Case) -> float:
-    """γ of the problem of a case."""
+    """The damping γ of the problem of a case."""
     data = case.problem
     return data.damping if isinstance(data, PolynomialSystem) else damping_of(named.build(data))
 
 
 def unchanged(case: Case) -> Case:
-    """Keep every case."""
+    """Return the case as its own adaptation, for a law that applies to every case."""
     return case
 
 
 def only(holds: Callable[[Problem], object], *, data: bool = False) -> Adapt:
-    """Keep a case if its problem satisfies a condition, and if the problem is given as data where that is required."""
+    """An adaptation that keeps a case if `holds` is true of its problem and, if `data`, the problem is data."""
 
     def adapt(case: Case) -> Case | None:
         lacks = data and isinstance(case.problem, GivenProblem)
@@ -67,7 +67,7 @@ def only(holds: Callable[[Problem], object], *, data: bool = False) -> Adapt:
 class Question:
     """The sources of a law's cases for one scheme: a design, a random search, and fixed cases."""
 
-    design: Callable[[int], list[Case]]  # for a seed
+    design: Callable[[int], list[Case]]  # the cases of the design for a seed
     strategy: Strategy
     admits: Callable[[Case], bool]  # True for cases to which a counterexample may be simplified
     fixed: tuple[Case, ...] = ()
@@ -75,31 +75,31 @@ class Question:
 
 @dataclass(frozen=True)
 class Cases:
-    """The cases of a law. By default every system of the class that a scheme is for, and users' problems.
+    """The cases of a law: by default every system of the class that a scheme is for, and users' problems.
 
     Attributes
     ----------
     adapt : case -> case or None
-        The adaptation of a step to the law, None where the law does not apply. It leaves its own results unchanged.
+        Adapts a case to the law; None if the law does not apply to the case. An adapted case is its own adaptation.
     why : str
-        The reason where `adapt` returns None for all of a user's problems.
+        The reason to report if `adapt` returns None for all of a user's problems.
     where : axis -> strata
-        The part of the spaces of `sepv.verification._cases.strata` to which the law applies. A class without an axis is
-        not restricted by it.
+        The strata of an axis (`sepv.verification._cases.strata`) to which the law applies. A class of systems without
+        this axis is not restricted.
     blind : axis -> strata
-        Strata in which nothing in the law's statement can fail. The design meets the faults of other axes elsewhere.
+        Strata in which the law's statement cannot fail. The design meets pairs of other strata in rows without them.
     not_of : class of systems -> str
         The reason why the law does not apply to a class. Additive noise counts as several Hamiltonians by default.
     damped : bool
-        True if the law speaks of damped systems too.
+        True if the law applies to damped systems too.
     stays : bool
-        True if the law stays with the given problem. Otherwise it is not run on users' problems.
+        True if the law steps only the given problem. Otherwise it is not run on users' problems.
     instead : class -> class, or () -> strategy
-        Other cases for a scheme of this class: a narrower class, or a strategy of the law's own.
+        Other cases for a scheme of this class: those of a narrower class, or of a strategy.
     fixed : class -> (() -> cases)
-        Cases of every seed, beside those of the class.
+        Cases that are measured with every seed, in addition to the fixed cases of the class.
     made : class -> (count, Random -> case)
-        For a law with cases of its own: so many in the place of a design, and more for the random search.
+        The number of cases that replace the design, and the function that makes them and those of the random search.
     """
 
     adapt: Adapt = unchanged
@@ -130,14 +130,14 @@ class Cases:
                 require_one_of(f"a stratum of {name}", stratum, listed, "see `sepv verify --coverage`")
 
     def space(self, systems: Systems) -> Space | None:
-        """The space of the law's design for a class; None where it has none."""
+        """The space of the law's design for a class; None if the law has no design for the class."""
         if self.not_of.get(systems) or systems in self.made:
             return None
         source = self.instead.get(systems, systems)
         return CLASSES[source].space.part(self.where, self.blind) if isinstance(source, Systems) else None
 
     def adapted(self, case: Case) -> Case | None:
-        """Adapt any case, of any class; None where the law does not apply."""
+        """Adapt a case of any class to the law; None if the law does not apply to the case."""
         if self.not_of and self.not_of.get(class_of(case.problem)):
             return None
         if not self.damped and damping_of_case(case):
@@ -151,7 +151,7 @@ class Cases:
         return replace(self, adapt=partial(_adapted_quietly, self.adapt))
 
     def in_single_precision(self) -> Cases:
-        """The cases whose numbers fit single precision, which also resolves their B and ∇H."""
+        """The cases whose numbers single precision can hold, and whose B and ∇H it can resolve."""
         return replace(self, adapt=partial(_adapted_and_rounded, self.adapt))
 
     def admits(self, case: Case) -> bool:
@@ -159,7 +159,7 @@ class Cases:
         return self.adapted(case) == case
 
     def of_class(self, systems: Systems) -> Question | str:
-        """The cases for a scheme that serves a whole class, or the reason why there are none."""
+        """The cases for a scheme that is for a whole class, or the reason why there are none."""
         if why := self.not_of.get(systems):
             return why
         if systems is Systems.DAMPED and not self.damped:
@@ -247,7 +247,7 @@ def class_of(description: Description | Problem) -> Systems:
 
 
 def _present(drawn: st.SearchStrategy[Case | None]) -> Strategy:
-    """Drawn cases that are not None."""
+    """A strategy for the drawn cases that are not None."""
     return drawn.filter(lambda case: case is not None)  # type: ignore[return-value]
 
 

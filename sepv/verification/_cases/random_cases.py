@@ -1,7 +1,7 @@
-"""Random content inside given strata: a system, a state and a step inside the contraction radius.
+"""Random cases inside given strata: a system, a state and a step inside the contraction radius.
 
-The parts come from `sepv.verification._cases.random_parts`. Then H is multiplied by the power of two that
-makes the wanted |Δ| as long as the contraction radius, to which it is inversely proportional.
+The parts of a system come from `sepv.verification._cases.random_parts`. The contraction radius is inversely
+proportional to H, so H is multiplied by a power of two that makes the radius fit a step of the wanted |Δ|.
 """
 
 from __future__ import annotations
@@ -34,23 +34,23 @@ from sepv.verification._tolerance import gradient_majorant, structure_majorant
 
 # Draws after which a rest point may be the origin, because the monomials are too few for any other.
 ATTEMPTS = 30
-# The smallest B∇H in a design, relative to the sum of its terms' absolute values. The random search has smaller ones.
+# The smallest B∇H in a design, relative to the sum of its terms' absolute values; a random search allows smaller B∇H.
 GENERIC = 1 / 64
 # Draws after which a case is accepted although some fault would not show.
 TRIES = 24
-# Δ as a share of the radius inside which y1(Δ) is analytic, from y = 0: it balances the terms omitted in the law
-# "expansion" against rounding.
+# For a step from y = 0, Δ as a share of the radius inside which y1(Δ) is analytic. The share balances the terms that
+# the law "expansion" omits against rounding.
 ORIGIN_SHARE = 2.0**-9
-# With more components H gets a linear form of all, because its other terms would leave most of them at rest.
+# If d is larger than this, H gets a linear form of all components, because its few other terms leave most at rest.
 MANY = 12
-# Exponents of ½ of the components in which a state is near a rest point: what moves stands above rounding.
+# Near a rest point some components are multiplied by ½ to a power in this range; the motion still exceeds rounding.
 NEARNESS = (8, 30)
-# The shares of increments in h, as a power of ten of either sign, where they are uneven.
+# In steps with uneven noises the |c_jΔW_j| are scaled by powers of ten with exponents between minus and plus this.
 UNEVENNESS = 4.0
 
 
 class Parts:
-    """Numbers that all classes of systems share, drawn inside the strata, and parts of a system that fit them.
+    """Random numbers inside given strata, which systems of every class need, and random parts that fit these numbers.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ class Parts:
             self.y, self.unit = (0.0,) * self.d, 1.0
 
     def hamiltonian(self) -> Polynomial:
-        """Draw H. At rest it has terms of degree ≥ 2 only, in components of y that it sets to zero, or makes small."""
+        """Draw H. At a rest point all terms have degree ≥ 2 in components of y, which are set to zero or made small."""
         d, n, random = self.d, self.degree, self.random
         if self.at_rest:
             self.zero, kept = some.rest_monomials(d, n, self.terms, random)
@@ -89,7 +89,7 @@ class Parts:
         return some.with_constant(H, self.y, random) if random.random() < some.SOMETIMES else H
 
     def further(self) -> Polynomial:
-        """Draw the H_j of a noise: at most the degree and number of terms of H, and at rest where H is."""
+        """Draw H_j of a noise, with at most the degree and number of terms of H. A rest point of H is one of H_j."""
         low = 2 if self.at_rest else 1
         n = self.random.randint(low, self.degree)
         count = self.random.randint(1, min(self.terms, monomials(self.d, n)))
@@ -102,14 +102,14 @@ class Parts:
         return poly.polynomial(self.d, [(e, some.coefficient(self.random) * unit ** -sum(e)) for e in kept])
 
     def with_slope(self, p: Polynomial) -> Polynomial:
-        """Add the linear and quadratic terms that a field and its slope need at y = 0."""
+        """If y = 0, add linear and quadratic terms, so that a field and its slope do not vanish at y."""
         if not self.at_origin:
             return p
         linear = poly.linear([some.coefficient(self.random) for _ in range(self.d)])
         return poly.add(linear, poly.squares((1.0,) * self.d), p)
 
     def structure(self) -> tuple[Structure, tuple[Matrix, ...], Matrix]:
-        """Draw B, its quadratic and its linear Casimirs."""
+        """Draw B, and return B, its quadratic Casimirs and its linear Casimirs."""
         degree = self.levels["degree of B"]
         if self.at_origin:
             return some.with_constants(self.d, degree, self.random), (), ()
@@ -118,7 +118,7 @@ class Parts:
         return some.structure(self.levels["Casimirs"].name, self.d, degree, self.unit, self.random)
 
     def noise(self) -> tuple[float, ...]:
-        """Draw the c_j, the first a power of two; from the origin a single one."""
+        """Draw the noise coefficients c_j: c_1 is a power of two, and 1 if y = 0."""
         c = some.noise(self.levels["m"], self.random)
         return (1.0, *c[1:]) if c and self.at_origin else c
 
@@ -127,9 +127,9 @@ SystemOf = Callable[[Parts], PolynomialSystem | None]
 
 
 def maker(system_of: SystemOf, dimensions: Sequence[int] = (), *, shows: bool = True) -> Make:
-    """Make cases of a class from a function that makes its systems from parts.
+    """Return a function that makes the cases of a class, given a function that makes the class's systems from `Parts`.
 
-    `dimensions` are those of the class, if not all. In a class that `shows` faults, a case of a design is drawn again
+    `dimensions` lists the possible dimensions, if some are impossible. If `shows`, a case of a design is drawn again
     until every fault would show (`sepv.verification._cases.shows_faults`).
     """
 
@@ -149,18 +149,18 @@ def maker(system_of: SystemOf, dimensions: Sequence[int] = (), *, shows: bool = 
 
     def make(levels: Levels, random: Random, attempt: int | None) -> Case | None:
         case = drawn(usual(levels), random, attempt)
-        # From the origin the law's bound is made for c_1 = 1, and |y| = 0 has no unit.
+        # A case at the origin keeps its units: the law's bound is derived for c_1 = 1, and |y| = 0 has no unit.
         if case is None or not any(case.y):
             return case
         end = at_the_end(case, levels)
         return case if end == case else _inside(end)
 
-    make.__name__ = system_of.__name__  # by which cases are kept
+    make.__name__ = system_of.__name__  # the name under which cases are stored
     return make
 
 
 def single(parts: Parts) -> PolynomialSystem:
-    """A system of class (1.1)."""
+    """A system of class (1.1): one structure and one Hamiltonian."""
     H, (B, quadratic, linear) = parts.hamiltonian(), parts.structure()
     return PolynomialSystem(parts.d, H, B, parts.noise(), quadratic, linear)
 
@@ -211,7 +211,7 @@ def general(system: PolynomialSystem) -> PolynomialSystem | None:
 
 
 def from_origin(system: PolynomialSystem, levels: Levels, random: Random) -> Case | None:
-    """A step from y = 0; h and all noises together are a share of the radius."""
+    """A step from y = 0, in which h and all noises together are a share of the contraction radius."""
     d, m = system.dimension, len(system.noise)
     radius = contraction_ball(problems.build(system), np.zeros(d))[0]
     if not 0 < radius < math.inf:
@@ -226,9 +226,9 @@ def from_origin(system: PolynomialSystem, levels: Levels, random: Random) -> Cas
 def placed(
     system: PolynomialSystem, y: tuple[float, ...], levels: Levels, random: Random, *, moving: bool = True
 ) -> Case | None:
-    """The system with H scaled so that a step of the wanted |Δ| reaches the wanted share of the contraction radius.
+    """A case in which H is scaled so that a step of the wanted |Δ| is the wanted share of the contraction radius.
 
-    None if nothing moves, or so little beside the rounding of its terms that no fault would show.
+    None if the field vanishes at y, or is so small beside the rounding of its terms that no fault would show.
     """
     problem = problems.build(system)
     radius = contraction_radius(problem, np.array(y))
@@ -240,7 +240,7 @@ def placed(
     c, sign = system.noise, levels["h"].low
     total = some.number(levels["|Δ|"], random)
     loud = [j for j, cj in enumerate(c) if cj]
-    # Shares of |h| and of |c_jΔW_j|, with signs such that Δ is at least a quarter of their sum.
+    # Shares of |h| and of the |c_jΔW_j|, with signs such that |Δ| is at least a quarter of |h| + Σ|c_jΔW_j|.
     shares = [random.uniform(0.125, 1) for _ in range(1 + len(loud))]
     if kind == UNEVEN:
         end = 1.0 if moving else random.random()
@@ -264,7 +264,7 @@ def placed(
 
 
 def _inside(case: Case) -> Case:
-    """Shorten a step by halves to the contraction radius, for which other balls are tried in other units."""
+    """Divide H by a power of two until the step is inside the contraction radius, which differs a little by units."""
     problem, y, h, dW = case.build()
     length = abs(h) + float(np.sum(np.abs(problem.c * dW)))
     power = math.floor(math.log2(contraction_radius(problem, y) / length)) if length else 0
@@ -275,7 +275,7 @@ def _inside(case: Case) -> Case:
 def _undone(
     system: PolynomialSystem, y: tuple[float, ...], levels: Levels, random: Random, radius: float
 ) -> Case:
-    """A step with Δ = 0 exactly, forward, as others may be refused: h = c_1 2^n, ΔW_1 = −2^n and nothing else."""
+    """A step with Δ = 0 exactly: h = c_1 2^n, ΔW_1 = −2^n and no other noise; h > 0, as h < 0 may be refused."""
     c, n = system.noise, math.floor(math.log2(some.number(levels["|Δ|"], random)))
     dW = (-(2.0**n), *(0.0 if cj else 2.0**n for cj in c[1:]))
     power = math.floor(math.log2(radius * levels["step/radius"].high / (c[0] * 2.0 ** (n + 1))))
@@ -283,7 +283,7 @@ def _undone(
 
 
 def _scaled(system: PolynomialSystem, power: int) -> PolynomialSystem:
-    """Multiply all Hamiltonians and vectors by 2^power."""
+    """Multiply all Hamiltonians and noise vectors of a system by 2^power."""
     return replace(
         system,
         hamiltonian=poly.scale(2.0**power, system.hamiltonian),
@@ -293,7 +293,7 @@ def _scaled(system: PolynomialSystem, power: int) -> PolynomialSystem:
 
 
 def _moves(problem: Problem, y: Array) -> bool:
-    """True if B∇H, and yᵀ∇H, the change of H with the size of y, are not small beside their terms."""
+    """True if neither B∇H nor yᵀ∇H, the change of H with the size of y, is small beside the sum of its terms."""
     g, most = problem.gradient(y), gradient_majorant(problem, y)
     flow, whole = vector_field(problem, y), structure_majorant(problem, y) @ most
     motion, growth = float(np.max(np.abs(flow))), abs(float(g @ y))

@@ -1,8 +1,8 @@
 """Random parts of a case inside given strata: states, polynomials, skew structures and their Casimirs.
 
-Coefficients are small dyadic rationals times powers of two, so that a Casimir holds exactly as data. A size |y| far
-from 1 would leave one degree of H and B with any weight: three times in four each coefficient is divided by that size
-to the degree of its monomial.
+Coefficients are small dyadic rationals times powers of two, so that the data of a Casimir satisfy its definition
+exactly. If |y| is far from 1, the terms of one degree would outweigh all others in H and B. So in three cases of four
+each coefficient is divided by |y| to the degree of its monomial.
 """
 
 from __future__ import annotations
@@ -19,31 +19,31 @@ from sepv.problems import nambu_system, planes
 from sepv.record import Exponents, Polynomial, poly
 from sepv.verification._cases.strata import Levels, Stratum, monomials
 
-# The most monomials of which a table is made.
+# If there are at most this many monomials, monomials are drawn from a table of them.
 FEW = 300
-# The most entries of B above the diagonal, for large d: its derivatives are d³ polynomials.
+# The most entries of B above the diagonal for large d, because the derivatives of B are d³ polynomials.
 MOST_ENTRIES = 8
-# The share of states, of components of a state, of H and of B that are special.
+# The probability of special parts: components of a state near zero, an H with a constant, a B with one nonzero block.
 SOMETIMES = 1 / 8
 
 
 def integer(stratum: Stratum, random: Random) -> int:
-    """A whole number of the stratum, ends included."""
+    """Draw a whole number inside the stratum, ends included."""
     return random.randint(int(stratum.low), int(stratum.high))
 
 
 def number(stratum: Stratum, random: Random) -> float:
-    """A number of the stratum, evenly by its logarithm."""
+    """Draw a number inside the stratum, whose logarithm is uniform."""
     return math.exp(random.uniform(math.log(stratum.low), math.log(stratum.high)))
 
 
 def less(stratum: Stratum, by: int) -> Stratum:
-    """Lower the stratum by a number, at most to zero."""
+    """Lower both ends of a stratum by a number, but not below zero."""
     return Stratum(stratum.name, max(0, stratum.low - by), max(0, stratum.high - by))
 
 
 def sizes(levels: Levels, random: Random, least: int = 1) -> tuple[int, int, int]:
-    """Draw d, the degree of H and its number of terms, which enough monomials of degree ≥ `least` allow."""
+    """Draw d, the degree of H and its number of terms, such that enough monomials of degree ≥ `least` exist."""
     while True:
         d = integer(levels["d"], random)
         n, terms = integer(levels["degree of H"], random), integer(levels["terms of H"], random)
@@ -98,16 +98,16 @@ def hamiltonian(d: int, n: int, terms: int, unit: float, random: Random, *, leas
 
 
 def with_constant(p: Polynomial, y: tuple[float, ...], random: Random) -> Polynomial:
-    """Add a constant of the size of the largest term of p at y: of any sign, or so that little is left of p(y)."""
+    """Add a constant to p: of the size of the largest term of p at y, or such that p(y) nearly vanishes."""
     values = [c * math.prod(v**k for v, k in zip(y, e, strict=True)) for e, c in p.terms]
     left = random.choice([-sum(values), random.choice([2.0, -1.0, 0.25]) * max(map(abs, values))])
     return poly.add(p, poly.constant(p.dimension, left))
 
 
 def rest_monomials(d: int, n: int, terms: int, random: Random) -> tuple[set[int], list[Exponents]]:
-    """Components to be zero, all only if necessary, and monomials of degree ≥ 2 in them, the first of degree n."""
+    """Draw components to be zero, all only if necessary, and monomials of degree ≥ 2 in them, the first of degree n."""
     for size in (*random.sample(range(1, d), d - 1), d):
-        # Without those of degree 0 or 1 in the components of the set.
+        # Monomials of degree 0 or 1 in the components of the set are not counted.
         left = d - size
         if monomials(d, n) - monomials(left, n) - size * (1 + monomials(left, n - 1)) < terms:
             continue
@@ -149,7 +149,7 @@ def scalar(d: int, degree: Stratum, unit: float, random: Random) -> Polynomial:
 
 
 def noise(m: Stratum, random: Random) -> tuple[float, ...]:
-    """The c_j: c_1 is a power of two, as an exact reversal needs; the others are any, zero included."""
+    """Draw the noise coefficients: c_1 is a power of two, as an exact reversal needs; the other c_j ≥ 0 are any."""
     count = integer(m, random)
     more = [random.choice([1.0, 0.5, 0.25, 0.3, 1.7, 0.0, random.uniform(0.25, 2)]) for _ in range(count - 1)]
     c = (random.choice([1.0, 0.5, 2.0]), *more)
@@ -159,7 +159,7 @@ def noise(m: Stratum, random: Random) -> tuple[float, ...]:
 
 
 def skew(d: int, degree: Stratum, unit: float, random: Random) -> Structure:
-    """A random skew B of this degree. Half of the constant ones are canonical; some others have one nonzero block."""
+    """A random skew B of this degree. Half of the constant B are canonical; some other B have one nonzero block."""
     if degree.high == 0 and random.random() < 0.5:
         return planes(d)
     moved = random.sample(range(d), random.randint(2, d)) if random.random() < SOMETIMES else range(d)
@@ -179,7 +179,7 @@ def skew(d: int, degree: Stratum, unit: float, random: Random) -> Structure:
 
 
 def with_constants(d: int, degree: Stratum, random: Random) -> Structure:
-    """Skew B with B(0) ≠ 0 and, from degree one on, linear terms: they make f(0) and f′(0) nonzero."""
+    """Skew B with B(0) ≠ 0 and, from degree one on, linear terms, so that f = B∇H has f(0) ≠ 0 and f′(0) ≠ 0."""
     n, B = integer(degree, random), []
     for i, j in combinations(range(d), 2):
         if j == i + 1 or random.random() < 1 / d:
@@ -194,9 +194,9 @@ def with_constants(d: int, degree: Stratum, random: Random) -> Structure:
 def poisson(d: int, degree: Stratum, unit: float, random: Random) -> Structure:
     """Skew B that satisfies Jacobi's identity, of this degree.
 
-    It is constant; or B_ij = b_ij y_i y_j with b skew, which is constant in the logarithms of y; or a direct sum of
-    b(y)J in planes, which satisfies the identity for any b, and of g hat(∇C) in spaces of dimension three, where w =
-    g∇C has w · curl w = 0.
+    B is constant; or B_ij = b_ij y_i y_j with b skew, which is constant in the logarithms of y; or a direct sum of
+    blocks. A block is b(y)J in a plane, which satisfies the identity for any b, or g hat(∇C) in three dimensions, which
+    satisfies it because w = g∇C has w · curl w = 0.
     """
     if degree.high == 0:
         return skew(d, degree, unit, random)
@@ -233,7 +233,7 @@ def exactly(d: int, n: int, unit: float, random: Random) -> Polynomial:
 
 
 def embedded(p: Polynomial, d: int, places: Sequence[int]) -> Polynomial:
-    """Write the polynomial in these of d variables."""
+    """Write a polynomial in d variables, of which it depends on those with the numbers `places`."""
 
     def moved(exponents: Exponents) -> Exponents:
         whole = [0] * d
@@ -247,11 +247,11 @@ def embedded(p: Polynomial, d: int, places: Sequence[int]) -> Polynomial:
 def structure(
     casimirs: str, d: int, degree: Stratum, unit: float, random: Random
 ) -> tuple[Structure, tuple[Matrix, ...], Matrix]:
-    """B, its quadratic and its linear Casimirs.
+    """Draw B with given kinds of Casimirs, and return B, its quadratic Casimirs and its linear Casimirs.
 
-    B_ij = g Σ T_ijk… v_k … with T totally antisymmetric and v = Ay for yᵀAy, v = b for bᵀy; or a B without one
-    component, any function of which is a Casimir. For two Casimirs the degree decides: linear, one of each,
-    quadratic.
+    B_ij = g Σ T_ijk… v_k … with T totally antisymmetric, v = Ay for a Casimir yᵀAy and v = b for bᵀy. Or B leaves out
+    one component, so that any function of this component is a Casimir. Two Casimirs are both linear if B has degree 0,
+    one of each kind for degree 1, both quadratic for higher degrees.
     """
     if casimirs == "none":
         return skew(d, degree, unit, random), (), ()
@@ -294,7 +294,7 @@ def vector(d: int, random: Random) -> tuple[float, ...]:
 
 
 def linear_forms(A: Matrix) -> list[Polynomial]:
-    """The components of Ay."""
+    """The components of Ay as polynomials."""
     return [poly.linear(row) for row in A]
 
 
@@ -312,7 +312,7 @@ def tensor_terms(
 
 
 def contracted(d: int, forms: list[list[Polynomial]], random: Random) -> Structure:
-    """B_ij = Σ T_ijk… v_k … for a random totally antisymmetric T with a few entries; empty where the forms depend."""
+    """B_ij = Σ T_ijk… v_k … for a random totally antisymmetric T with few entries; empty if the v are dependent."""
     rank = 2 + len(forms)
     entries: dict[tuple[int, int], list[Polynomial]] = {}
     for _ in range(random.randint(1, 3) if d > rank else 1):

@@ -1,4 +1,4 @@
-"""Visibility of faults: a design that visits a pair of strata must show the faults of these strata."""
+"""A test that faults show in a case: the design's case for a pair of strata must show the faults of these strata."""
 
 from __future__ import annotations
 
@@ -11,19 +11,20 @@ from sepv.verification._cases.case import Case
 from sepv.verification._cases.strata import Levels
 from sepv.verification._tolerance import casimir_bound, energy_bound, step_residual
 
-# The least size of the step above rounding, since a small share of it may be wrong; and of a fault above its bound,
-# if it errs by a power of the step. `benchmarks.power` measures their effect.
+# The least ratio of a step's increment to rounding, because a small share of the increment may be wrong; and of a fault
+# that errs by a power of the step to its bound. `benchmarks.power` measures the effect of both.
 MOTION, SHOWN = 1e7, 64.0
-# The share of the radius from which errors of a power of the step exceed rounding.
+# The share of the contraction radius from which on errors of a power of the step exceed rounding.
 LONG = 0.5
 
 
 def shows_faults(case: Case, levels: Levels) -> bool:
     """True if faults that err by a power of the step would show in this case, as its strata require.
 
-    For z = Δ B∇H, an explicit step: z and each structure's part of it must stand above rounding; ∇H at the midpoint in
-    place of its average must change H, B at y in place of the midpoint y1 and every quadratic Casimir, all by more
-    than SHOWN times what rounding may. Short steps, quadratic H and constant B are right either way.
+    Let z = Δ B∇H be an explicit step. The step z, and the part of z from each structure, must exceed rounding. Taking
+    ∇H at the midpoint instead of its average must change H. Taking B at y instead of the midpoint must change y1 and
+    every quadratic Casimir. Each change must exceed SHOWN times the bound of rounding. Short steps, quadratic H and
+    constant B are not tested, because such faults change nothing in them.
     """
     if levels["step/radius"].high < LONG:
         return True
@@ -40,7 +41,7 @@ def shows_faults(case: Case, levels: Levels) -> bool:
 
 
 def _curved(problem: Problem, levels: Levels, y: Array, z: Array, residual: Array) -> bool:
-    """True if one quadrature node is too few, for H and for a Casimir whose gradient is averaged."""
+    """True if a quadrature with one node would show, in H and in a Casimir whose gradient is averaged."""
     found = []
     if levels["degree of H"].high > 2:
         found.append((problem, energy_bound(problem, y, y + z, residual)))

@@ -1,7 +1,7 @@
 """Simplify a case that violates, by steps that a reader would try: drop a term, a noise, a dimension; round a number.
 
-Hypothesis shrinks its own examples. Cases of a design need this, because a violation in one stratum may be found
-nowhere else.
+Hypothesis shrinks its own examples. Cases of a design need this module, because Hypothesis may not find a violation
+that occurs in one stratum only.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def _stands(case: Case) -> bool:
 
 
 def _candidates(case: Case) -> Iterator[Case]:
-    """Simpler cases, the boldest first."""
+    """Simpler cases, the largest simplifications first."""
     if case.given != "data":
         yield replace(case, given="data")
     if case.batch > 2:

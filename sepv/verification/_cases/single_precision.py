@@ -1,4 +1,4 @@
-"""Cases for schemes in single precision: their numbers rounded, and in its range."""
+"""Cases for schemes in single precision: their numbers are rounded, and must lie in the range of single precision."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from sepv.problem import PolynomialSystem
 from sepv.verification._cases.case import Case
 from sepv.verification._tolerance import gradient_majorant, structure_majorant
 
-# The share of their terms by which B and ∇H in single precision may be off: a few thousand roundings. Beyond it powers
-# overflow or underflow on the way, which no way of summing can help.
+# The largest error of B and ∇H in single precision, relative to the sum of their terms: a few thousand roundings. A
+# larger error means that powers overflow or underflow, which no order of summation avoids.
 LOST = 2.0**-12
-# Coefficients that single precision has with all digits, and with room for a sum.
+# The range of coefficients that single precision has with all digits, and whose sums do not overflow.
 LEAST, MOST = 2.0**-126, 2.0**120
 
 

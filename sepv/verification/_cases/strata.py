@@ -1,9 +1,10 @@
-"""The space of cases: axes with their strata, forbidden combinations with reasons, and designs that cover it.
+"""Spaces of cases: axes divided into strata, forbidden combinations with reasons, and designs that cover a space.
 
-Each class of systems has a space, and a law uses a part of it (`Space.part`). `Space.cases` are its cases by design:
-each possible pair of strata occurs, with random content inside. `Space.strategy` draws cases of the same space for
-Hypothesis. `sepv.verification._cases.random_cases` interprets strata and makes the cases, once for all laws with the
-same strata. A design may take its rows from another one, its pool, so that many laws share cases.
+An axis is a property of cases, such as the dimension d, and a stratum is a part of an axis. Each class of systems has a
+space, and a law uses a part of the space (`Space.part`). In `Space.cases` each possible pair of strata occurs; the
+content inside strata is random. `Space.strategy` draws cases of the space for Hypothesis.
+`sepv.verification._cases.random_cases` makes the cases of strata, once for all laws with the same strata. A design may
+take rows from the design of another space, its pool, so that many laws share cases.
 """
 
 from __future__ import annotations
@@ -27,9 +28,9 @@ from sepv.verification._cases.covering import Design, Pair, Partial, Row, pairwi
 
 
 class Stratum(NamedTuple):
-    """A part of an axis: its name, and the range of a numerical axis.
+    """A part of an axis: its name and, for a numerical axis, its range from `low` to `high`.
 
-    With an `end` beyond the range, some cases lie between the range and this end (`ended`).
+    If it has an `end` beyond the range, some cases lie between the range and this end (`ended`).
     """
 
     name: str
@@ -42,7 +43,7 @@ class Stratum(NamedTuple):
 class Axis:
     """A property of cases, divided into strata.
 
-    A law that does not name the axis uses the first `usual` strata, or all if that is 0.
+    A law that does not name the axis uses its first `usual` strata, or all strata if `usual` is 0.
     """
 
     name: str
@@ -58,7 +59,7 @@ NOTHING: Mapping[str, Strata] = MappingProxyType({})
 
 @dataclass(frozen=True)
 class Rule:
-    """A forbidden combination: `forbids` is called once strata of all its axes are chosen."""
+    """A forbidden combination of strata: `forbids` is called with one stratum of each of the rule's axes."""
 
     axes: tuple[str, ...]
     forbids: Callable[..., bool]
@@ -100,12 +101,12 @@ MATRICES = _axis("matrices", "so(3)", "so(4)", "su(3)")
 STRUCTURES = _axis("structures", "any", "common Casimir", "all are B", usual=2)
 CASIMIR_DEGREE = _axis("degree of C", ("1", 1, 1), ("2", 2, 2), ("3–4", 3, 4), ("5–6", 5, 6))
 KIND = "kind of step"
-# Steps in which little moves, or that one part of Δ makes nearly alone. Most faults are hidden there: one case of each
-# follows the design.
+# Kinds of steps in which little moves, or in which one part of Δ is nearly all. Most faults do not show in them, so
+# they are no strata of the design: one case of each kind follows the design.
 UNEVEN, STILL, UNDONE, NEAR = map(Stratum, ("noises 1e-4–1e4 of h", "h = 0", "Δ = 0", "near ∇H = 0"))
 FAR = Stratum("|y| = 1e-100", 1e-100, 1e-100), Stratum("|y| = 1e100", 1e100, 1e100)
 KINDS = (UNEVEN, STILL, UNDONE, NEAR, *FAR)
-# The largest degree where |y| is 1e±100.
+# The largest degree of polynomials in cases in which |y| is 1e±100.
 LOW = 2
 FACTOR = _axis("degree of g", ("0", 0, 0), ("1–2", 1, 2), ("3–4", 3, 4))
 
@@ -142,12 +143,12 @@ RULES = (
 HIDING = ("step/radius", "2⁻¹⁰")
 
 
-# The shares of cases beyond the usual range of a stratum with an end: of numbers like d, which cost time, and of sizes.
+# The share of cases beyond the usual range of a stratum with an `end`: for integers like d, which cost time; for sizes.
 TAIL = {int: 1 / 4, float: 1 / 2}
 
 
 def ended(stratum: Stratum, random: Random) -> Stratum:
-    """The usual range, or now and then one number beyond it, evenly by its logarithm; half of the sizes are the end."""
+    """Choose the usual range or, sometimes, a number beyond it with uniform logarithm; half of the sizes are `end`."""
     kind = type(stratum.end)
     if not stratum.end or random.random() >= TAIL[kind]:
         return stratum._replace(end=0.0)
@@ -165,33 +166,31 @@ def monomials(d: int, degree: int) -> int:
     return math.comb(d + degree, degree) - 1
 
 
-# A random case inside the strata, or None if the drawn numbers make none. The last argument counts attempts; it is None
-# for the random search, which accepts cases in which not every fault would show.
+# A function that makes a random case inside the strata; None if the drawn numbers allow no case. Its last argument
+# counts attempts. It is None for the random search, which accepts cases in which not every fault would show.
 Make = Callable[[Levels, Random, int | None], Case | None]
 
 
 @dataclass(frozen=True)
 class Space:
-    """A space: axes, and the function that makes a case with a stratum of each.
+    """A space of cases: its axes, and the function that makes a case from one stratum of each axis.
 
-    `beside` are (axis, stratum) that may hide a fault of other axes, because the law's statement cannot fail there,
-    such as the quadrature where H is quadratic. Pairs met only there do not count as met.
+    `beside` lists (axis, stratum) in which faults of other axes may not show, because the law's statement cannot fail,
+    such as a wrong quadrature if H is quadratic. In a row with such a stratum, pairs of other strata count as not met.
     """
 
     axes: tuple[Axis, ...]
     make: Make
     rules: tuple[Rule, ...] = RULES
     beside: frozenset[tuple[str, str]] = frozenset({HIDING})
-    pool: Space | None = (
-        None  # a space whose rows the design reuses where possible: their content is made already
-    )
-    kinds: tuple[Stratum, ...] = ()  # kinds of steps: one case of each follows the design
+    pool: Space | None = None  # a space whose rows the design reuses, as their cases are made already
+    kinds: tuple[Stratum, ...] = ()  # kinds of steps: one case of each kind follows the design
 
     def part(self, where: Mapping[str, Strata] = NOTHING, blind: Mapping[str, Strata] = NOTHING) -> Space:
-        """The part with these strata, and with the usual ones of an axis that `where` does not name.
+        """The part of the space with the strata `where`, and the usual strata of an axis that `where` does not name.
 
-        In the strata `blind` no fault shows that the law is about. Axes that the space does not have are ignored, and
-        strata that combine with none of the others are left out.
+        In the strata `blind` no fault of the law's statement shows. Axes that the space does not have are ignored.
+        Strata that cannot be combined with strata of all other axes are left out.
         """
         axes = []
         for axis in self.axes:
@@ -216,7 +215,7 @@ class Space:
 
     @cached_property
     def _refusals(self) -> list[tuple[Rule, tuple[int, ...], set[tuple[int, ...]]]]:
-        """For each rule about these axes, their numbers and the combinations of strata that it forbids."""
+        """For each rule about axes of this space, the axes' numbers and the combinations of strata that it forbids."""
         numbers = {axis.name: a for a, axis in enumerate(self.axes)}
         found = []
         for rule in self.rules:
@@ -230,7 +229,7 @@ class Space:
 
     @property
     def hiding(self) -> frozenset[tuple[int, int]]:
-        """The strata that may hide a fault of other axes."""
+        """The strata in which a fault of other axes may not show, as (axis number, stratum number)."""
         numbered = ((a, axis, k, s) for a, axis in enumerate(self.axes) for k, s in enumerate(axis.strata))
         return frozenset((a, k) for a, axis, k, s in numbered if (axis.name, s.name) in self.beside)
 
@@ -245,7 +244,7 @@ class Space:
         ]
 
     def further(self, seed: int) -> dict[str, Case]:
-        """A case of each kind of step, with the other strata of a row of the pool, or of the design."""
+        """One case of each kind of step in `kinds`; its strata are those of a row of the pool, or of the design."""
         found = {}
         for kind in self.kinds:
             of_rows = (
@@ -253,7 +252,7 @@ class Space:
                 for rows in (self.offered(), self.design().rows)
             )
             if rows := next(filter(None, of_rows), None):
-                # Equal for all laws that have this row, whatever its batch.
+                # The choice is the same for all laws that have this row, whatever its batch.
                 keys = [crc32(f"{seed} {kind} {_without_batch(row.items())}".encode()) for row in rows]
                 row = rows[keys.index(min(keys))]
                 found[kind.name] = _content(self.make, (*row.items(), (KIND, kind)), seed)
@@ -264,7 +263,7 @@ class Space:
         return _drawn(self)
 
     def offered(self) -> list[Row]:
-        """The rows of the pool's design with strata of this space, with all values of axes that the pool lacks."""
+        """The rows of the pool's design that this space has, with every stratum of each axis that the pool lacks."""
         found: list[Row] = []
         if self.pool is None:
             return found
@@ -284,15 +283,15 @@ class Space:
         return self.forbidden(row) or "no other strata go with both"
 
     def shown(self, row: Row) -> list[Pair]:
-        """The pairs of strata that a row of the design meets."""
+        """The pairs of strata that count as met by a row of the design."""
         return shown_pairs(row, self.hiding)
 
 
 def _fits(kind: Stratum, levels: Levels) -> bool:
     """True if steps with these strata can be of this kind.
 
-    They are long ones away from rest, with a noise where it is about noises, and of low degrees for an extreme |y|,
-    whose powers are to be numbers.
+    Such steps are long and start away from rest. A kind about noises needs a noise. A kind with an extreme |y| needs
+    low degrees, so that powers of y do not overflow.
     """
     usual = (
         levels[STATE.name].name == STATE.strata[0].name and (SHARE.name, levels[SHARE.name].name) != HIDING
@@ -318,7 +317,7 @@ def _design(space: Space) -> Design:
 
 @cache
 def _content(make: Make, levels: tuple[tuple[str, Stratum], ...], seed: int) -> Case:
-    """The case of these strata and this seed, kept between runs. Its content does not depend on its batch."""
+    """The case of these strata and this seed, stored between runs. Its content does not depend on its batch."""
     alone = _without_batch(levels)
     if alone != levels:
         stratum, random = dict(levels)[BATCH.name], Random(f"{seed} {levels}")
@@ -331,7 +330,7 @@ def _content(make: Make, levels: tuple[tuple[str, Stratum], ...], seed: int) -> 
 
 def _drawn_until_made(make: Make, levels: tuple[tuple[str, Stratum], ...], seed: int) -> Case:
     random = Random(f"{seed} {[(axis, stratum.name) for axis, stratum in levels]}")
-    # Sizes in a tail are drawn once: those that show fewer faults would be drawn less often.
+    # A size beyond its usual range is drawn before the attempts, so that sizes that show fewer faults are as frequent.
     wanted = {axis: ended(stratum, random) for axis, stratum in levels}
     for attempt in range(MOST_ATTEMPTS):
         if (case := make(dict(wanted), random, attempt)) is not None:
@@ -339,7 +338,7 @@ def _drawn_until_made(make: Make, levels: tuple[tuple[str, Stratum], ...], seed:
     raise AssertionError(f"no case of these strata: {[(axis, stratum.name) for axis, stratum in levels]}")
 
 
-# Draws after which strata are taken for empty: the class then forbids too little.
+# After this many draws strata are taken for empty; the rules of their class then forbid too little.
 MOST_ATTEMPTS = 10_000
 _CHOICES = [st.integers(0, n) for n in range(25)]
 _RANDOM = st.randoms(use_true_random=False)
@@ -367,7 +366,7 @@ def _drawn(draw: st.DrawFn, space: Space) -> Case:
 
 
 def possible(axes: list[Axis], rules: tuple[Rule, ...]) -> list[Axis]:
-    """The axes without strata that some rule forbids beside all strata of others."""
+    """The axes without the strata that a rule forbids in combination with all strata of other axes."""
     for rule in rules:
         named = [axis for axis in axes if axis.name in rule.axes]
         if len(named) < len(rule.axes):

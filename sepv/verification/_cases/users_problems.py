@@ -34,13 +34,11 @@ class Item:
     text: str  # the name that a user gave, for commands; empty for an object
     values: st.SearchStrategy[Any]  # of Case, Problem or their data
     problems: tuple[Problem, ...] = ()  # with an initial state, for the laws about many steps
-    fixed: Problem | None = (
-        None  # the only problem, so that a law need not draw to know that it does not apply
-    )
+    fixed: Problem | None = None  # the only problem: a law then needs no draws to see if it applies
     space: Space | None = None  # of a family
 
     def design(self, seed: int, where: Mapping[str, Strata]) -> list[Case]:
-        """Cases of a family: of any two axes each pair of strata occurs. `where` restricts the family's axes."""
+        """Cases of a family, in which each pair of strata of two axes occurs; `where` restricts the family's strata."""
         if self.space is None:
             return []
         part = self.space.part(where)
@@ -48,7 +46,7 @@ class Item:
         return [*(case for _, case in whole.cases(seed)), *whole.further(seed).values()]
 
     def meets(self, adapted: Callable[[Case], Case | None], where: Mapping[str, Strata]) -> bool:
-        """True if a law applies to one of thirty drawn cases. Hypothesis would draw hundreds before it gave up."""
+        """True if a law applies to the only problem, to a case of the design, or else to one of thirty drawn cases."""
         if self.fixed is not None:
             return adapted(start_of(describe(self.fixed, self.text))) is not None
         if self.space is not None:
@@ -122,10 +120,10 @@ def _item(asked: Any) -> Item:
 
 
 def may_ask(scheme: Any, problem: Problem, states: Array) -> bool:
-    """True if a law may use states (d, ...) that it made from one of the scheme's own.
+    """True if a law may step from states (d, ...) that it derived from a drawn state of the problem.
 
-    They must lie in the problem's domain, if it has one. Otherwise every state is allowed, unless a user named the
-    problems: these may be meant for positive states, or a ball, and only drawn states are sure to be valid.
+    If the problem has a domain, the states must lie in it. Otherwise every state is allowed, unless a user named the
+    problems: a user's problem may be meant for positive states, or a ball, and only drawn states are sure to be valid.
     """
     if problem.domain is not None:
         return bool(np.all(problem.domain(states)))
@@ -143,17 +141,17 @@ def sources(scheme: Any) -> tuple[Item, ...]:
 
 
 def objects_of(scheme: Any) -> tuple[Problem, ...]:
-    """The problems of a scheme that were given as objects: a witness names them, and no command can."""
+    """The problems of a scheme that were given as Python objects, which a witness can name, but no command."""
     return tuple(item.fixed for item in sources(scheme) if item.fixed is not None and not item.text)
 
 
 def problems_of(scheme: Any) -> tuple[Problem, ...] | None:
     """The scheme's problems with an initial state, each once, for laws about many steps; None for a whole class.
 
-    A problem that is named and also in a named family is one problem: a name always gives the same object. A scheme
-    without noise gets those of (1.1) with c = ().
+    A problem that is named and also belongs to a named family is listed once, because a name always gives the same
+    object. A scheme without noise gets the problems of (1.1) with c = ().
 
-    Raises Skipped where none of them has an initial state.
+    Raises Skipped if none of the problems has an initial state.
     """
     own = sources(scheme)
     if not own:
@@ -165,9 +163,9 @@ def problems_of(scheme: Any) -> tuple[Problem, ...] | None:
 
 
 def as_taken(scheme: Any, listed: Iterable[Problem]) -> tuple[Problem, ...]:
-    """The problems in the form that the scheme takes: without noise, c = (), if it is for such systems alone.
+    """The problems in the form that the scheme takes: without noise, c = (), if the scheme is only for such systems.
 
-    Raises Skipped where each of them has a field for each noise, and the scheme takes none.
+    Raises Skipped if such a scheme gets only problems that have a field for each noise.
     """
     found = tuple(listed)
     if not scheme.deterministic:
