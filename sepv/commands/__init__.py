@@ -1,6 +1,6 @@
-"""The commands of ``sepv``, one a file; `_cli` loads the one that is called, `_shared` has what several use.
+"""The commands of ``sepv``, one in each file. `_cli` loads the command that is called; `_shared` has common parts.
 
-`main` is the program: it runs `_cli.main` in a process of its own and watches it (`_watch`).
+`main` is the program: it runs `_cli.main` in a child process and watches this process (`_watch`).
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ import sys
 
 def main() -> None:
     """Run ``sepv`` with the arguments of this process; ends in SystemExit."""
-    # Ctrl-C waits until a process can answer it.
+    # Ctrl-C is held back until a process can answer it.
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
-        # Nothing answers it while Python shuts down: all output is written by then.
+        # Nothing answers Ctrl-C while Python shuts down, so it is held back; all output is written by then.
         atexit.register(signal.pthread_sigmask, signal.SIG_BLOCK, [signal.SIGINT])
     from sepv.commands._watch import watched
 
     def work() -> None:
-        from sepv.commands._cli import main as run  # under watch from its imports on
+        from sepv.commands._cli import main as run  # imported by the child, so that imports are watched
 
         run()
 

@@ -1,4 +1,4 @@
-"""``sepv bench``: guard the work, the error and the time of a scheme."""
+"""``sepv bench``: find regressions in the work, the error and the time of a scheme."""
 
 from __future__ import annotations
 
@@ -43,8 +43,9 @@ def bench(
 ) -> None:  # fmt: skip
     """Work, error and invariant defects of TARGETs in fixed cases, against a file or another checkout.
 
-    Counters are exact integers, and one more is a regression. Errors are compared over the same paths, with an
-    interval of their ratio. Time is compared only with another checkout, as a ratio of runs that take turns.
+    The counters of work are exact integers, and an increase by one is a regression. Errors are compared over the same
+    paths, with an interval of their ratio. Time is compared only with another checkout, as a ratio of runs that take
+    turns.
 
     \b
     sepv bench mymodule:step --save counters.json
@@ -95,7 +96,7 @@ def bench(
 def _beside(
     target: str, checkout: str, chosen: list[Case], batches: int, say: Callable[[str, float], None]
 ) -> tuple[dict[str, Any], list[Any]]:
-    """Measure a target in this checkout and in another one: its record here, and the comparison with the other's."""
+    """Measure a target in this checkout and another one; return its record here, and a comparison of both records."""
     from sepv.studies import bench_pairs as pairs
     from sepv.studies import check_bench as check
 

@@ -24,7 +24,7 @@ GROUPS = {
     "For specialists": ("exact", "step", "ulps", "hard", "growth", "solvability", "teeth"),
 }
 COMMANDS = tuple(name for names in GROUPS.values() for name in names)
-# New objects between two searches for cycles: measured with `sepv verify`, for speed alone.
+# Python searches for cycles of objects each time that this many are new; chosen for the speed of `sepv verify`.
 OBJECTS = 5000
 _SETTINGS = {"help_option_names": ["-h", "--help"], "show_default": True}
 
@@ -41,7 +41,7 @@ class _Commands(click.Group):
         return context
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Invoke as click does; Ctrl-C while a command is imported ends as it does while it works."""
+        """Invoke as click does; Ctrl-C while a command is imported has the same effect as while it works."""
         with interruptible():
             return super().invoke(ctx)
 
@@ -94,7 +94,7 @@ def main() -> None:
             never_fail(stream)
     # Cases are many small objects without cycles: by default Python searches them for cycles every few hundred objects.
     gc.set_threshold(max(OBJECTS, gc.get_threshold()[0]))
-    # Hypothesis keeps a small cache in its storage directory, which would be the user's current folder.
+    # Hypothesis stores a small cache in a directory, which by default is in the user's current folder.
     if "HYPOTHESIS_STORAGE_DIRECTORY" not in os.environ:
         os.environ["HYPOTHESIS_STORAGE_DIRECTORY"] = str(cache_folder("hypothesis"))
 

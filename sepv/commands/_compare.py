@@ -1,4 +1,4 @@
-"""``sepv compare``: accuracy with its price."""
+"""``sepv compare``: the accuracy of schemes, and the time and work that it costs."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from sepv.files import write_atomically
 if TYPE_CHECKING:
     from sepv.studies import Comparison
 
-# The largest number of steps by default, of five with T = 1. The coarsest step is a quarter of the longest one that the
-# problem states, or of 1/2.
+# The largest of the five numbers of steps to T = 1 that are the default. The coarsest step is a quarter of the longest
+# step that the problem states, or of 1/2.
 MOST_STEPS = 1024
 
 
@@ -56,13 +56,13 @@ def compare(
 ) -> None:
     """Error, invariant defects, time and work of SCHEMEs, on the same paths.
 
-    A SCHEME is a built-in name, module:attribute, exact-flow (the exact time change), or a peer such as
-    diffrax-heun. The compiled engine (extra fast) runs what it takes; numpy/SCHEME is the NumPy batch beside it.
-    The reference is the exact solution at the random time. Methods take turns on one core, increments are given,
-    and compilation is shown apart.
+    A SCHEME is a built-in name, module:attribute, exact-flow (the exact time change), or a peer, a solver of another
+    library, such as diffrax-heun. The compiled engine (extra fast) runs the schemes that it supports; numpy/SCHEME is
+    the NumPy batch of a scheme. The reference is the exact solution at the random time. For timing, methods take turns
+    on one core and get the same increments; compilation is shown apart.
 
-    Where a scheme is for systems without noise alone, and with --no-noise, the problem has c = (): one trajectory, with
-    the time to an error at T and to an energy error.
+    With --no-noise, or if a scheme is only for systems without noise, the problem has c = (): one trajectory, with the
+    time to an error at T and to an energy error.
 
     \b
     sepv compare energy-preserving midpoint euler-heun exact-flow
@@ -147,7 +147,7 @@ def _peers() -> list[str]:
 def _methods(
     names: list[str], problem: Any, progress: Callable[[str], None]
 ) -> tuple[list[Any], dict[str, SepvError]]:
-    """The methods that can be loaded and take a step, and the errors of the others."""
+    """Load methods by name, and return those that take a step, and the errors of those that do not."""
     from sepv.studies import load_method
 
     methods, failed = [], {}

@@ -17,10 +17,10 @@ from sepv.commands._shared import friendly
 @click.option("--certify", is_flag=True, help="Enclose the result in balls (needs python-flint).")
 @friendly
 def exact(problem: str, theta: str, state: str | None, digits: int, certify: bool) -> None:
-    """The exact solution of PROBLEM at the random time θ: a name, a .json file of polynomial data, or module:attribute.
+    """The exact solution of PROBLEM (a name, a .json file of polynomial data, or module:attribute) at random time θ.
 
-    Computed by Taylor series in extended precision, beside the closed form where there is one, and beside
-    the float64 result with its error. Numbers are taken as the binary64 numbers next to them.
+    It is computed by Taylor series in extended precision, and shown beside the closed form, if there is one, and
+    beside the float64 result with its error. Numbers of the command are rounded to the nearest binary64 numbers.
 
     \b
     sepv exact rigid-body --theta 8 --digits 50

@@ -29,14 +29,14 @@ def growth(
     targets: cli.Names, programs: cli.Names, problem: str, h: float, T: float, paths: int, seed: int,
     no_noise: bool, json_file: str | None, out: str | None,
 ) -> None:  # fmt: skip
-    """E[H(y_n)] − H(y0) and the rms of H(y_n) − H(y0) against time, and how they grow.
+    """The mean E[H(y_n)] − H(y0) and the rms of H(y_n) − H(y0) against time, and how they grow.
 
-    The rms is at rounding, bounded, a random walk (√t), linear or faster, where an interval of 99.9 % decides, and the
-    mean drifts where such an interval excludes 0. Theory stands beside it for symplectic schemes of one degree of
-    freedom: with random steps they walk, and drift.
+    The rms is called at rounding, bounded, a random walk (√t), linear or faster, if an interval of 99.9 % decides. The
+    mean drifts if such an interval excludes 0. For symplectic schemes with one degree of freedom the values of theory
+    are shown too: with random steps their energy walks and drifts.
 
-    Without noise, which a scheme or a problem of c = () asks for too, one path is followed with h and with h/2, and the
-    mean energy has a trend or none, by the bound of the law long-time-energy.
+    With --no-noise, or if a scheme or the problem is one of c = (), one path is computed with h and with h/2. The mean
+    energy has a trend or none, by the bound of the law long-time-energy.
 
     \b
     sepv growth                                           the paper's schemes
@@ -93,7 +93,7 @@ def growth(
 
 
 def _table(rows: list[Any]) -> Table:
-    """The table of mean and rms at three times, each a quarter of the next, with those of theory if there are any."""
+    """The table of mean and rms at three times, each a quarter of the next, with theory's values if there are any."""
     cells, has_theory = [], any(row.derived and row.kind != "rounding" for row in rows)
     for row in rows:
         for n in (-5, -3, -1):

@@ -35,13 +35,13 @@ def hard(
     target: str | None, programs: cli.Names, problems: cli.Names, names: cli.Names, steps: int, laws: int, seed: int,
     explain: bool, json_file: str | None, quiet: bool,
 ) -> None:  # fmt: skip
-    """Take random steps of the hard cases, where schemes break: each is solved to its bound or refused by name.
+    """Take random steps of the hard cases, where schemes break: each must be solved to its bound, or refused.
 
     TARGET is a built-in scheme or module:attribute. Exit code 0 if every step of every case ends as the
     case allows, else 1.
 
     \b
-    sepv hard                             all of it with energy-preserving
+    sepv hard                             all cases with energy-preserving
     sepv hard midpoint --case toda-steep
     sepv hard mymodule:step -p mymodule:problem
     sepv hard --steps 40000               a million steps and more
@@ -126,7 +126,7 @@ def _complaint(target: str, seen: Seen) -> str:
 
 
 def _summary(seen: Sequence[Seen]) -> str:
-    """The last line: the counts over all cases."""
+    """The last line of the output: the counts over all cases."""
     steps, solved = sum(s.steps for s in seen), sum(s.solved for s in seen)
     crashed = sum(s.statuses.get("CRASH", 0) for s in seen)
     wrong = sum(sum(s.wrong.values()) for s in seen)

@@ -19,7 +19,7 @@ def list_() -> None:
     \b
     sepv list
 
-    The hard cases are listed, with their reasons, by sepv hard --explain, the saboteurs by docs/teeth.md.
+    sepv hard --explain lists the hard cases with their reasons; docs/teeth.md lists the saboteurs, schemes with faults.
     """
     from sepv import problems, schemes
     from sepv.console import console
@@ -41,8 +41,7 @@ def list_() -> None:
         ("Problems with several structures or Hamiltonians", ("problem", "d, m", "what"), several),
         ("Laws", ("law", "source", "statement"), laws),
     ):
-        # Dropped columns on a narrow terminal: the statement of a law stays, and the description of a scheme or
-        # problem.
+        # On a narrow terminal the statement of a law is shown, and the description of a scheme or problem.
         goes = ["order", "d, m", "source"] if title == "Laws" else []
         heads = columns(heading[:1]) + columns(heading[1:], words=True, goes=goes)
         print_table(Table(heads, rows, title), out)
@@ -50,9 +49,9 @@ def list_() -> None:
 
 
 def _problem_rows(factories: dict[str, Any], modules: list[str]) -> list[tuple[str, str, str]]:
-    """The rows of a table of problems, with the first line of a file's docstring, or of a function's, as description.
+    """The rows of a table of problems, described by the first line of the docstring of a problem's file or function.
 
-    `modules` are those of all problems: a file with several problems describes none of them.
+    `modules` lists the file of each problem. The docstring of a file with several problems describes none of them.
     """
     rows = []
     for name, factory in factories.items():

@@ -1,4 +1,4 @@
-"""``sepv peers``: other libraries' solvers that can be named."""
+"""``sepv peers``: other libraries' solvers that the commands of sepv can name."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from sepv.console import Table, columns, print_table
 @click.command(short_help="Solvers of other libraries, by name.")
 @friendly
 def peers() -> None:
-    """Show the libraries whose solvers sepv can name, and those names where the library is installed.
+    """Show the libraries whose solvers sepv can name, and the solvers' names if the library is installed.
 
     \b
     sepv peers

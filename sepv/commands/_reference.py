@@ -1,4 +1,4 @@
-"""Parts that ``sepv exact`` and ``sepv step`` share: numbers from the command line, tables, the proof in words."""
+"""Parts that ``sepv exact`` and ``sepv step`` share: numbers of the command line, a problem's data, digits as text."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from sepv.problem import NamedProblem, PolynomialSystem, Problem
 
 
 def numbers(text: str | None, option: str, count: int, default: Any = None) -> tuple[float, ...]:
-    """The `count` finite numbers of an option such as --y, from its text "0.8,0.6,0x1p-3"; the default for None."""
+    """Read the `count` finite numbers of an option such as --y "0.8,0.6,0x1p-3"; if it is not given, `default`."""
     if text is None and default is not None:
         return tuple(float(v) for v in default)
     parts = [p.strip() for p in (text or "").split(",") if p.strip()]

@@ -17,10 +17,10 @@ from sepv.files import write_atomically
 def report(files: Names, out: str, title: str | None, quiet: bool) -> None:
     """One self-contained HTML page from the JSON FILEs of verify, compare, bench and reproduce.
 
-    `sepv verify --html` makes the page of one scheme at once.
+    `sepv verify --html` makes the page of one scheme directly.
 
-    The page needs no network and no JavaScript; it prints, and it follows the reader's light or dark theme. Its
-    pictures, of compare and reproduce, are drawn by matplotlib (extra plots).
+    The page needs no network and no JavaScript. It can be printed, and it follows the reader's light or dark theme.
+    matplotlib (extra plots) draws the pictures of compare and reproduce.
 
     \b
     sepv verify energy-preserving --json ep.json

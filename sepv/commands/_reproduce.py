@@ -34,12 +34,12 @@ QUICK = 1 / 32
 def reproduce(figures: cli.Names, out: str | None, json_file: str | None, **options: Any) -> None:
     """The paper's Figures 4.1 to 4.6, computed again, with a verdict on each statement about them.
 
-    FIGURE is one of 4.1 to 4.6, "theory" for what §2, §3 and the remarks say, or "text" for formulas and arguments
-    that do not hold as printed. References are exact. A statement that fails is a finding about the paper, and changes
-    no exit code.
+    FIGURE is one of 4.1 to 4.6, "theory" for the statements of §2, §3 and the remarks, or "text" for formulas and
+    arguments that do not hold as printed. Errors are measured against exact solutions. A statement that fails is a
+    finding about the paper, so it does not change the exit code.
 
     \b
-    sepv reproduce                      all of it, about four minutes
+    sepv reproduce                      everything, about four minutes
     sepv reproduce 4.3                  one figure
     sepv reproduce 4.4 -o figures       with its numbers and pictures
     sepv reproduce --json paper.json    for sepv report
@@ -85,9 +85,9 @@ def _errata() -> None:
 
 
 def _folder(out: str | None, *, draws: bool) -> Path | None:
-    """The folder for the output, made before anything is computed; None if the option is left out.
+    """Make the folder for the output before anything is computed; None if the option is left out.
 
-    A UsageError says if it cannot be made, or if pictures are to be drawn without matplotlib.
+    Raises a UsageError if the folder cannot be made, or if pictures are to be drawn and matplotlib is missing.
     """
     if out is None:
         return None

@@ -1,4 +1,4 @@
-"""``sepv run``: one long path, with progress; Ctrl-C keeps what was done."""
+"""``sepv run``: one long path, with progress; after Ctrl-C the finished part is shown."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ def run(
     scheme: str | None, problem: str, programs: cli.Names, h: float, steps: float, seed: int, every: float | None,
     compensated: bool, increments: str | None, engine: str, json_file: str | None, quiet: bool,
 ) -> None:  # fmt: skip
-    """One path of SCHEME over many steps: its end, its invariants, its price.
+    """One path of SCHEME over many steps: its end state, the defects of its invariants, its time and work.
 
     \b
     sepv run energy-preserving --steps 1e8 --compensated
     sepv run mymodule:step -p mymodule:problem --steps 1e5
 
-    Ctrl-C stops it, shows and writes what was done, and exits with 130.
+    Ctrl-C stops the path, shows and writes its finished part, and exits with 130.
     """
     from sepv.console import showing
     from sepv.schemes import load_problem
@@ -95,7 +95,7 @@ def run(
         )
 
 
-# The words for each status of a step by a scheme that has no solver to say more.
+# The words for each status of a step, for a scheme without a solver of sepv, which would say more.
 _UNCOUNTED = {
     "NO_CONVERGENCE": "the scheme refused it",
     "OVERFLOW": "its answer, or B or ∇H there, is not finite",
@@ -104,7 +104,7 @@ _UNCOUNTED = {
 
 
 def _remembering(step: Callable[..., Any], remarks: list[str]) -> Callable[..., Any]:
-    """A copy of a step that puts its last exception into `remarks`, in words, which its status lacks."""
+    """Wrap a step: `remarks` then holds its last exception in words, which the status of a path does not contain."""
 
     def remembered(problem: Any, y: Any, h: float, dW: Any) -> Any:
         try:

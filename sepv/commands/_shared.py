@@ -35,12 +35,12 @@ class _Folder(click.Path):
         self.name = "folder"
 
 
-# In help: FILE and FOLDER, whether they are read or written. `friendly` looks whether an OUT can be written.
+# Types of options for files and folders, FILE and FOLDER in help. `friendly` checks that an OUT can be written.
 FILE, OUT, FOLDER = click.Path(dir_okay=False), click.Path(dir_okay=False), _Folder()
 
 
 class Finite(click.FloatRange):
-    """A finite number within bounds. click alone takes NaN for a number within any bounds."""
+    """A finite number within bounds; click itself accepts NaN within any bounds."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """Convert as click does, and refuse numbers that are not finite."""
@@ -51,7 +51,7 @@ class Finite(click.FloatRange):
 
 
 NATURAL, COUNT, POSITIVE = click.IntRange(min=0), click.IntRange(min=1), Finite(min=0, min_open=True)
-# Beyond it a clock cannot count: thirty years.
+# The longest time in seconds, thirty years, because a clock cannot count further.
 SECONDS = 1e9
 Names = tuple[str, ...]
 
@@ -62,7 +62,7 @@ def say(text: str) -> None:
 
 
 def save_json(path: str | None, name: str, data: dict[str, Any], *, indent: int | None = 1) -> None:
-    """Write the result of this command, named in `sepv.files.RESULTS`, to a JSON file; nothing if the path is None."""
+    """Write a command's result, one of `sepv.files.RESULTS`, to a JSON file; do nothing if the path is None."""
     if path is not None:
         from sepv.files import write_json
 
@@ -124,8 +124,8 @@ def candidates(
 ) -> Iterator[list[tuple[str, Any]]]:  # fmt: skip
     """A context with the schemes of a command's targets and programs, as pairs (name in output, scheme).
 
-    If there are none, it takes the `usual` targets. It stops the programs when the block ends. Loading calls a function
-    once, which may compile it: `say` gets a line about the target first.
+    If there are no targets and programs, it takes the `usual` targets. It stops the programs when the block ends.
+    Loading calls a scheme's function once, which may compile it, so `say` gets a line about the target before.
     """
     from sepv.schemes import load_scheme
 
@@ -149,7 +149,7 @@ def candidates(
 
 
 class Workers(click.ParamType):
-    """The type of the option --workers: a number of them, or the address of a Dask scheduler."""
+    """The type of the option --workers: a number of workers, or the address of a Dask scheduler."""
 
     name = "N or ADDRESS"
 
@@ -181,7 +181,7 @@ def complete_laws(_context: click.Context, _parameter: click.Parameter, incomple
 def friendly(command: Callable[..., Any]) -> Callable[..., Any]:
     """Decorate a command so that any error ends it with one message and a documented exit code, which is never 1.
 
-    Tracebacks need --debug. A file that cannot be written is such an error, before the command does any work.
+    Tracebacks are shown with --debug only. A file that cannot be written is an error before the command does any work.
     """
 
     @wraps(command)
@@ -202,7 +202,7 @@ def friendly(command: Callable[..., Any]) -> Callable[..., Any]:
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """A context in which Ctrl-C ends the command with a line and the exit code 130, and not with click's 1."""
+    """A context in which Ctrl-C ends the command with a line and exit code 130, and not with click's exit code 1."""
     try:
         yield
     except KeyboardInterrupt as error:
@@ -212,7 +212,7 @@ def interruptible() -> Iterator[None]:
 def _ended_by(error: BaseException, debug: bool) -> int:
     """Print the message of an error that ends a command, and return the exit code."""
     if isinstance(error, BrokenPipeError):
-        # ``sepv … | head`` reads no further. Further output, also at exit, is dropped; 141 as for SIGPIPE.
+        # The reader, such as ``| head``, has ended. Further output, also at exit, is dropped; 141 as for SIGPIPE.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
     if debug and not isinstance(error, KeyboardInterrupt):

@@ -1,4 +1,4 @@
-"""``sepv solvability``: the steps that have a solution, and the time for which paths find one."""
+"""``sepv solvability``: the steps whose equation has a solution, and the time up to which paths find one."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from sepv.studies import Exits, Map
 
 STEPS = tuple(2.0**-n for n in range(1, 11))
-# The largest relative difference between the mean over all states and that over every second one, if the states are
-# close enough to each other.
+# States are close enough to each other if the mean over all states and the mean over every second state differ by at
+# most this share.
 ROUGH = 0.2
 # Step sizes with which paths are followed.
 FOLLOWED = tuple(2.0**-n for n in range(4, 10))
@@ -64,10 +64,10 @@ def solvability(
 ) -> None:  # fmt: skip
     """Find how far the solutions of a step of PROBLEM reach in Δ = h + Σ c_j ΔW_j, and how long a step size is safe.
 
-    First states are taken along the exact orbit. From each, the branch of solutions that starts in y0 at Δ = 0 is
-    followed to its fold or to the end of the range; then Newton is asked at every Δ of a grid. The exact solution
-    of (1.1) passes no other states. Numerical paths do: so they are followed too, until a step is refused.
-    A step size is safe until the time at which the first of the paths failed, and for that scheme.
+    First, states y0 are taken along the exact orbit. From each, the branch of solutions that starts in y0 at Δ = 0 is
+    followed to its fold or to the end of the range; then Newton's method is tried at every Δ of a grid. The exact
+    solution of (1.1) passes no other states. Numerical paths do, so they are followed too, until a step is refused.
+    A step size is safe, for one scheme, until the time at which the first of its paths fails.
 
     \b
     sepv solvability lotka-volterra --follow both-invariants
@@ -135,7 +135,7 @@ def _show(regions: Map, furthest: float, k: int | None, out: Any) -> None:
     law = f"truncated with k = {k}" if k else "untruncated"
     out.print(f"\nP(Δ of a step is off the branch), c = {regions.problem.c.tolist()}, {law}:")
     print_table(_table(regions, k), out)
-    rough = []  # a mean that depends on the choice of states
+    rough = []  # step sizes whose mean depends on the choice of states
     for h in STEPS:
         p = regions.chances(h, k)
         mean, half = float(p.mean()), float(p[::2].mean())

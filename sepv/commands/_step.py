@@ -24,8 +24,8 @@ def step(
 ) -> None:
     """One step of SCHEME on PROBLEM in extended precision, beside the float64 result and its error in ulp.
 
-    SCHEME is one of the paper's, averaged-vector-field, collocation-s or gauss-s (s = 1 … 6), or your own as
-    module:attribute, which is compared with (2.1). PROBLEM is a name, a .json file of polynomial
+    SCHEME is one of the paper's schemes, averaged-vector-field, collocation-s or gauss-s (s = 1 … 6), or your own
+    scheme as module:attribute, which is compared with scheme (2.1). PROBLEM is a name, a .json file of polynomial
     data, or module:attribute.
 
     \b

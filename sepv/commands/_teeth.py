@@ -29,10 +29,10 @@ def teeth(
 ) -> None:  # fmt: skip
     """List the planted faults that each law finds: saboteurs × laws, with the examples to the first violation.
 
-    Exit code 0 if every saboteur is killed with every seed, else 1.
+    A saboteur is a scheme with one fault. Exit code 0 if a law finds every saboteur with every seed, else 1.
 
     \b
-    sepv teeth                  each saboteur, one seed, to its first killer
+    sepv teeth                  each saboteur, one seed, to the first law that finds it
     sepv teeth b-at-y0 --seeds 3        one saboteur by every law
     sepv teeth --matrix                 the whole matrix, an hour or more
     """

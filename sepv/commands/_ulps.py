@@ -30,7 +30,7 @@ def ulps(
 ) -> None:  # fmt: skip
     """One-step defects of energy and Casimirs in ulps: median and largest over independent steps.
 
-    The unit is what one rounding of y does, eps |∇H| |y|; invariants are evaluated in extended precision.
+    The unit is eps |∇H| |y|, the effect of one rounding of y on H. Invariants are evaluated in extended precision.
 
     \b
     sepv ulps                             all schemes on the paper's problems
@@ -52,7 +52,7 @@ def ulps(
                 line.update(f"{scheme.name}, {problem.name}", len(rows) / (len(wanted) * len(chosen)))
                 rows.append(unit.one_step(scheme, problem, h=h, steps=steps, seed=seed))
     cli.save_json(json_file, "ulps", {"rows": [asdict(r) for r in rows]})
-    failures = any(r.failed for r in rows)  # a column only if needed: 80 columns are few
+    failures = any(r.failed for r in rows)  # a column of failures only if there are any, to save width
     sizes = ("energy:\nmedian", "\nlargest", "casimir:\nmedian", "\nlargest ")
     shown = [
         (

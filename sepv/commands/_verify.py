@@ -75,7 +75,7 @@ def verify(targets: cli.Names, laws: cli.Names, **options: Any) -> None:
     """Measure every law on TARGET: a built-in name or module:attribute.
 
     The attribute is a sepv.Scheme, or a function step(problem, y, h, dW) -> y_next. Laws that a scheme
-    does not claim are measured and printed too. Several targets give a matrix in the end.
+    does not claim are measured and printed too. For several targets a matrix of all verdicts is printed last.
 
     \b
     sepv verify energy-preserving
@@ -139,7 +139,7 @@ def _arguments(laws: cli.Names, options: dict[str, Any]) -> dict[str, Any]:
 
 
 def _laws_of_run(laws: cli.Names, options: dict[str, Any]) -> list[Any]:
-    """The laws of a run: the named ones, those of the required profiles, or all."""
+    """The laws of a run: the laws that --law names, the laws of the required profiles, or all laws."""
     from sepv.verification import laws_of, requirements
 
     return laws_of(laws or None, requirements(options["require"]) if options["require"] else ())
@@ -157,7 +157,7 @@ def _effort(**options: Any) -> Any:
 def _verify(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any], shown: str = "") -> int:
     """Measure the laws on each target, print and write the reports, and return the exit code.
 
-    `shown` is the name of a program in output, which has no name of its own.
+    For a program, which has no name of its own, `shown` is the name in the output.
     """
     from sepv.console import console, print_sentence
     from sepv.verification import report as page
@@ -191,7 +191,7 @@ def _verify(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any], 
                 page.show(report, out, debug=debug)
             out.file.flush()
 
-        attempted(f"what is shown of {named}", show)  # once, even if a later law crashes
+        attempted(f"what is shown of {named}", show)  # shown once, even if a later law crashes the process
         only = f" --law {shlex.quote(','.join(laws))}" if laws else ""
         _write(report, files, named + only)
         _tell_github(report)
@@ -227,7 +227,7 @@ def _against(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any])
 
 
 def _one_target(targets: tuple[Any, ...], option: str) -> None:
-    """Raise a UsageError for several targets with an option that is for one."""
+    """Raise a UsageError for several targets with an option that takes one target."""
     if len(targets) > 1:
         raise UsageError(
             expected=f"one TARGET with {option}",
@@ -237,9 +237,9 @@ def _one_target(targets: tuple[Any, ...], option: str) -> None:
 
 
 def _write(report: Any, files: dict[str, str | None], named: str) -> None:
-    """Write the files of a report. An interrupted run writes none that later runs would be compared with.
+    """Write the files of a report. An interrupted run writes no file with which later runs would be compared.
 
-    `named` are the words after ``sepv verify`` that repeat the run.
+    `named` is the text after ``sepv verify`` that repeats the run.
     """
     from sepv.verification import badge_json, junit_xml, pin, to_toml
 
@@ -283,7 +283,7 @@ def _tell_github(report: Any) -> None:
         try:
             with open(path, "a", encoding="utf-8", errors="replace") as file:
                 file.write(github.step_summary(report))
-        except OSError as error:  # the verdicts stand, whatever is the matter with this file
+        except OSError as error:  # a file that cannot be written does not change the verdicts
             cli.say(f"sepv: no summary for GitHub: {error}")
     if os.environ.get("GITHUB_ACTIONS") == "true":
         for line in github.error_lines(report):
@@ -298,7 +298,7 @@ def _page(data: dict[str, Any]) -> str:
 
 
 def _no_longer_guarded(path: str, report: Any) -> list[str]:
-    """The laws that a pin in the file claims and the report does not hold; none if the file is no pin."""
+    """The laws that a file's pin claims and that do not hold in the report; empty if the file is no pin."""
     from sepv.verification import LAWS, Verdict
     from sepv.verification import load_expectations as load
 

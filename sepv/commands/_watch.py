@@ -1,9 +1,8 @@
-"""The command runs in its own process, and this one watches it: a crash and Ctrl-C always end with a message.
+"""A command runs in a child process, and its parent watches it, so that a crash or Ctrl-C always ends with a message.
 
-Python delivers Ctrl-C to whatever code runs: a destructor swallows it, a long call into compiled code does not see it,
-and a segmentation fault ends everything. The watching process runs no other code. It forks before any import that could
-start threads, and keeps the messages of the other (`sepv._journal`), with which another process continues after a
-crash.
+Python delivers Ctrl-C to whatever code runs: a destructor swallows it, a long call into compiled code does not see it.
+A segmentation fault ends everything. So the watcher, the parent, runs no other code. It forks before any import that
+could start threads, and stores the child's messages (`sepv._journal`), with which a new child continues after a crash.
 """
 
 from __future__ import annotations
@@ -23,9 +22,9 @@ from typing import Any, NoReturn
 
 from sepv._journal import ANSWERED, BACK, BEGIN, END, LOST, RESULT, Journal, Notes, ended_with, open_journal
 
-# Seconds from Ctrl-C until it is sent again, sooner if it was lost, and until a process without an answer is killed.
+# Seconds until Ctrl-C is sent again, until a lost Ctrl-C is sent again, until a child that does not answer is killed.
 AGAIN, AGAIN_LOST, PATIENCE = 0.5, 0.05, 1.2
-# Seconds within which a Ctrl-C from the terminal and one from here count as one.
+# Seconds within which a Ctrl-C from the terminal and one from the watcher count as one.
 ONCE = 0.2
 # Signals that end a process from outside, which is no crash.
 ENDED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP) if os.name == "posix" else ()
@@ -68,7 +67,7 @@ class _Heard:
                 self.over = True
 
     def crash(self, status: str) -> bool:
-        """Record that a process ended; True if another one can continue without the work that ended it."""
+        """Record that a process crashed; True if a new process can continue without the work that crashed it."""
         self.rest = b""
         if self.begun is None:
             return False
@@ -78,7 +77,7 @@ class _Heard:
 
 
 def watched(work: Callable[[], Any]) -> int:
-    """Run the work, which ends by SystemExit, and return the exit code; it runs here if no process can watch."""
+    """Run the work in a watched process and return its exit code; if none can watch, run it in this process."""
     if not _can_watch():
         _unblock()
         work()
@@ -104,7 +103,7 @@ def _unblock() -> None:
 
 
 def _attend(work: Callable[[], Any], heard: _Heard) -> int | None:
-    """Run one process to its end: the exit code of the run, None if another process must continue."""
+    """Run one process to its end and return the exit code of the run; None if a new process must continue."""
     for stream in (sys.stdout, sys.stderr):
         stream.flush()
     taken = [n for n in ENDED if signal.getsignal(n) in (signal.SIG_DFL, signal.default_int_handler)]
@@ -115,7 +114,7 @@ def _attend(work: Callable[[], Any], heard: _Heard) -> int | None:
         os.set_blocking(end, False)
     before = {n: signal.signal(n, lambda *_: None) for n in (*taken, signal.SIGCHLD)}
     ringing = signal.set_wakeup_fd(bell, warn_on_full_buffer=False)
-    # A signal between the fork and the other's own handler waits.
+    # A signal that arrives between the fork and the child's own handler is held back.
     signal.pthread_sigmask(signal.SIG_BLOCK, ENDED)
     child = os.fork()
     if not child:
@@ -132,7 +131,7 @@ def _attend(work: Callable[[], Any], heard: _Heard) -> int | None:
     try:
         return _Attendance(child, heard, heard_here, bell_here).end()
     finally:
-        # The process that still runs sees the end of this pipe.
+        # A child that still runs sees the end of this pipe, and ends.
         for end in (heard_here, alive_here, bell_here, bell):
             os.close(end)
         signal.set_wakeup_fd(ringing)
@@ -149,7 +148,7 @@ class _Attendance:
         self.again = 0.0
 
     def end(self) -> int | None:
-        """Wait for the end: the exit code, or None if another process must continue."""
+        """Wait for the process to end and return the exit code of the run; None if a new process must continue."""
         while True:
             select.select([self.ear, self.bell], [], [], None if self.since is None else AGAIN_LOST / 2)
             if self._bell():
@@ -170,7 +169,7 @@ class _Attendance:
                     self.heard.lost, self.again = False, waited + AGAIN_LOST
 
     def _bell(self) -> bool:
-        """Forward the signals that came; True if the second Ctrl-C is among them."""
+        """Forward the received signals to the child; True if the second Ctrl-C is among them."""
         try:
             numbers = os.read(self.bell, 64)
         except BlockingIOError:
@@ -224,11 +223,11 @@ class _Attendance:
 
 
 def _speaker(pipe: int) -> Callable[[bytes, bytes], None]:
-    """The function that sends a message, of a kind and with a text, through a pipe."""
+    """Make the function that sends a message, a kind and a text, through a pipe."""
 
     def send(kind: bytes, text: bytes) -> None:
         data = memoryview(kind + len(text).to_bytes(_HEAD - 1, "big") + text)
-        # A message is written whole: neither Ctrl-C nor a time limit cuts it.
+        # A message is written whole: Ctrl-C and the signal of a time limit are held back.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGALRM))
         try:
             while data:
@@ -254,8 +253,8 @@ def _be_watched(work: Callable[[], Any], journal: Journal, alive: int, heeds: bo
         if not isinstance(lost.exc_value, KeyboardInterrupt):
             before(lost)
             return
-        # A destructor or a callback of the garbage collector has swallowed it. The watcher sends it again, after this
-        # hook.
+        # A destructor or a callback of the garbage collector has swallowed Ctrl-C. The watcher sends it again, after
+        # this hook.
         journal.send(LOST, b"")
         deaf_until = time.monotonic() + AGAIN_LOST / 2
 

@@ -1,8 +1,8 @@
 """Tasks on Dask: chunks of paths as futures of a `distributed.Client`, at most a few for each thread of the cluster.
 
-Dask moves a chunk whose worker died to another one, and tries a chunk that raised again elsewhere. This module checks
-that a worker has the versions of this process, or the bits would differ. It ends with a message, and does not hang,
-if the scheduler is gone, the cluster has no workers, or a chunk kills one worker after the other.
+If a worker dies, Dask gives its chunk to another worker; if a chunk raises, Dask tries it again on another worker. This
+module checks that a worker has the versions of this process, because other versions may give other bits. It ends with a
+message, and does not hang, if the scheduler is lost, the cluster has no workers, or a chunk kills worker after worker.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from sepv._version import __version__
 from sepv.errors import ClusterFailure, UsageError
 from sepv.workers._pool import AHEAD, Futures, Outcome, cannot_travel
 
-# Dask's retries of a chunk that raised; after them it runs once here, where the error is visible.
+# Dask's retries of a chunk that raised; after them the chunk runs once in this process, which shows the error.
 RETRIES = 1
-# Seconds to wait for a scheduler's answer, and for a first worker: clusters that grow by themselves start with none.
+# Seconds to wait for a scheduler's answer, and for a first worker: a cluster that grows by itself starts without one.
 CONNECT = 10.0
 NO_WORKER = 120.0
 # Seconds for one result to arrive; then the cluster is checked, and the result is requested again.
@@ -38,16 +38,16 @@ LOOK = 1.0
 
 
 class TaskRaised(Exception):
-    """A task raised on a worker; the error is in words, because an exception may be unable to travel."""
+    """A task raised on a worker; the error is in words, because some exceptions cannot be sent to this process."""
 
 
 class Unfit(str):
-    """The result of a task on a worker with other versions than this process, in words."""
+    """The result of a task on a worker whose versions are not those of this process: the difference in words."""
 
 
 @dataclass(frozen=True)
 class OnWorker:
-    """A function for a worker, which checks the versions there before it runs the function on a task."""
+    """A function for a worker: it checks the versions on the worker before it runs `function` on a task."""
 
     function: Callable[[Any], Any]
     wanted: dict[str, str]
@@ -78,7 +78,7 @@ def versions(alike: tuple[str, ...]) -> dict[str, str]:
 def dask_crew(workers: Any, function: Callable[[Any], Any], alike: tuple[str, ...]) -> Iterator[DaskCrew]:
     """A context with the crew of a Dask client, of a cluster, or of the scheduler at an address.
 
-    Raises UsageError without Dask, with no scheduler at the address, or for an asynchronous client.
+    Raises a UsageError if Dask is not installed, if no scheduler is at the address, or for an asynchronous client.
     """
     needed = "Dask, for workers that are a scheduler's address"
     Client = optional("distributed", needed, "pip install dask distributed").Client
@@ -118,13 +118,13 @@ class DaskCrew(Futures):
         self.threads, self.looked, self.alone = 0, -LOOK, time.monotonic()
 
     def room(self) -> int:
-        """Four tasks for each current thread of the cluster."""
+        """The number of tasks that may be submitted beyond the first unfinished one: four for each current thread."""
         if time.monotonic() - self.looked > LOOK:
             self._look()
         return max(AHEAD, AHEAD * self.threads)
 
     def submit(self, numbered: Sequence[tuple[int, Any]]) -> None:
-        """Submit in one message, with unique names: the same chunk of another run is another task."""
+        """Submit tasks in one message, with unique names, because the same chunk of another run is another task."""
         keys = [f"{self.name}-{number}" for number, _ in numbered]
         try:
             futures = self.client.map(
@@ -138,7 +138,7 @@ class DaskCrew(Futures):
             self.watch(number, future)
 
     def finished(self) -> list[Outcome]:
-        """Wait for one result while there is a cluster."""
+        """Wait for at least one outcome; a ClusterFailure if the cluster is lost meanwhile."""
         outcomes: list[Outcome] = []
         while not outcomes:
             try:
@@ -153,7 +153,7 @@ class DaskCrew(Futures):
         return outcomes
 
     def _fetched(self, numbers: list[int]) -> dict[int, Any]:
-        """The results of several chunks in one message; if that fails, each is fetched alone."""
+        """Fetch the results of several chunks in one message; empty if that fails: each is then fetched alone."""
         ready = [number for number in numbers if self.running[number].status == "finished"]
         if len(ready) < 2:
             return {}
@@ -171,7 +171,7 @@ class DaskCrew(Futures):
 
         future = self.running.pop(number)
         if future.status in ("lost", "pending"):
-            # Its worker died with the result, which is computed again.
+            # The worker died with the result, so the task is computed again.
             self.watch(number, future)
             return []
         if future.status == "error":
@@ -211,13 +211,13 @@ class DaskCrew(Futures):
         return [Outcome(number, True, result)]
 
     def cancel(self) -> None:
-        """Cancel the tasks on their way; a cluster that is gone has forgotten them."""
+        """Cancel unfinished tasks; a cluster that is lost has forgotten them."""
         if self.running and self.client.status == "running":
             self.client.cancel(list(self.running.values()), force=True)
         self.running.clear()
 
     def _look(self) -> None:
-        """Check that the cluster is there, and update its size."""
+        """Check that the cluster still knows this run, and update the number of its threads."""
         self.looked = time.monotonic()
         if self.client.status != "running":
             raise self._gone(f"the client is {self.client.status}")

@@ -1,4 +1,4 @@
-"""A crew computes numbered tasks and reports each result: threads, processes, or an executor's futures."""
+"""Crews, which compute numbered tasks and report each result: threads, processes, or an executor's futures."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 
 from sepv.errors import UsageError
 
-# The number of tasks submitted at a time for each worker: the one in work, and others so that it never waits.
+# The number of tasks submitted at a time for each worker: the task that it computes, and more so that it never waits.
 AHEAD = 4
-# The assumed number of workers of an executor that does not tell it.
+# The assumed number of workers of an executor that does not state the number.
 UNKNOWN = 16
 
 
@@ -29,10 +29,10 @@ class Outcome(NamedTuple):
 
 
 class Halted(Exception):
-    """A chunk was stopped because it is no longer wanted."""
+    """A chunk of paths was stopped because its result is no longer wanted."""
 
 
-# Set in a thread whose chunk is no longer wanted: compiled code checks it between pieces.
+# A thread's event, which is set if its chunk is no longer wanted; compiled code checks the event between pieces.
 _halt = threading.local()
 
 
@@ -51,11 +51,11 @@ class Futures:
         self.done: SimpleQueue[int] = SimpleQueue()
 
     def room(self) -> int:
-        """The number of tasks allowed beyond the first unfinished one: four for each worker."""
+        """The number of tasks that may be submitted beyond the first unfinished one: four for each worker."""
         return AHEAD * int(getattr(self.executor, "_max_workers", UNKNOWN))
 
     def submit(self, numbered: Sequence[tuple[int, Any]]) -> None:
-        """Submit to the executor, one by one; if it is broken or shut, the task counts as lost."""
+        """Submit tasks to the executor, one by one; if the executor is broken or shut down, a task counts as lost."""
         for number, task in numbered:
             try:
                 future = self.executor.submit(self.function, task)
@@ -76,7 +76,7 @@ class Futures:
         future.add_done_callback(lambda _: self.done.put(number))
 
     def finished(self) -> list[Outcome]:
-        """Wait for at least one outcome, and return all that are there."""
+        """Wait for at least one outcome, and return all outcomes that have arrived."""
         numbers = [self.done.get()]
         while not self.done.empty():
             numbers.append(self.done.get())
@@ -95,7 +95,7 @@ class Futures:
 
 @contextmanager
 def crew_of_threads(count: int, function: Callable[[Any], Any]) -> Iterator[Futures]:
-    """A context with a crew of threads; an exception that leaves it stops their chunks at the next piece."""
+    """A context with a crew of threads; if an exception leaves the context, chunks stop at their next piece."""
     event = threading.Event()
 
     def begin() -> None:
@@ -124,7 +124,7 @@ def _end_with_parent() -> None:
 
 @contextmanager
 def crew_of_processes(count: int, function: Callable[[Any], Any]) -> Iterator[Futures]:
-    """A context with a crew of processes, which end with it even if they still compute."""
+    """A context with a crew of processes, which end with the context even if they still compute."""
     before = set(multiprocessing.active_children())
     with ProcessPoolExecutor(count, initializer=_serve_quietly) as pool:
         crew = _Processes(pool, function)
@@ -138,7 +138,7 @@ def crew_of_processes(count: int, function: Callable[[Any], Any]) -> Iterator[Fu
 
 @contextmanager
 def ended_at_once(pool: ProcessPoolExecutor) -> Iterator[ProcessPoolExecutor]:
-    """A context with a pool of processes, which are killed if an exception such as Ctrl-C leaves it."""
+    """A context with a pool of processes, which are killed if an exception such as Ctrl-C leaves the context."""
     before = set(multiprocessing.active_children())
     with pool:
         try:
@@ -159,7 +159,7 @@ class _Processes(Futures):
 
 
 def cannot_travel(error: Exception) -> UsageError:
-    """The error for an object that cannot be sent to another process."""
+    """Make the UsageError for an object that cannot be sent to another process."""
     return UsageError(
         expected="a scheme, a problem and functionals that can go to another process",
         received=f"{type(error).__name__}: {error}",

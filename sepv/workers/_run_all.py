@@ -1,7 +1,7 @@
 """Workers for chunks of paths: threads, processes, an executor, a map, or Dask.
 
-A chunk is a pure function of its arguments: if its worker died, or it raised, it is computed again here, and the
-results of the others are kept. The number of chunks on their way is limited, so that results never pile up.
+The result of a chunk depends on its arguments alone. So if a worker died or a chunk raised, this chunk is computed
+again, in this process. The number of submitted chunks is limited, so that results never pile up.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ LOT = 64
 
 
 def check(workers: Any) -> None:
-    """Raise a UsageError for an object that cannot be workers; it lists those that can."""
+    """Raise a UsageError for an object that cannot be used as workers; its text lists the kinds of workers."""
     fits = (
         (isinstance(workers, int) and not isinstance(workers, bool) and workers >= 1)
         or callable(workers)
@@ -59,17 +59,17 @@ def run_all(
 ) -> int:
     """Compute function(task) for every task on workers; `receive` gets the number and the result of each, in any order.
 
-    Returns the number of tasks that had to be computed again here; their errors are raised here. A cluster that is
-    gone, or unfit for the work, raises ClusterFailure, and nothing is computed here.
+    Returns the number of tasks that were computed again in this process, which raises their errors. If a cluster is
+    lost or unfit for the work, ClusterFailure is raised and nothing is computed again.
 
-    workers : an int of threads (where `threads`: the function releases the GIL) or processes; an executor, or its
-        `map`, which gets the chunks one by one, so that none that is finished is lost when a worker dies; any other
-        map-like callable, which gets a function and numbered tasks, and may return what came of them in any order; or
-        Dask, see `sepv.workers._on_dask`
-    receive : returns True if no more are wanted
-    bounded : whether results must not pile up: a map then gets the tasks in lots. All others never have more than a few
-        tasks for each worker beyond the first that is unfinished.
-    alike : packages of which a worker of a cluster must have the same version as this process, beside sepv
+    workers : the number of threads (if `threads`: the function must release the GIL) or of processes; an executor, or
+        its `map`, which gets tasks one by one, so that no finished task is lost when a worker dies; any other map-like
+        callable, which gets a function and numbered tasks, and may return their outcomes in any order; or Dask, see
+        `sepv.workers._on_dask`
+    receive : returns True if no more results are wanted
+    bounded : True if results must not pile up: a map then gets the tasks in lots. Other workers never have more than a
+        few tasks each beyond the first unfinished task.
+    alike : packages that, like sepv, must have the same version on a worker of a cluster as in this process
     """
     check(workers)
     if isinstance(workers, int) and (workers == 1 or len(tasks) < 2):
@@ -104,7 +104,7 @@ def _flow(
     done: set[int] = set()
     try:
         while first < len(tasks):
-            # Counted from the first unfinished task, so that a slow one does not let results pile up behind it.
+            # The limit counts from the first unfinished task, so that no results pile up behind a slow task.
             beyond = min(len(tasks), first + crew.room())
             if sent < beyond:
                 crew.submit([(number, tasks[number]) for number in range(sent, beyond)])
@@ -124,11 +124,11 @@ def _flow(
 
 
 def _guarded(function: Callable[[Any], Any], numbered: tuple[int, Any]) -> tuple[int, bool, Any]:
-    """Run a numbered task, and return its number and its result or error: a map goes on, in any order."""
+    """Run a numbered task, and return its number, success, and result or error, so that no error ends a map."""
     number, task = numbered
     try:
         return number, True, function(task)
-    except Exception as error:  # every exception: the task runs again where it can be seen
+    except Exception as error:  # any exception: the task runs again in this process, which shows it
         return number, False, f"{type(error).__name__}: {error}"
 
 
@@ -162,9 +162,9 @@ def _mapped(
     while True:
         try:
             outcome = next(results)
-        except Exception:  # the end of the map, by whatever error
+        except Exception:  # the map has ended, regularly or by an error
             return
-        # Other values that a map returns count as missing, and are computed here.
+        # If a map returns another value, its task counts as missing and is computed in this process.
         if isinstance(outcome, tuple) and len(outcome) == 3 and outcome[1]:
             yield outcome[0], outcome[2]
 
