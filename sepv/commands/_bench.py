@@ -43,9 +43,8 @@ def bench(
 ) -> None:  # fmt: skip
     """Work, error and invariant defects of TARGETs in fixed cases, against a file or another checkout.
 
-    The counters of work are exact integers, and an increase by one is a regression. Errors are compared over the same
-    paths, with an interval of their ratio. Time is compared only with another checkout, as a ratio of runs that take
-    turns.
+    Counters of work are exact integers, and an increase by one is a regression. Errors are compared over the same
+    paths, with an interval of their ratio. Time is compared only with another checkout, in runs that take turns.
 
     \b
     sepv bench mymodule:step --save counters.json

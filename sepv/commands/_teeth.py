@@ -32,7 +32,7 @@ def teeth(
     A saboteur is a scheme with one fault. Exit code 0 if a law finds every saboteur with every seed, else 1.
 
     \b
-    sepv teeth                  each saboteur, one seed, to the first law that finds it
+    sepv teeth                  each saboteur, one seed, to its first law
     sepv teeth b-at-y0 --seeds 3        one saboteur by every law
     sepv teeth --matrix                 the whole matrix, an hour or more
     """

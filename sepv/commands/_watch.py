@@ -253,8 +253,7 @@ def _be_watched(work: Callable[[], Any], journal: Journal, alive: int, heeds: bo
         if not isinstance(lost.exc_value, KeyboardInterrupt):
             before(lost)
             return
-        # A destructor or a callback of the garbage collector has swallowed Ctrl-C. The watcher sends it again, after
-        # this hook.
+        # A destructor or a callback of the garbage collector swallowed Ctrl-C. The watcher sends it again afterwards.
         journal.send(LOST, b"")
         deaf_until = time.monotonic() + AGAIN_LOST / 2
 

@@ -35,8 +35,7 @@ def advice(
 ) -> str:
     """The lines of advice on a violation; empty if no cause is clear.
 
-    `measured` is the law's measurement of `case`, the simplest counterexample. `largest` is the largest defect before
-    simplification.
+    `case` is the simplest counterexample, `measured` its measurement, `largest` the largest defect before simplification.
     """
     share = _largest_share(case, again) if law.unit.startswith("ulp") else ""
     return share + (

@@ -70,8 +70,7 @@ class Finding:
     defect, bound, unit
         The worst measurement; None if nothing was measured.
     witness : dict or None
-        The evidence of a violation or an error: a `sepv.verification.Case` as JSON, or the setup of a statistical
-        law.
+        The evidence of a violation or an error: a `sepv.verification.Case` as JSON, or a statistical law's setup.
     replay : str
         Arguments after ``sepv verify TARGET`` that measure the witness again.
     checks : int

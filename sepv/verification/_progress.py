@@ -57,8 +57,7 @@ class Course:
         few, many = ([(w, f) for w, f in measured if (w.steps >= MANY) is wanted] for wanted in (False, True))
         timed = [f.step_seconds for _, f in measured if f.step_seconds is not None]
         step = timed[0] if timed else 0.0
-        # A prior of half a second at the pace of the machine where costs were measured, because one law alone is no
-        # median.
+        # A prior of half a second at pace 1, of the machine where costs were measured: one law alone is no median.
         paces = [(1.0, 0.5), *((max(0.0, f.seconds - step * w.steps) / w.cost, w.cost) for w, f in few)]
         pace = _weighted_median(paces)
         if many:

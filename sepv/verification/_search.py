@@ -162,8 +162,7 @@ def _search(law: Law, scheme: Scheme, effort: Effort, question: _Question) -> Fi
         log.share = log.checks / (log.checks + log.lacking)
     if not (log.failed and effort.shrink_checks == 0):
         violation, fault = log.violation, log.fault
-        # Witnesses were simplified when they were found, and fixed cases are simple: a search would find nothing
-        # simpler.
+        # Witnesses were simplified already, and fixed cases are simple, so a search would find no simpler violation.
         if violation is None or violation[0] not in (*known, *fixed):
             _explore(log, scheme, effort, question, effort.examples * (1 if first else UNDESIGNED))
         if (log.violation or log.fault) in (violation, fault) and log.failed:

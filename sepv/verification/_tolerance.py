@@ -19,8 +19,7 @@ precision represents, so that bounds of zero remain zero.
 
 **Several stages.** A stage of an s-stage method leaves r too. Its K has two more sums, over s stages and over ⌈sν/2⌉
 nodes, and a factor for averages that multiply errors of ∇H by up to max_i b_i⁻¹∫|ℓ_i| (1.57 for six stages). Because
-y1 = y0 + Σ b_j z_j with b_j ≥ 0, Σ b_j = 1 and H(y1) − H(y0) = Σ_j b_j g_jᵀ z_j, the bounds below hold as they do for
-one stage.
+y1 = y0 + Σ b_j z_j with b_j ≥ 0, Σ b_j = 1 and H(y1) − H(y0) = Σ_j b_j g_jᵀ z_j, the bounds below hold for any s.
 
 **Energy.** H(y1) − H(y0) = ∇̄Hᵀ(y1 − y0) (fundamental theorem), and ∇̄Hᵀ B ∇̄H = 0 for the computed skew B, so that
 |ΔH| ≤ Σ_i M_g,i r_i. **Casimirs**: |ΔC| ≤ Σ_i M_∇C,i r_i. **Error of y1**: at most |(I − ∂R/∂y1)⁻¹| r.
@@ -223,8 +222,7 @@ def state_ulp(*states: Array) -> float:
     return EPS * max(TINY, *(float(np.max(np.abs(y))) for y in states))
 
 
-# Decimal digits of the references for `state_error`, relative to the largest component, as the bound is: fourteen more
-# than a binary64 number has.
+# Decimal digits of the references for `state_error`, fourteen more than binary64, relative to the largest component.
 DIGITS = 30
 
 

@@ -2,8 +2,7 @@
 
 Such a design shows for certain each fault that shows at one level of a factor, or at two levels of two factors. The
 construction is greedy, like that of Cohen, Dalal, Fredman and Patton (IEEE Trans. Softw. Eng. 23, 1997), with
-constraints. Ties are broken in several fixed ways, and the smallest design is returned. The same factors give the same
-design.
+constraints. Ties are broken in several fixed ways; the smallest design is returned. Equal factors give equal designs.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """Cases of one problem: a state near its initial state, inside its domain, and a step inside the contraction radius.
 
-For a problem given by functions, this radius is measured (`measured_radius`). `sepv.verification._units` chooses the
-problem's unit of time.
+For a problem given by functions, this radius is measured (`measured_radius`); `sepv.verification._units` has its units.
 """
 
 from __future__ import annotations

@@ -84,8 +84,7 @@ class Cases:
     why : str
         The reason to report if `adapt` returns None for all of a user's problems.
     where : axis -> strata
-        The strata of an axis (`sepv.verification._cases.strata`) to which the law applies. A class of systems without
-        this axis is not restricted.
+        The strata of an axis (`sepv.verification._cases.strata`) to which the law applies. Classes without it have all.
     blind : axis -> strata
         Strata in which the law's statement cannot fail. The design meets pairs of other strata in rows without them.
     not_of : class of systems -> str
