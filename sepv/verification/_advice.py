@@ -35,7 +35,7 @@ def advice(
 ) -> str:
     """The lines of advice on a violation; empty if no cause is clear.
 
-    `case` is the simplest counterexample, `measured` its measurement, `largest` the largest defect before simplification.
+    `case` is the simplest counterexample, `measured` its measurement, `largest` the largest defect found before.
     """
     share = _largest_share(case, again) if law.unit.startswith("ulp") else ""
     return share + (
