@@ -89,7 +89,7 @@ def current_journal() -> Journal | None:
 
 
 def attempted(key: str, work: Callable[[], T], *, kept: bool = True) -> T:
-    """Do the work with this key and return its result. If `kept`, the result, a picklable one, is computed once a run.
+    """Do the work with this key and return its result. If `kept`, it must be picklable and is computed once in a run.
 
     Raises
     ------

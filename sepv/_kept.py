@@ -21,7 +21,7 @@ import numpy as np
 from sepv.files import cache_folder, write_atomically
 
 T = TypeVar("T")
-# The largest number of stored results of one kind, twice what a run of all laws needs: the last used are stored.
+# The largest number of stored results of one kind, twice what a run of all laws needs. The last used ones are stored.
 MOST = 2048
 
 

@@ -31,9 +31,9 @@ def growth(
 ) -> None:  # fmt: skip
     """The mean E[H(y_n)] − H(y0) and the rms of H(y_n) − H(y0) against time, and how they grow.
 
-    The rms is called at rounding, bounded, a random walk (√t), linear or faster, if an interval of 99.9 % decides. The
-    mean drifts if such an interval excludes 0. For symplectic schemes with one degree of freedom the values of theory
-    are shown too: with random steps their energy walks and drifts.
+    The growth of the rms is called at rounding, bounded, a random walk (√t), linear or faster, if an interval of 99.9 %
+    decides. The mean drifts if such an interval excludes 0. For symplectic schemes with one degree of freedom the
+    values of theory are shown too: with random steps their energy walks and drifts.
 
     With --no-noise, or if a scheme or the problem is one of c = (), one path is computed with h and with h/2. The mean
     energy has a trend or none, by the bound of the law long-time-energy.

@@ -121,7 +121,7 @@ def _edges(table: Table, width: int) -> int:
 def _laid(table: Table, width: int) -> tuple[dict[str, int], int]:
     """The widths of columns by heading, and the number of blanks between columns, for a console of this width.
 
-    If all columns then fit, each heading is on one line and there are two blanks between columns.
+    Each heading is on one line, with two blanks between columns, if all columns fit in this way.
     """
     room = width - _edges(table, width)
     least = 2 if _ruled(table, width) else 1

@@ -68,7 +68,7 @@ def read_report(path: str | Path) -> dict[str, Any]:
 def against(
     report: dict[str, Any], scheme: Scheme, allowed: Effort, timeout: float = 600.0, laws: Iterable[str] = ()
 ) -> Iterator[Again]:
-    """Replay each counterexample of a report, and measure `laws`, or else a random quarter of its laws, again.
+    """Replay each counterexample of a report, and measure `laws`, or a random quarter of the report's laws, again.
 
     The author of the report cannot know which quarter. Verdicts must agree. Defects must agree to the last digit if the
     effort, the versions and the kind of processor agree.

@@ -178,14 +178,14 @@ def _entry(entry: Any, where: str, known: tuple[str, ...]) -> ExpectedFailure:
 
 
 def _drawn(key: str, value: Any) -> bool:
-    """True for an allowed number in a statistical law's witness; its limit keeps a file from busying a run for days."""
+    """True for a number that a statistical law's witness may have; limits keep a file from using a run for days."""
     return type(value) is int and 0 <= value <= _MOST.get(key, value)
 
 
 def to_toml(scheme: str, findings: Iterable[Finding]) -> str:
     """Text of a first file of expected failures: the claimed laws that are violated. A person adds the reasons.
 
-    A violation of an unclaimed law is no failure and is not listed, because its later end must not fail a build.
+    A violation of an unclaimed law is no failure and is not listed: a scheme that later obeys it must not fail a build.
     """
     listed = [f for f in findings if f.claimed or f.expected is not None]
     entries = _entries(f for f in listed if f.verdict is Verdict.VIOLATED)
@@ -195,7 +195,7 @@ def to_toml(scheme: str, findings: Iterable[Finding]) -> str:
 
 
 def pin(scheme: str, findings: Iterable[Finding], problems: Iterable[str] = ()) -> str:
-    """Text of a pin of all measured laws: laws that hold as its claims, violations with their witnesses.
+    """Text of a pin of all measured laws: laws that hold are its claims, and violations are listed with witnesses.
 
     A law without a decision is listed under `measured` only. A later pin can guard it, once the law is decided.
     """

@@ -86,7 +86,7 @@ class Report:
 
     @property
     def exit_code(self) -> int:
-        """0: every claimed law holds. 1: one does not, or an expected failure passes. 3: an error. 130: interrupted.
+        """Exit code 0: all claimed laws hold. 1: one does not, or an expected failure passes. 3: error. 130: Ctrl-C.
 
         The code is also 1 if a claimed law is inconclusive, if the scheme skipped all cases of a claimed law, if no law
         was measured, or if a required profile was not found.
@@ -124,7 +124,7 @@ class Report:
         Raises
         ------
         UsageError
-            For a law that is not in the report, or whose finding has no witness, as one that holds.
+            For a law that is not in the report, or whose finding has no witness, such as a law that holds.
         """
         finding = self.finding(law)
         if not finding.witness:

@@ -33,9 +33,9 @@ def units_for(scheme: Scheme, problem: Problem) -> Units:
 def units_of(problem: Problem) -> Units:
     """Choose a unit of time τ from the slope of a problem's fields and its noise, and a unit of length λ from y0.
 
-    With L the slope of the fields at y0, τ = min(2/L, 2(LΣc_j)⁻²). Over a step of τ/8, the longest that laws make, the
-    drift changes y by a relative ¼ at most, and the random time has a standard deviation of 1/(2L) at most. Paths have
-    length τ/4 and steps of τ/16 at most, so that the errors of a correct scheme fall with its order.
+    With L the slope of the fields at y0, τ = min(2/L, 2(LΣc_j)⁻²). For h = τ/8, the longest step that laws make, Lh is
+    ¼ at most, and the random time has a standard deviation of 1/(2L) at most. Paths have length τ/4 and steps of τ/16
+    at most, so that the errors of a correct scheme fall with its order.
 
     If L = 0 at y0, L is taken at nearby states; if all fields f are constant, L is |f|/λ. If y0 = 0, λ is |f|/L. If all
     fields vanish, L is 1, and so is λ at the origin: no law then depends on a unit.

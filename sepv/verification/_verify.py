@@ -172,7 +172,7 @@ def _check_arguments(jobs: Any, timeout: Any, effort: Any, expected: Any) -> Non
 def _side_by_side(
     task: side_by_side.LawJob, chosen: list[Law], workers: Any, receive: Callable[[Law, Finding | None], None]
 ) -> None:
-    """Measure groups of laws in workers. Laws that share sampled paths are one group, the first: it takes longest."""
+    """Measure groups of laws in workers. Laws that share sampled paths are the first group, as it takes longest."""
     by_name = {law.name: law for law in chosen}
     shared = [[name for name in by_name if name in family] for family in (SAMPLED, LOCAL)]
     groups = [group for group in shared if group]

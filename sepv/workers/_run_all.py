@@ -99,7 +99,7 @@ def run_all(
 def _flow(
     crew: Futures, function: Callable[[T], R], tasks: Sequence[T], receive: Callable[[int, R], bool | None]
 ) -> int:
-    """Compute all tasks on a crew, a limited number at a time, and return how many were computed again here."""
+    """Compute all tasks on a crew, a few at a time, and return how many were computed again in this process."""
     first = sent = again = 0
     done: set[int] = set()
     try:
@@ -135,7 +135,7 @@ def _guarded(function: Callable[[Any], Any], numbered: tuple[int, Any]) -> tuple
 def _map(
     mapper: Any, function: Callable[[T], R], tasks: Sequence[T], receive: Callable[[int, R], bool | None], lot: int
 ) -> int:  # fmt: skip
-    """Compute all tasks by a map-like callable, `lot` in each call, and return how many were computed again here."""
+    """Compute all tasks by a map-like callable, `lot` a call; return how many were computed again in this process."""
     again = 0
     for first in range(0, len(tasks), lot):
         numbered = [(n, tasks[n]) for n in range(first, min(first + lot, len(tasks)))]
@@ -170,7 +170,7 @@ def _mapped(
 
 
 def _dask(workers: Any) -> Any:
-    """The Dask client or cluster that `workers` is, or whose `map` it is."""
+    """The Dask client, cluster or address if `workers` is one, or is the `map` of one; else None."""
     for candidate in (workers, getattr(workers, "__self__", None)):
         ours = type(candidate).__module__.startswith(("distributed.", "dask"))
         if ours and hasattr(candidate, "scheduler_info"):
@@ -179,7 +179,7 @@ def _dask(workers: Any) -> Any:
 
 
 def _executor(workers: Any) -> Any:
-    """The executor that `workers` is, or whose `map` it is."""
+    """The executor if `workers` is one, or is the `map` of one; else None."""
     for candidate in (workers, getattr(workers, "__self__", None)):
         if isinstance(candidate, Executor) or all(
             hasattr(candidate, name) for name in ("submit", "shutdown")

@@ -103,7 +103,7 @@ def quiet(case: Case) -> Case | None:
 
 
 def taken_by(scheme: Scheme, cases: Iterable[Case]) -> Iterator[Case]:
-    """The cases in the form that a scheme takes: with c = () for a scheme without noise, omitting cases without it."""
+    """The cases in the form that a scheme takes: a scheme without noise gets c = (), and no case without this form."""
     for case in cases:
         taken = quiet(case) if scheme.deterministic else case
         if taken is not None:
@@ -112,7 +112,7 @@ def taken_by(scheme: Scheme, cases: Iterable[Case]) -> Iterator[Case]:
 
 @lru_cache(maxsize=256)
 def quiet_problem(problem: Problem) -> Problem:
-    """The problem with c = (): the same object for the same problem."""
+    """The problem without noise, c = (); the same problem always gives the same object."""
     data = None if problem.data is None else _with_coefficients(problem.data, ())
     assert not isinstance(data, GivenProblem)
     return replace(problem, noise=(), data=data, check=False) if problem.noises else problem

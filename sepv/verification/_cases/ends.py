@@ -112,7 +112,7 @@ def _of(B: Structure, power: int) -> Structure:
 
 
 def _exponents(case: Case, system: PolynomialSystem, power: int) -> Iterator[float]:
-    """Exponents of 2 of a case's numbers and of powers of y after the change of units; one too large if |y| is."""
+    """Exponents of 2 of a case's numbers and of powers of y after the change of units; too large ones if |y| is so."""
     sizes = [abs(v) for v in case.y if v]
     ends = [math.log2(v) + power for v in (max(sizes), min(sizes))] if sizes else []
     yield from (EXPONENTS + 1 for end in ends[:1] if abs(end) > LARGEST)

@@ -164,7 +164,7 @@ def damped(levels: Levels, random: Random, attempt: int | None) -> Case | None:
 def additive(parts: Parts) -> PolynomialSystem:
     """Any B with or without Casimirs, H = ½ Σ w_k p_k² + p_1 q_1 + V(q), and noise along any directions of p.
 
-    Now and then p is all of y: H is then quadratic and the noise has any directions.
+    In some cases p is all of y: H is then quadratic and the noise has any directions.
     """
     d, random = parts.d, parts.random
     B, quadratic, linear = parts.structure()

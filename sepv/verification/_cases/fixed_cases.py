@@ -76,9 +76,9 @@ def _dominated(d: int, degree: int) -> Polynomial:
 def _degrees() -> list[Case]:
     """For each degree n of H, steps on which a quadrature with too few nodes is wrong by thousands of bounds.
 
-    With H = a q^n + p, q changes at a constant rate from ¼ of |y|, and with this a as far as 1 inside the contraction
-    radius. H without a stated degree has degree 16 or 20. The longest step whose solution is proved to exist shows one
-    missing node up to degree 14, three missing nodes for degree 17 and four for degree 20.
+    With H = a q^n + p, q changes at a constant rate. It starts at ¼ of |y|, and a is so small that q gets as far as 1
+    inside the contraction radius. H without a stated degree has degree 16 or 20. The longest step whose solution is
+    proved to exist shows one missing node up to degree 14, three missing nodes for degree 17 and four for degree 20.
     """
     found = []
     for degree, given in (*((n, "data") for n in _DEGREES), *((n, "bare functions") for n in _OPAQUE)):

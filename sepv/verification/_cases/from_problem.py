@@ -1,6 +1,7 @@
 """Cases of one problem: a state near its initial state, inside its domain, and a step inside the contraction radius.
 
-For a problem given by functions, this radius is measured (`measured_radius`); `sepv.verification._units` has its units.
+For a problem given by functions, this radius is measured (`measured_radius`). `sepv.verification._units` chooses the
+problem's unit of time.
 """
 
 from __future__ import annotations

@@ -84,7 +84,8 @@ class Cases:
     why : str
         The reason to report if `adapt` returns None for all of a user's problems.
     where : axis -> strata
-        The strata of an axis (`sepv.verification._cases.strata`) to which the law applies. Classes without it have all.
+        The strata of an axis (`sepv.verification._cases.strata`) to which the law applies. A class of systems without
+        the axis is not restricted.
     blind : axis -> strata
         Strata in which the law's statement cannot fail. The design meets pairs of other strata in rows without them.
     not_of : class of systems -> str

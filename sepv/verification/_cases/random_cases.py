@@ -32,11 +32,11 @@ from sepv.verification._cases.strata import KIND, NEAR, STILL, UNDONE, UNEVEN, L
 from sepv.verification._contraction import contraction_ball, contraction_radius
 from sepv.verification._tolerance import gradient_majorant, structure_majorant
 
-# Draws after which a rest point may be the origin, because the monomials are too few for any other.
+# After this many draws a rest point may be the origin, because the monomials may be too few for any other.
 ATTEMPTS = 30
 # The smallest B∇H in a design, relative to the sum of its terms' absolute values; a random search allows smaller B∇H.
 GENERIC = 1 / 64
-# Draws after which a case is accepted although some fault would not show.
+# After this many draws a case is accepted although some fault would not show.
 TRIES = 24
 # For a step from y = 0, Δ as a share of the radius inside which y1(Δ) is analytic. The share balances the terms that
 # the law "expansion" omits against rounding.

@@ -233,7 +233,7 @@ def exactly(d: int, n: int, unit: float, random: Random) -> Polynomial:
 
 
 def embedded(p: Polynomial, d: int, places: Sequence[int]) -> Polynomial:
-    """Write a polynomial in d variables, of which it depends on those with the numbers `places`."""
+    """Write a polynomial of few variables as one of d variables; `places` are the numbers of the few among the d."""
 
     def moved(exponents: Exponents) -> Exponents:
         whole = [0] * d

@@ -2,7 +2,7 @@
 
 An item is a problem (by name, ``module:attribute``, file, record or data), a family of
 `sepv.verification._cases.classes`, or a Hypothesis strategy of problems, of their data or of whole cases.
-`from_problem` draws cases of it; `of_law` adapts them to each law.
+`from_problem` draws cases of an item; `of_law` adapts the cases to each law.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ class Item:
     """One problem, family or strategy that a scheme is for."""
 
     text: str  # the name that a user gave, for commands; empty for an object
-    values: st.SearchStrategy[Any]  # of Case, Problem or their data
-    problems: tuple[Problem, ...] = ()  # with an initial state, for the laws about many steps
+    values: st.SearchStrategy[Any]  # gives a Case, a Problem or the data of one
+    problems: tuple[Problem, ...] = ()  # those with an initial state, for laws about many steps
     fixed: Problem | None = None  # the only problem: a law then needs no draws to see if it applies
-    space: Space | None = None  # of a family
+    space: Space | None = None  # the space of cases of a family
 
     def design(self, seed: int, where: Mapping[str, Strata]) -> list[Case]:
         """Cases of a family, in which each pair of strata of two axes occurs; `where` restricts the family's strata."""
