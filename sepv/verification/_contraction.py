@@ -44,7 +44,7 @@ def contraction_radius(problem: Problem, y: Array) -> float:
     """A radius for |h| + Σ|c_jΔW_j| inside which every implicit scheme's step from y is a contraction.
 
     Let y1 = y0 + R(y1) be the step's equation. On the ball |y1 − y0|_∞ ≤ r the majorants M_B, M_g and the majorants of
-    the derivatives bound R by |Δ| G with G = |M_B M_g|_∞, and its Lipschitz constant by |Δ| L with L = |B′|M_g + M_B|H″|
+    the derivatives bound R by |Δ| G, G = |M_B M_g|_∞, and its Lipschitz constant by |Δ| L, L = |B′|M_g + M_B|H″|
     (twice the constant of (2.1), because a discrete gradient with coordinate increments needs that). If
     |Δ| ≤ min(r/G, CONTRACTION/L), y0 + R maps the ball into itself.
 
