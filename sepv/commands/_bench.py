@@ -118,7 +118,7 @@ def _alone(
 ) -> tuple[dict[str, Any], list[Any]]:
     """Measure a target in this checkout alone: its record, and the comparison with an earlier record, `before`.
 
-    The cases are those of the earlier record, if there is one.
+    If there is an earlier record, the cases of this record are measured.
     """
     from sepv.schemes import require_trusted
     from sepv.studies import bench_store as store

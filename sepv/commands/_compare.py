@@ -147,7 +147,7 @@ def _peers() -> list[str]:
 def _methods(
     names: list[str], problem: Any, progress: Callable[[str], None]
 ) -> tuple[list[Any], dict[str, SepvError]]:
-    """Load methods by name, and return those that take a step, and the errors of those that do not."""
+    """Load methods by name; return the methods that take a step, and for the other names their errors."""
     from sepv.studies import load_method
 
     methods, failed = [], {}

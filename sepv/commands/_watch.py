@@ -259,7 +259,7 @@ def _be_watched(work: Callable[[], Any], journal: Journal, alive: int, heeds: bo
 
     def follow() -> None:
         os.read(alive, 1)
-        os._exit(CRASHED)  # the watcher is gone
+        os._exit(CRASHED)  # the watcher has ended
 
     before, sys.unraisablehook = sys.unraisablehook, unraisable
     if heeds:

@@ -163,7 +163,7 @@ def _needed(table: Table, *, whole: bool = False, words: int = 0) -> dict[str, i
 def kept(needed: Mapping[str, int], width: int, dropped: Sequence[str], between: int = 1) -> list[str]:
     """The headings of the columns that fit into a width, with `between` blanks between them.
 
-    `needed` are the widths by heading. Columns are dropped in the order of `dropped` until the others fit.
+    `needed` has the widths by heading. Columns are dropped in the order of `dropped` until the remaining ones fit.
     """
     left = dict(needed)
     for heading in dropped:

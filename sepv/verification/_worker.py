@@ -65,7 +65,7 @@ def answer(say: Any) -> None:
 
 
 def _read(groups: SimpleQueue[list[str]], end: Callable[[], None]) -> None:
-    """Read groups of laws from stdin. At its end the parent is gone, and this process ends."""
+    """Read groups of laws from stdin. When stdin ends, the parent has ended, and this process ends too."""
     try:
         while True:
             groups.put(pickle.load(sys.stdin.buffer))

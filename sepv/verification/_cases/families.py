@@ -65,7 +65,7 @@ def _short(p: float, y: tuple[float, ...]) -> float:
 
 
 def _of(places: range, parts: Parts, degree: int, least: int = 1) -> Polynomial:
-    """A random polynomial of this degree in the variables with these numbers."""
+    """A random polynomial of this degree in the variables whose numbers are `places`."""
     k = len(places)
     count = min(parts.terms, monomials(k, degree) - monomials(k, least - 1))
     found = some.hamiltonian(k, degree, count, parts.unit, parts.random, least=least)

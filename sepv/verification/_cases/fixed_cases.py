@@ -48,7 +48,7 @@ def long_steps() -> tuple[Case, ...]:
 
 
 def may_be_refused(case: Case) -> bool:
-    """True for a step of a named problem that is longer than those that every scheme must take."""
+    """True for a step of a named problem that is longer than the longest step that every scheme must take."""
     if not isinstance(case.problem, NamedProblem):
         return False
     problem, _, h, dW = case.build()

@@ -99,7 +99,7 @@ class Cases:
     fixed : class -> (() -> cases)
         Cases that are measured with every seed, in addition to the fixed cases of the class.
     made : class -> (count, Random -> case)
-        The number of cases that replace the design, and the function that makes them and those of the random search.
+        The number of cases that replace the design, and the function that makes these and the random search's cases.
     """
 
     adapt: Adapt = unchanged
@@ -213,7 +213,7 @@ class Cases:
         )
 
     def all_adapted(self, cases: Iterable[Case]) -> list[Case]:
-        """Adapt each of the cases, and leave out those to which the law does not apply."""
+        """Adapt cases to the law, and leave out the cases to which the law does not apply."""
         return [adapted for case in cases if (adapted := self.adapted(case)) is not None]
 
     def _adapting(self, drawn: Strategy) -> Strategy:
