@@ -15,10 +15,11 @@ from sepv.verification._tolerance import majorants, operations
 
 
 def correction_rounding(problem: Problem, y0: Array, y1: Array, h: float) -> Array:
-    """A bound of rounding in Itô's correction ½ Σ c_j² h f′f, (d,), for polynomial data.
+    """A bound (d,) of the rounding errors in Itô's correction ½ Σ c_j² h f′f, f = B∇H, for polynomial data.
 
-    A scheme that treats drift and noise apart may have it; where the increments are small beside √h it exceeds their
-    effect. f errs by K u M_f and f′ by K u M_f′, so the sum errs by Σ c_j² |h| K u M_f′ M_f.
+    A scheme that treats drift and noise apart may compute the correction. If the increments are small beside √h, these
+    errors exceed the effect of the increments. f errs by K u M_f and f′ by K u M_f′, so the correction errs by
+    Σ c_j² |h| K u M_f′ M_f.
     """
     B, g, dB, H = majorants(problem, np.maximum(np.abs(y0), np.abs(y1)))
     factor = 0.5 * EPS * operations(problem) * abs(h) * float(problem.c @ problem.c)

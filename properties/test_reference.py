@@ -47,7 +47,7 @@ from sepv.verification._tolerance import gradient_majorant, state_error, structu
 # The `rounding` of a reference vector bounds the error of one evaluation of the equation in binary64. As in
 # sepv.verification._tolerance, this factor covers implementations that order the same operations differently.
 ORDER_OF_OPERATIONS = 4.0
-# The most nodes of a quadrature that is exact to rounding: 33 Chebyshev points, 20 Gauss nodes, …
+# The largest number of nodes of a quadrature that is exact to rounding: 33 Chebyshev points, 20 Gauss nodes, …
 QUADRATURE_NODES = 40
 # The beginning of the reference solver's error for a step of several Hamiltonians from a critical point of H_0, where a
 # structure is undefined (`sepv.problem._structures`).
@@ -114,12 +114,12 @@ def _undefined(scheme: Scheme, case: Case) -> bool:
 
 
 def quadrature_rounding(problem: Problem, y0: Array, y1: Array, h: float, dW: Array) -> Array:
-    """A bound (d,) of the change of the right side by another quadrature of ∇̄H that is exact to rounding.
+    """A bound (d,) of the change of a step's right side ΔB∇̄H if another quadrature, exact to rounding, computes ∇̄H.
 
-    A sum of N products w_n ∇H(y_n) in any order is off by at most (N + 2)u Σ|w_n||∇H(y_n)| (Higham, *Accuracy and
-    Stability of Numerical Algorithms*, §3.1), weights rounded; rounded points y_n are part of M_g where H is no
-    polynomial, and a few of N where it is. Weights are positive with sum 1, so that it is N u |Δ|₁ M_B M_g.
-    The result is 0 where that overflows, which excuses nothing.
+    A sum of N products w_n ∇H(y_n) with rounded weights errs in any order by at most (N + 2)u Σ|w_n||∇H(y_n)| (Higham,
+    *Accuracy and Stability of Numerical Algorithms*, §3.1). The rounding of the points y_n is a part of M_g, or for a
+    polynomial H a few of N. The weights are positive with sum 1, so the bound is N u |Δ|₁ M_B M_g. If it overflows, the
+    result is 0, the strictest bound.
     """
     with np.errstate(all="ignore"):
         length = abs(h) + float(np.sum(np.abs(problem.c * dW)))
@@ -175,9 +175,9 @@ def _statistics(scheme: Scheme, seen: list[tuple[Case, Measurement]]) -> str:
 
 
 def critical_step(random: Random) -> Case:
-    """A step from a critical point of H_0 at which some B∇H_j is not zero: it must be refused.
+    """A step from a critical point of H_0 at which some B∇H_j is not zero: a scheme must refuse it.
 
-    It is a plane at rest beside one that a noise turns, or a circle of critical points, H_0 = ½I² − I_0 I.
+    Either one plane is at rest and a noise turns another plane, or H_0 = ½I² − I_0 I has a circle of critical points.
     """
     a, b = random.choice([(1.0, 0.0), (0.5, 0.5), (1.0, -2.0), (-0.25, 0.5)])
     y: tuple[float, ...]
@@ -185,7 +185,7 @@ def critical_step(random: Random) -> Case:
         n, kept, y = 2, 1, (0.0, 0.0, a, b)
         H = poly.polynomial(2, {(1, 0): 1.0, (2, 0): coefficient(random), (1, 1): coefficient(random)})
     else:
-        # I_0 is a sum of squares of few bits: ∇H_0 = (I − I_0) y is exactly zero.
+        # I_0 is a sum of squares of few bits, so that ∇H_0 = (I − I_0) y is exactly zero.
         n, kept, y = 1, 0, (a, b)
         H = poly.polynomial(1, [((2,), 0.5), ((1,), -0.5 * (a * a + b * b))])
     m = random.randint(1, 2)
