@@ -59,7 +59,7 @@ def _kp2is_path(problem: Problem, y0: Array, h: float, dW: Array) -> Array:
             more = {"J": _repeated_integrals(increments)}
             return _integrate(sdeint.stratKP2iS, problem, y0, h, increments, **more)[:, :, None]
     except RuntimeError as error:
-        raise StepFailure(f"sdeint: {error}") from error
+        raise StepFailure(f"sdeint: {error}".partition(" with args")[0]) from error
 
 
 def _scheme(
