@@ -21,7 +21,7 @@ from typing import Any, TypeVar
 
 from sepv._arguments import did_you_mean, optional
 from sepv.errors import TargetError
-from sepv.schemes import Scheme
+from sepv.schemes import PathSolver, Scheme
 from sepv.studies import Method
 
 GROUP = "sepv.peers"
@@ -55,6 +55,11 @@ class Peer:
     drawing: tuple[Scheme, ...] = ()
     absent: tuple[str, ...] = ()
     integrators: Mapping[str, Scheme] = field(default_factory=dict)
+
+    def drivers(self) -> dict[str, Method | None]:
+        """The solvers of whole paths for `sepv compare`: `methods`, and None for each scheme with a `PathSolver`."""
+        paths = [name for name, scheme in self.schemes.items() if isinstance(scheme.step, PathSolver)]
+        return {**dict.fromkeys(paths), **self.methods}
 
 
 def names() -> list[str]:
@@ -114,8 +119,7 @@ def method(target: str) -> Method | None:
     """
     library = library_of(target)
     peer = load(library)
-    known: dict[str, Method | None] = {**dict.fromkeys(peer.integrators), **peer.methods}
-    return _one(target, library, known)
+    return _one(target, library, {**dict.fromkeys(peer.integrators), **peer.drivers()})
 
 
 def _one(target: str, library: str, known: Mapping[str, _Kind]) -> _Kind:

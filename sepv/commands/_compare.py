@@ -141,7 +141,7 @@ def _peers() -> list[str]:
     """The names of all drivers of other libraries that are installed."""
     from sepv.reference.peers.peer import installed
 
-    return [f"{peer.library}-{name}" for peer in installed() for name in peer.methods]
+    return [f"{peer.library}-{name}" for peer in installed() for name in peer.drivers()]
 
 
 def _methods(

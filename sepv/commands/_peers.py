@@ -28,7 +28,7 @@ def peers() -> None:
     for library in names():
         peer = here.get(library)
         solvers = [f"{library}-{name}" for name in (*peer.schemes, *peer.integrators)] if peer else []
-        drivers = [f"{library}-{name}" for name in peer.methods] if peer else []
+        drivers = [f"{library}-{name}" for name in peer.drivers()] if peer else []
         state = ", ".join(solvers) if peer else f"not installed: pip install {library}"
         rows.append((library, state, ", ".join(drivers)))
     heads = columns(["library"]) + columns(["verify, ulps", "compare"], words=True)

@@ -200,31 +200,18 @@ def ends(method: Method, problem: Problem) -> Array:
     [
         ("diffrax", "heun", "heun"), ("diffrax", "heun-vmap", "heun"), ("diffrax", "euler-heun", "euler-heun"),
         ("torchsde", "heun", "heun"), ("torchsde", "midpoint", "midpoint"), ("sdeint", "heun", "strat-heun"),
+        ("diffrax", "reversible-heun", "reversible-heun"), ("sdeint", "strat-kp2is", "strat-kp2is"),
     ],
 )  # fmt: skip
 def test_a_driver_makes_the_steps_that_the_library_makes_one_by_one(library, driven, stepped, name):
     problem = problems.by_name(name)
-    method, step = peer(library).methods[driven], peer(library).schemes[stepped].step
-    y0, h, dW = given(problem)
-    expected = []
-    for lane in range(dW.shape[2]):
-        y = y0
-        for increment in dW[:, :, lane]:
-            y = step(problem, y, h, increment)
-        expected.append(y)
+    scheme, (y0, h, dW) = peer(library).schemes[stepped], given(problem)
+    paths = [integrate(scheme, problem, h=h, T=h * len(dW), y0=y0, dW=w) for w in dW.transpose(2, 0, 1)]
+    expected = np.stack([path.y[:, -1] for path in paths], axis=1)
     # The drivers pose the m noises as the one that they are, which changes the order of some sums.
-    assert np.allclose(ends(method, problem), np.stack(expected, axis=1), rtol=1e-13, atol=1e-14)
-
-
-def test_two_evaluations_of_reversible_heun_share_a_state() -> None:
-    """A path hands the second solution on: the adapter's scheme does, and the driver must."""
-    problem = problems.rigid_body()
-    theirs = peer("diffrax")
-    y0, h, dW = given(problem)
-    scheme, T = theirs.schemes["reversible-heun"], h * len(dW)
-    lanes = [integrate(scheme, problem, h=h, T=T, y0=y0, dW=w).y[:, -1] for w in dW.transpose(2, 0, 1)]
-    whole = np.stack(lanes, axis=1)
-    assert np.allclose(ends(theirs.methods["reversible-heun"], problem), whole, rtol=1e-13, atol=1e-14)
+    assert np.allclose(
+        ends(load_method(f"{library}-{driven}", problem), problem), expected, rtol=1e-13, atol=1e-14
+    )
 
 
 @pytest.mark.parametrize(
