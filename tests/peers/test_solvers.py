@@ -209,9 +209,8 @@ def test_a_driver_makes_the_steps_that_the_library_makes_one_by_one(library, dri
     paths = [integrate(scheme, problem, h=h, T=h * len(dW), y0=y0, dW=w) for w in dW.transpose(2, 0, 1)]
     expected = np.stack([path.y[:, -1] for path in paths], axis=1)
     # The drivers pose the m noises as the one that they are, which changes the order of some sums.
-    assert np.allclose(
-        ends(load_method(f"{library}-{driven}", problem), problem), expected, rtol=1e-13, atol=1e-14
-    )
+    found = ends(load_method(f"{library}-{driven}", problem), problem)
+    assert np.allclose(found, expected, rtol=1e-13, atol=1e-14)
 
 
 @pytest.mark.parametrize(
