@@ -14,6 +14,7 @@ from sepv.problem import Array, DampedProblem, Problem, mechanics, vector_field
 from sepv.record import EPS
 from sepv.schemes import (
     Explicit,
+    PathSolver,
     Scheme,
     StatefulStep,
     Step,
@@ -147,6 +148,15 @@ def _reversible_heun(problem: Problem, state: Any, h: float, dW: Array) -> Any:
     return y + 0.5 * delta * (f + f1), z1, f1
 
 
+def _reversible_heun_paths(problem: Problem, y0: Array, h: float, dW: Array) -> Array:
+    """The states (N + 1, d, M) of reversible Heun over increments (N, m, M)."""
+    y = np.repeat(y0[:, None], dW.shape[2], axis=1)
+    states = [(y, y, vector_field(problem, y))]
+    for row in dW:
+        states.append(_reversible_heun(problem, states[-1], h, row))
+    return np.array([y for y, _, _ in states])
+
+
 def _velocity_verlet(problem: Problem, y: Array, h: float, _dW: Array) -> Array:
     """Velocity Verlet with step h: q1 = q + hv + ½h²a(q), v1 = v + ½h(a(q) + a(q1)), a = M⁻¹F."""
     m = mechanics(problem)
@@ -220,6 +230,14 @@ SCHEMES: tuple[Scheme, ...] = (
         mean_square_order=1.0,
         weak_order=1.0,
         source="reversible Heun (Kidger et al., NeurIPS 2021), whose path keeps a second copy of y",
+    ),
+    Scheme(
+        name="reversible-heun-by-paths",
+        step=PathSolver(_reversible_heun_paths),
+        claims=("noise-sum", "random-step", "expansion", "equivariance"),
+        mean_square_order=1.0,
+        weak_order=1.0,
+        source="reversible Heun as a solver that computes whole paths only",
     ),
     like_the_core(
         "two-half-steps",
