@@ -28,8 +28,8 @@ MOST = 2048
 class Kept:
     """The stored results of one kind, each by a key text that determines it. The file is read at the first use."""
 
-    def __init__(self, kind: str) -> None:
-        self.kind, self.added = kind, False
+    def __init__(self, kind: str, most: int | None = None) -> None:
+        self.kind, self.most, self.added = kind, most or MOST, False
         self.results: dict[str, Any] | None = None
 
     def get(self, key: str, make: Callable[[], T]) -> T:
@@ -48,7 +48,7 @@ class Kept:
     def save(self) -> None:
         """Write the results if some are new; do nothing if the folder cannot be written to."""
         if self.added and self.results is not None:
-            last = dict(list(self.results.items())[-MOST:])
+            last = dict(list(self.results.items())[-self.most :])
             with suppress(OSError):
                 write_atomically(str(_path(self.kind)), pickle.dumps((_sources(), last)))
             self.added = False
@@ -63,9 +63,9 @@ class Kept:
 
 
 @cache
-def kept(kind: str) -> Kept:
+def kept(kind: str, most: int | None = None) -> Kept:
     """The store of results of this kind: the same object at each call in this process."""
-    _KINDS.append(found := Kept(kind))
+    _KINDS.append(found := Kept(kind, most))
     return found
 
 
@@ -86,8 +86,10 @@ def _path(kind: str) -> Path:
 @cache
 def _sources() -> Any:
     """The versions and files on which results depend."""
-    reference = find_spec("sepv.reference")
-    assert reference is not None
-    folders = [Path(__file__).parent, *map(Path, reference.submodule_search_locations or ())]
+    folders = [Path(__file__).parent]
+    for name in ("sepv.reference", "sepv.properties"):
+        found = find_spec(name)
+        assert found is not None
+        folders += map(Path, found.submodule_search_locations or ())
     files = sorted(path for folder in folders for path in folder.rglob("*.py"))
     return sys.version, np.__version__, [(str(p), p.stat().st_mtime_ns, p.stat().st_size) for p in files]

@@ -11,14 +11,20 @@ from sepv._kept import Kept
 
 MAKE_CASES = """
 import sys
+import sepv
 from sepv._kept import save_all
 from sepv.problem import Systems
 from sepv.verification._cases import random_cases
 from sepv.verification._cases.classes import CLASSES
 
+space, placed = CLASSES[Systems.SINGLE].space, random_cases.placed
 if "kept" in sys.argv:
     random_cases.placed = None  # a case that is drawn again ends the process
-print([case for _, case in CLASSES[Systems.SINGLE].space.cases(0)])
+print([case for _, case in space.cases(0)])
+random_cases.placed = placed
+if "kept" in sys.argv:
+    type(space).cases = None  # and so does a design that is made again
+print(sepv.verify("midpoint", laws="energy,casimir", effort=sepv.Effort(examples=1)).findings[0].message)
 save_all()
 """
 
@@ -73,5 +79,5 @@ def test_the_results_that_were_used_last_stay(monkeypatch: pytest.MonkeyPatch) -
     assert {key: again.get(key, lambda: 2) for key in "cab"} == {"c": 1, "a": 1, "b": 2}
 
 
-def test_kept_cases_are_those_that_are_drawn() -> None:
+def test_kept_cases_and_designs_are_those_that_are_drawn() -> None:
     assert python(MAKE_CASES) == python(MAKE_CASES, "kept") != ""

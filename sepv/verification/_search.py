@@ -9,6 +9,7 @@ violates, Hypothesis searches for a simpler violation. If Hypothesis finds none,
 from __future__ import annotations
 
 import math
+import sys
 import time
 import warnings
 from collections.abc import Callable, Iterable
@@ -23,6 +24,7 @@ from hypothesis import seed as hypothesis_seed
 from hypothesis.errors import Unsatisfiable
 
 from sepv._journal import note_case, note_violation
+from sepv._kept import kept
 from sepv._patches import without_local_constants
 from sepv.errors import SchemeFault, SepvError, Skipped, StepFailure, UsageError
 from sepv.schemes import Scheme, takes
@@ -53,6 +55,8 @@ MOST_SKIPPED = 20
 # may be stopped after ten minutes, and its violation must be reported before. Only with such slow checks does the
 # simplest counterexample depend on time.
 MOST_SECONDS = 100.0
+# The largest number of designs that are stored between runs, twice what a run of all laws needs.
+DESIGNS = 64
 # A law's cases are given up after this many that cannot be measured, because each may take as long as a call may.
 MOST_FAULTS = 4
 
@@ -89,6 +93,7 @@ class _Question:
     check: Check
     faults_violate: bool
     known: tuple[Case, ...]  # witnesses of the corpus, which are tried first
+    key: str = ""  # the name under which designs are stored between runs, if the law is the suite's own
 
 
 def searched(
@@ -132,9 +137,11 @@ def searched(
         if isinstance(space, str):
             return law.finding(Verdict.NOT_APPLICABLE, message=space)
         known = () if listed else tuple(own_cases.all_adapted(corpus.cases(name, scheme.systems)))
-        return in_units(
-            scheme, _search(law, scheme, this_run.effort, _Question(space, check, faults_violate, known))
-        )
+        module = sys.modules.get(getattr(check, "__module__", ""))
+        own = getattr(module, "law", None) is law and check.__module__.startswith("sepv.properties.")
+        key = f"{name} {scheme.systems} {scheme.deterministic} {scheme.dtype}" if own and not listed else ""
+        question = _Question(space, check, faults_violate, known, key)
+        return in_units(scheme, _search(law, scheme, this_run.effort, question))
 
     def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
         log, case = SearchLog(), cases_of.from_json(witness, objects_of(scheme))
@@ -155,8 +162,8 @@ def _search(law: Law, scheme: Scheme, effort: Effort, question: _Question) -> Fi
     log, start = SearchLog(), time.perf_counter()
     known = question.known if effort.corpus else ()
     fixed = question.where.fixed
-    first = _designed(question.where, effort.seed, 0)
-    further = (_designed(question.where, effort.seed, n) for n in range(1, effort.designs))
+    first = _designed(question, effort.seed, 0)
+    further = (_designed(question, effort.seed, n) for n in range(1, effort.designs))
     _visit(log, scheme, chain(known, first, chain.from_iterable(further), fixed), question)
     if log.lacking and log.checks:
         log.share = log.checks / (log.checks + log.lacking)
@@ -170,9 +177,14 @@ def _search(law: Law, scheme: Scheme, effort: Effort, question: _Question) -> Fi
     return replace(conclude(law, scheme, log, question.check), seconds=time.perf_counter() - start)
 
 
-def _designed(where: Question, seed: int, repeat: int) -> list[Case]:
+def _designed(question: _Question, seed: int, repeat: int) -> list[Case]:
     """The cases of a design in random order, so that no kind of case is always the first."""
-    drawn = where.design(seed + 1000003 * repeat)
+    number = seed + 1000003 * repeat
+    if question.key:
+        store = kept("designs", DESIGNS)
+        drawn = list(store.get(f"{question.key} {number}", lambda: question.where.design(number)))
+    else:
+        drawn = question.where.design(number)
     Random(seed).shuffle(drawn)
     return drawn
 
