@@ -18,7 +18,7 @@ from sepv.problem import PolynomialSystem, Problem, Systems
 from sepv.record import EPS, TINY, PolynomialMap, poly
 from sepv.schemes import Scheme, ask
 from sepv.verification import Case, Cases, Effort, Measurement, require, searched, step_residual
-from sepv.verification._cases.families import of_casimirs
+from sepv.verification._cases import random_parts as some
 from sepv.verification._cases.of_law import only
 from sepv.verification._cases.random_cases import placed
 
@@ -70,6 +70,15 @@ def beyond_three() -> Iterable[Case]:
     """Make steps of systems (1.1) of dimension d = 4 and 5 with d − 2 given Casimirs, usual and long ones."""
     made = (_step(Random(seed), 4 + seed % 2) for seed in range(4 * SYSTEMS))
     return [case for case in made if case is not None][:SYSTEMS]
+
+
+def of_casimirs(d: int, random: Random) -> PolynomialSystem:
+    """B_ij = Σ ε_ijk… ∂_kC_1 …: a system of (1.1) with d − 2 Casimirs of degree one to four, some not quadratic."""
+    casimirs = [some.polynomial(d, 1, 4, 4, random) for _ in range(d - 3)]
+    casimirs.append(some.polynomial(d, 3, 4, 4, random))
+    B = some.contracted(d, [list(poly.gradient(C)) for C in casimirs], random)
+    H = some.polynomial(d, 2, 4, 6, random)
+    return PolynomialSystem(d, H, B, (1.0,), polynomial_casimirs=tuple(casimirs))
 
 
 def _step(random: Random, d: int) -> Case | None:

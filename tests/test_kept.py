@@ -17,13 +17,11 @@ from sepv.problem import Systems
 from sepv.verification._cases import random_cases
 from sepv.verification._cases.classes import CLASSES
 
-space, placed = CLASSES[Systems.SINGLE].space, random_cases.placed
-if "kept" in sys.argv:
-    random_cases.placed = None  # a case that is drawn again ends the process
+space, placed, kept = CLASSES[Systems.SINGLE].space, random_cases.placed, "kept" in sys.argv
+# A case that is drawn again ends the process, and then so does a design that is made again.
+random_cases.placed = None if kept else placed
 print([case for _, case in space.cases(0)])
-random_cases.placed = placed
-if "kept" in sys.argv:
-    type(space).cases = None  # and so does a design that is made again
+random_cases.placed, type(space).cases = placed, None if kept else type(space).cases
 print(sepv.verify("midpoint", laws="energy,casimir", effort=sepv.Effort(examples=1)).findings[0].message)
 save_all()
 """

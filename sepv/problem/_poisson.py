@@ -100,8 +100,3 @@ def jacobi_defect(problem: Problem, y: Array) -> Array:
     y = np.asarray(y, dtype=np.float64)
     cyclic = np.einsum("il,jkl->ijk", problem.structure(y), derivative_of_structure(problem, y))
     return np.asarray(cyclic + cyclic.transpose(1, 2, 0) + cyclic.transpose(2, 0, 1))
-
-
-def structure_error(problem: Problem, y: Array, error: float) -> Array:
-    """A bound of |B(y + e) − B(y)| for an error |e|_∞ ≤ `error` of the state, to first order, (d, d)."""
-    return np.asarray(np.sum(np.abs(derivative_of_structure(problem, y)), axis=2) * error)

@@ -179,7 +179,6 @@ def test_a_solver_of_whole_paths_is_judged_by_its_paths() -> None:
         assert scheme.claims == {"mean-square-order", "right-limit"}
         assert set(verdicts(scheme, ",".join(scheme.claims)).values()) == {verdict}
     assert verdicts(scheme, "contract", examples=5) == {"contract": "holds"}
-    assert load_scheme(PathSolver(by_hand)).step.path is by_hand
 
 
 def test_whole_paths_are_those_of_the_steps_and_a_refused_step_is_named() -> None:

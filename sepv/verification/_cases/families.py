@@ -116,15 +116,6 @@ def matrix_hamiltonians(parts: Parts) -> PolynomialSystem | None:
     return general(matrix_system(parts.levels["matrices"].name, H, c, others))
 
 
-def of_casimirs(d: int, random: Random) -> PolynomialSystem:
-    """B_ij = Σ ε_ijk… ∂_kC_1 …: a system of (1.1) with d − 2 Casimirs of degree one to four, some not quadratic."""
-    casimirs = [some.polynomial(d, 1, 4, 4, random) for _ in range(d - 3)]
-    casimirs.append(some.polynomial(d, 3, 4, 4, random))
-    B = some.contracted(d, [list(poly.gradient(C)) for C in casimirs], random)
-    H = some.polynomial(d, 2, 4, 6, random)
-    return PolynomialSystem(d, H, B, (1.0,), polynomial_casimirs=tuple(casimirs))
-
-
 def separable_hamiltonians(parts: Parts) -> PolynomialSystem:
     """H_0 = ½ Σ w_k p_k² + V(q), B = J⁻¹ and H_j = −Σ_k σ_jk q_k."""
     n, random = parts.d // 2, parts.random
