@@ -10,8 +10,7 @@ from sepv import _kept
 from sepv._kept import Kept
 
 MAKE_CASES = """
-import sys
-import sepv
+import sys, sepv
 from sepv._kept import save_all
 from sepv.problem import Systems
 from sepv.verification._cases import random_cases
