@@ -33,8 +33,8 @@ def volterra_lattice(
 ) -> LargeProblem:
     """The Volterra lattice y_i′ = y_i(y_{i+1} − y_{i−1}): B_{i,i+1} = y_i y_{i+1} and H = Σ y_i, positive states.
 
-    An open chain of odd length has the Casimir Σ ln y_i over odd i, and a periodic chain of even length those over odd
-    and over even i. They are not quadratic, so that (2.1) keeps H and not them. Each y_i starts uniform in [¾, 1¼].
+    An open chain of odd length has the Casimir Σ ln y_i over odd i; a periodic chain of even length also has the sum
+    over even i. (2.1) keeps H, but not these Casimirs, which are not quadratic. Each y_i starts uniform in [¾, 1¼].
     """
     _at_least("d, the length of the chain", d, 3)
     i = np.arange(d if periodic else d - 1)
@@ -74,14 +74,14 @@ def volterra_lattice(
 def toda_chain(n: int, *, noise: tuple[float, ...] = (1.0,), seed: int = 0) -> LargeProblem:
     """Toda's chain of n particles with free ends: H = Σ p_i²/2 + Σ exp(q_i − q_{i+1}), d = 2n, y = (q₁, p₁, q₂, …).
 
-    The averaged force of a link is e^r (e^δ − 1)/δ, with r = q_i − q_{i+1} and its change δ, without quadrature.
+    The averaged gradient needs no quadrature: if r = q_i − q_{i+1} grows by δ, the average of eʳ is eʳ(e^δ − 1)/δ.
     """
     _at_least("n, the number of particles", n, 2)
     d = 2 * n
     q, p = np.arange(0, d, 2), np.arange(1, d, 2)
 
     def forces(pull: Array) -> Array:
-        """The gradient of H by q from `pull`, the n − 1 exponentials of the links or their averages along a step."""
+        """The gradient of H by q, from `pull`: the n − 1 numbers exp(q_i − q_{i+1}), or their averages along a step."""
         total = np.zeros(n)
         total[:-1] += pull
         total[1:] -= pull
@@ -130,8 +130,8 @@ def nonlinear_schroedinger(
     """The discrete nonlinear Schrödinger equation on n points, i u_j′ = −(u_{j−1} − 2u_j + u_{j+1})/Δx² − κ|u_j|²u_j.
 
     Here u = q + ip, y = (q₁, p₁, q₂, …) and d = 2n. H = ½Σ|u_{j+1} − u_j|²/Δx² − ¼κΣ|u_j|⁴ with free ends is quartic:
-    two Gauss nodes are exact. The initial state is a wave with |u_j| = 1 plus noise. The mass Σ|u_j|² is
-    invariant by a symmetry of H, and not a Casimir, so that (2.1) does not keep it.
+    two Gauss nodes are exact. The initial state is a wave with |u_j| = 1, perturbed at random. The flow keeps the
+    mass Σ|u_j|², because H does not depend on the phase of u. The mass is no Casimir, and (2.1) does not keep it.
     """
     _at_least("n, the number of points", n, 2)
     if not (np.isfinite(spacing) and spacing > 0 and np.isfinite(strength)):

@@ -27,9 +27,9 @@ WIDEST_BAND = 64
 
 
 class LargeFields:
-    """The functions B(y)v, ∇H and average of ∇H of a large problem, for formulas of a step from y0 to y0 + z, (d,).
+    """The functions B(y)v, ∇H and averaged ∇H of a large problem, by which formulas state a step from y0 to y0 + z.
 
-    Newton's matrix reuses the `structures` B(y) and the averaged gradient `mean`.
+    `structures` lists the matrices B(y) used so far. Newton's matrix reuses them, and the averaged gradient `mean`.
     """
 
     def __init__(self, problem: LargeProblem, y0: Array, z: Array) -> None:
@@ -63,7 +63,7 @@ class LargeFields:
 
 
 class LargeSlopes:
-    """The functions of `LargeFields` with sparse derivatives by z, as in `sepv.solve._linearised`."""
+    """The functions of `LargeFields`, each with its sparse derivative by z = y1 − y0, for Newton's matrix."""
 
     def __init__(self, fields: LargeFields) -> None:
         self.problem, self.fields = fields.problem, fields
@@ -82,7 +82,7 @@ class LargeSlopes:
         return self.apply(y, self.gradient(y))
 
     def mean_gradient(self, y: Array, z: Tangent) -> Tangent:  # noqa: ARG002 - y0 and z
-        """The averaged gradient and its derivative, with H″ averaged by few nodes, which costs no accuracy of steps."""
+        """The averaged gradient and its derivative ∫₀¹τH″dτ by z, by few nodes, as only Newton's matrix uses it."""
         fields, degree = self.fields, self.problem.degree
         points, weights = gauss_legendre(3 if degree is None else mean_nodes(degree))
         first, *others = (
@@ -103,7 +103,7 @@ class LargeSolution:
 
 
 def solve(problem: LargeProblem, y0: Array, formula: Formula, delta: float) -> LargeSolution:
-    """Solve y1 = y0 + R for a formula's R and the random step `delta`, by one attempt of Newton's method."""
+    """Solve y1 = y0 + R(y0, y1, delta) by Newton's method, without a second attempt; `formula` computes R."""
 
     def evaluate(z: Array, _: NDArray[np.intp]) -> Evaluation:
         fields: Any = LargeFields(problem, y0, z[:, 0])
@@ -128,7 +128,7 @@ def solve(problem: LargeProblem, y0: Array, formula: Formula, delta: float) -> L
 
 
 def newton_correction(K: Sparse, F: Array) -> Array:
-    """Newton's correction (I − K)⁻¹F, (d, 1), for a sparse K; NaN if the matrix is singular."""
+    """Newton's correction (I − K)⁻¹F, (d, 1), for z = R(z), F = R − z, K = ∂R/∂z sparse; NaN if I − K is singular."""
     entries = K.tocoo()
     lower = int(max((entries.row - entries.col).max(initial=0), 0))
     upper = int(max((entries.col - entries.row).max(initial=0), 0))

@@ -40,7 +40,7 @@ _DROPPED = re.compile("font|stroke-linejoin|stroke-linecap|stroke-dashoffset")
 
 @dataclass(frozen=True)
 class Picture:
-    """A drawing, and for its legend samples of its curves with their names; SVG elements without the outermost tag."""
+    """A drawing as SVG elements without the tag `svg`; `samples` are the (name, piece of a curve) of its legend."""
 
     inside: Any
     samples: list[tuple[str, Any]]
@@ -62,7 +62,7 @@ class Pictures:
 
     @property
     def definitions(self) -> Any:
-        """The SVG of markers and frames to which all drawings refer. The page has it before the drawings."""
+        """The SVG of markers and frames, which all drawings refer to; the page has it once, before the drawings."""
         # matplotlib and ElementTree have escaped this SVG, so that the template must not escape it again.
         named = (re.sub("^<([a-zA-Z]+)", rf'<\1 id="{at}"', e) for e, at in self._shared.items())
         return Markup("".join(named))
@@ -130,7 +130,7 @@ class Pictures:
 
 
 def _inert(element: ElementTree.Element, paint: Mapping[str, str]) -> str:
-    """Adapt an element of matplotlib's SVG to the page, and return the identifier that it had.
+    """Adapt an element of matplotlib's SVG to the page, remove its identifier, and return the identifier.
 
     Names lose their namespaces, styles become attributes, colours become variables, and numbers get one decimal.
     """
@@ -159,7 +159,7 @@ def _inert(element: ElementTree.Element, paint: Mapping[str, str]) -> str:
 
 
 def _flat(element: ElementTree.Element) -> None:
-    """Simplify the elements below one: dissolve groups without attributes, and drop definitions, which the page has.
+    """Simplify what is below `element`: dissolve groups without attributes, drop definitions, which the page has.
 
     Markers keep only their place and reference, because their definition contains their look.
     """

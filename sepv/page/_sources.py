@@ -17,7 +17,7 @@ SCHEMA_OF = {"verify": "report", "compare": "comparison", "reproduce": "reproduc
 
 @dataclass
 class Sources:
-    """The contents of the JSON files of a page, by the command that wrote them, in the order of reading."""
+    """The contents of a page's JSON files: a list for each command that wrote some, in the order of reading."""
 
     verify: list[dict[str, Any]] = field(default_factory=list)
     compare: list[dict[str, Any]] = field(default_factory=list)

@@ -29,7 +29,7 @@ FLAT = 1e-13
 
 
 def schemes(reports: list[View]) -> tuple[list[str], list[View]]:
-    """Return the names of all laws, in the order of the suite, then unknown ones, and a view of each report."""
+    """Return the names of all laws, those unknown to sepv last, and a list with a view of each report."""
     laws = list(dict.fromkeys(law["law"] for r in reports for law in r["laws"]))
     laws.sort(key=lambda law: LAWS.index(law) if law in LAWS else len(LAWS))
     share = (ROOMY if len(reports) <= FEW else BUDGET) // max(1, len(reports))
@@ -37,7 +37,7 @@ def schemes(reports: list[View]) -> tuple[list[str], list[View]]:
 
 
 def _scheme(report: View, laws: list[str], budget: int, *, drawn: bool) -> View:
-    """Return a scheme's row of verdicts, its scale of defects, its counterexamples and the number of omitted ones."""
+    """Return the view of one scheme: its verdicts, its laws on an axis of defects, and its counterexamples."""
     by_law = {law["law"]: law for law in report["laws"]}
     counts = ", ".join(Verdict(k).of(n) for k, n in report["counts"].items() if n)
     shown, left = _counterexamples(report["laws"], _target(report["scheme"]), budget, drawn=drawn)
@@ -62,7 +62,7 @@ def _scheme(report: View, laws: list[str], budget: int, *, drawn: bool) -> View:
 
 
 def _profiles(report: View) -> str:
-    """Describe the profiles of a report: those found, those required and not found, and waived laws."""
+    """Describe the profiles (named sets of laws) that a report found, those required and not found, and waived laws."""
     profiles = report.get("profiles")
     if profiles is None:
         return "; it was written before sepv knew profiles: measure again for them"
@@ -84,9 +84,9 @@ def _made(report: View) -> str:
 
 
 def _scale(laws: list[View]) -> tuple[Any, list[tuple[str, str]]]:
-    """Return the axis of defects for the laws of a report: a function that places a law, and the ticks with words.
+    """Return the axis of defects of a report: the function from a law to its place, and the ticks as (place, words).
 
-    Places are in per cent of the width.
+    A place is in per cent of the axis's width.
     """
     ratios = [r for r in map(_ratio, laws) if r is not None and 0 < r < math.inf]
     top = math.ceil(math.log10(max([*ratios, 1.0])) / EVERY) * EVERY
@@ -107,9 +107,9 @@ def _scale(laws: list[View]) -> tuple[Any, list[tuple[str, str]]]:
 
 
 def _ratio(law: View) -> float | None:
-    """Return the ratio of a law's defect to its bound, or of a lower bound to the defect: above 1 it is a violation.
+    """Return a law's defect/bound, or bound/defect for a lower bound. The law is violated if this ratio is above 1.
 
-    If nothing was measured, the ratio is None. If the defect is not finite, or the bound is 0 and missed, it is ∞.
+    The ratio is None if nothing was measured, and ∞ if the defect is not finite or a bound 0 is exceeded.
     """
     defect, bound = law["defect"], law["bound"]
     if bound is None or (defect is None and law["verdict"] != "violated"):
@@ -141,9 +141,9 @@ def _row(law: View, place: Any) -> View:
 
 
 def _counterexamples(laws: list[View], target: str, budget: int, *, drawn: bool) -> tuple[list[View], int]:
-    """Return the counterexamples that fit into a budget of characters, claimed laws first, and the number of others.
+    """Return the counterexamples that fit into `budget` characters, claimed laws first, and the number left out.
 
-    If many laws end with the same error, it is one entry.
+    Laws that end with the same error share one entry. If `drawn`, an entry has pictures of the counterexample.
     """
     failures = [law for law in laws if law["verdict"] in ("violated", "error") and law["message"]]
     shown: list[View] = []
@@ -174,9 +174,9 @@ def _counterexamples(laws: list[View], target: str, budget: int, *, drawn: bool)
 
 
 def _course(course: View) -> View | None:
-    """Return two pictures of a counterexample's repeated step: two components of y, and the change of an invariant.
+    """Return two pictures of a counterexample whose step is repeated: two components of y, and an invariant's change.
 
-    If a file has nothing to draw, the result is None.
+    If there is nothing to draw, the result is None.
     """
     steps, conserved = len(course["drift"]) - 1, course["kept"]
     names = [f"component {i} of y" for i in course["components"]]
@@ -201,9 +201,9 @@ def _course(course: View) -> View | None:
 
 
 def _panel(curve: list[Any], beside: list[Any], names: list[str], least: float) -> View | None:
-    """Return a curve and a dashed one beside it, as paths of SVG, with the ends of both axes in words.
+    """Return the view of a panel: `curve`, the dashed curve `beside`, as SVG paths, and words for the axes' ends.
 
-    The result is None if there are fewer than two points. Values above 1e300 are left out, because the frame overflows.
+    The result is None if `curve` has fewer than two points. Values above 1e300, whose range may overflow, are left out.
     """
 
     def drawable(coordinates: list[Any]) -> list[Any]:
@@ -237,7 +237,7 @@ def _panel(curve: list[Any], beside: list[Any], names: list[str], least: float) 
 
 
 def _unsettled(laws: list[View]) -> list[str]:
-    """Return a sentence for each inconclusive law: the measurement, and a possible reason for its wide interval."""
+    """Return a sentence for each inconclusive law: its message, and whether a few paths make up the error."""
     unsettled = []
     for law in laws:
         if law["verdict"] == "inconclusive":
@@ -255,7 +255,7 @@ _RMS = re.compile(r"rms error ([\d.e+-]+), ([\d.e+-]+), ([\d.e+-]+)")
 
 
 def _runs_away(*errors: str) -> bool:
-    """True if the first of three errors is more than four times the error that the other two predict."""
+    """True if the first of three errors exceeds 4 second²/third, four times its value in a geometric sequence."""
     try:
         first, second, third = map(float, errors)
     except ValueError:  # the file has other text
@@ -264,7 +264,7 @@ def _runs_away(*errors: str) -> bool:
 
 
 def _target(scheme: View) -> str:
-    """Return the scheme's text for a command: the target in the file, else its name if it is built in, else ""."""
+    """Return the text that names the scheme in a command: its target, its name if it is built in, or else ""."""
     from sepv.schemes import by_name
 
     if scheme.get("target"):

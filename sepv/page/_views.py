@@ -29,9 +29,9 @@ View = dict[str, Any]
 
 
 def again(data: View, subject: str) -> str:
-    """Return the command that made a file, as the file states it, or a comment if no command made the file.
+    """Return the command that a JSON file names as its origin, or a comment if no command made the file.
 
-    Each word is quoted again, so that text of the file stays text if somebody runs the copied line.
+    Each word is quoted for the shell, which therefore executes no text of the file if somebody runs the line.
     """
     words = words_of(str(data.get("made", {}).get("command") or ""))
     if words[:1] != ["sepv"]:
@@ -40,7 +40,7 @@ def again(data: View, subject: str) -> str:
 
 
 def words_of(command: str) -> list[str]:
-    """Split a command into words. If its quotes do not match, there are none."""
+    """Split a command into words as a shell does. If its quotes do not match, the list is empty."""
     try:
         return shlex.split(command)
     except ValueError:
@@ -48,19 +48,19 @@ def words_of(command: str) -> list[str]:
 
 
 def cell(verdict: str, claimed: bool = False) -> View:
-    """Return a cell of the matrix of verdicts: the verdict's sign and words, and True if the law is claimed."""
+    """Return a cell of the table of schemes and laws: the verdict's sign and words, and True for a claimed law."""
     sign, words = WORDS[verdict]
     return {"kind": verdict, "sign": sign, "words": words, "claimed": claimed}
 
 
 def step_size(h: float) -> str:
-    """Format a step size, as a power of two if it is one below ½, else with three digits."""
+    """Format a step size h: as a power of two, if it is one and h < ½, and with three digits otherwise."""
     exponent = math.log2(h) if h > 0 else 0.5
     return power(h, 2) if exponent == int(exponent) and exponent < -1 else number(h)
 
 
 def priced(points: list[View]) -> list[View]:
-    """Return the points of a method at which twice the steps take at least 1.5 times the time.
+    """Return a method's points from the first one where doubling the steps takes at least 1.5 times the time.
 
     At points with fewer steps the overhead of a call dominates the time. The last two points are always returned.
     """
@@ -77,7 +77,7 @@ def priced(points: list[View]) -> list[View]:
 
 
 def drawn(sources: Sources) -> tuple[list[str], dict[str, Look]]:
-    """Return the names of all schemes that a page draws, and the looks (line styles) that its files state for them."""
+    """Return the names of all schemes in the plots of a page, and the line styles (`Look`) that files give them."""
     methods = [m for c in sources.compare for m in c["methods"]]
     names = [m["name"] for m in methods]
     names += [s["scheme"] for r in sources.reproduce for p in r["panels"] for s in p["series"]]
@@ -141,7 +141,7 @@ def _point(p: View, micro: float) -> View:
 
 
 def _times(times: list[View], methods: list[str]) -> list[tuple[str, list[str]]]:
-    """Return the rows of the table of times to given errors: a method, and its time to each error."""
+    """Return the rows of a table: a method, and the times that it takes to reach each of several errors."""
     wanted = sorted({t["error"] for t in times}, reverse=True)
     words = {"between": "", "beyond": " (extrapolated)", "coarsest": " (at the coarsest step)"}
     rows = []
@@ -154,7 +154,7 @@ def _times(times: list[View], methods: list[str]) -> list[tuple[str, list[str]]]
 
 
 def bench(data: View) -> View:
-    """Return the view of a benchmark: rows for each target and case, with exact counters and rms error and defects."""
+    """Return the view of a benchmark: for each target, a row per case with its counters, rms error and rms defects."""
     kinds = list(dict.fromkeys(k for r in data["records"] for case in r["cases"] for k in case["counters"]))
 
     def rms(groups: list[str]) -> str:

@@ -2,7 +2,7 @@
 
 The first of three ways that applies is taken: the problem's closed form; Gauss-Legendre quadrature with ⌈ν/2⌉ nodes for
 a polynomial H of degree ν (the integrand has degree ν − 1 in τ); adaptive quadrature with an estimate of its error.
-No fixed number of nodes would do for all H: eight nodes leave an error of 8e-5 in a logarithmic energy.
+No fixed number of nodes would do for all H: with eight Gauss nodes, the energy of a logarithmic H has an error of 8e-5.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ FEW = 512
 
 
 class Average(NamedTuple):
-    """An averaged gradient (d, M), with the number of evaluations of ∇H, and the error of the average.
+    """An averaged gradient, `value` (d, M), with the number of evaluations of ∇H and an estimate of its error.
 
-    `error` (M,) is 0 where the average is exact, else the difference of the last two quadrature rules. `reliable` (M,)
-    is True where the error is of the size of rounding.
+    `error` (M,) is 0 for a closed form or a polynomial H, else the difference of the last two quadrature rules.
+    `reliable` (M,) is True where the error is of the size of rounding.
     """
 
     value: Array
@@ -76,9 +76,9 @@ def _on_segment(y0: Array, y1: Array, points: Array) -> Array:
 
 
 def _quadratures(problem: Problem, y0: Array, y1: Array, *rules: int) -> list[tuple[Array, Array]]:
-    """The average of ∇H by each Gauss rule, given by its number of nodes: its value (d, ...) and terms (d, nodes, ...).
+    """The average of ∇H from y0 to y1 by Gauss rules: for each, its value (d, ...) and summands (d, nodes, ...).
 
-    One call evaluates ∇H at the nodes of all rules.
+    `rules` are the numbers of nodes. One call evaluates ∇H at the nodes of all rules.
     """
     tabulated = [gauss_legendre(nodes) for nodes in rules]
     all_points = tabulated[0][0] if len(rules) == 1 else np.concatenate([points for points, _ in tabulated])
@@ -92,15 +92,15 @@ def _quadratures(problem: Problem, y0: Array, y1: Array, *rules: int) -> list[tu
 
 
 def _size(terms: Array) -> Array:
-    """The scale of a quadrature's rounding, (...): the sum of |terms| (d, nodes, ...), in its largest component."""
+    """The scale of the rounding of quadrature sums, (...): Σ|terms| over the nodes, the largest of its d components."""
     return np.asarray(np.max(summed(np.abs(terms)), axis=0))
 
 
 def argument_rounding(problem: Problem, *states: Array) -> Array:
-    """The change of ∇H(y) by one rounding of y, about eps |H″(y) y|: the largest at the given states, (M,).
+    """The change of ∇H(y) by one rounding of y, about eps |H″(y) y|, maximised over the given `states` y, (M,).
 
-    If ∇H varies over lengths far below |y|, as sin q does at q = 10⁸, two quadrature rules agree only to a few such
-    changes, because each rounds its nodes differently.
+    If ∇H varies over lengths far below |y|, as sin q does at q = 10⁸, two quadrature rules differ by a few such
+    changes, because their nodes are rounded differently.
     """
     worst = np.zeros(states[0].shape[1:])
     with np.errstate(all="ignore"):
@@ -137,6 +137,6 @@ def _adaptive(problem: Problem, y0: Array, y1: Array) -> Average:
 
 
 def _agree(difference: Array, terms: Array) -> NDArray[np.bool_]:
-    """True for each path for which two quadrature rules agree to the rounding errors of their sums."""
+    """True for each path for which the `difference` of two quadrature rules is within the rounding of their `terms`."""
     agree: NDArray[np.bool_] = difference <= terms.shape[1] * EPS * _size(terms)
     return agree

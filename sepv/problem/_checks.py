@@ -108,7 +108,7 @@ def _check_gradient(problem: Problem, y: Array) -> None:
 def _mistaken(
     given: Any, of: Callable[[Any], Any], y: Array
 ) -> Iterator[tuple[tuple[int, ...], float, float]]:
-    """The wrong entries (index, value, right value) of `given`, the derivative that a problem states for `of` at y."""
+    """The wrong entries (index, value, right value) of `given`, which a problem gives as derivative of `of` at y."""
     scale = max(float(np.abs(given).max()), 1e-3)
     for index in np.ndindex(*np.shape(given)):
         value = float(given[index])
@@ -120,8 +120,8 @@ def _mistaken(
 def _check_mean_gradient(problem: Problem, y: Array) -> None:
     """Check that the averaged gradient ∇̄H by `mean_gradient` or `degree` has (y1 − y0)ᵀ∇̄H = H(y1) − H(y0).
 
-    Energy preservation needs this equation. The tolerance is GRADIENT_TOLERANCE of the terms. Another average, such as
-    ∇H at the midpoint, has an error of the order of |y1 − y0|³, about 1e-5 here.
+    Energy preservation needs this equation. The tolerance is GRADIENT_TOLERANCE relative to its terms. Another average,
+    such as ∇H at the midpoint, has an error of the order of |y1 − y0|³, about 1e-5 here.
     """
     end = y * (1 + 2.0**-4) + 2.0**-6
     if (problem.mean_gradient is None and problem.degree is None) or not inside(problem, end):

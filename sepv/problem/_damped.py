@@ -1,11 +1,11 @@
-"""Linear damping: dy = (B(y)∇H − γy) dt + Σ_j c_j B(y)∇H ∘dW_j, the conformal systems of arXiv 2503.01540 with one H.
+"""Linear damping, dy = (B(y)∇H − γy) dt + Σ_j c_j B(y)∇H ∘dW_j: systems of arXiv 2503.01540 with all H_j equal to H.
 
-In Stratonovich's form the chain rule holds. The terms with B∇H do not change H or a Casimir C. So, along each path,
+In Stratonovich's form the chain rule holds, and the terms with B∇H change neither H nor a Casimir C. Each path has
 
-    dH = −γ yᵀ∇H dt,    dC = −γ yᵀ∇C dt:    a homogeneous F of degree p decays as F(y(t)) = e^{−pγt}F(y(0)).
+    dH = −γ yᵀ∇H dt,    dC = −γ yᵀ∇C dt.
 
-A quadratic Casimir decays as e^{−2γt}, a linear one as e^{−γt} (Euler's theorem on homogeneous functions). If B is
-homogeneous of degree β, H of degree p and κ = β + p − 2, u = e^{γt}y has du = e^{−κγt}f(u)(dt + Σ c_j ∘dW_j):
+If F = H or F = C is homogeneous of degree p, yᵀ∇F = pF, and F decays as e^{−pγt}. If B is homogeneous of degree β, H
+of degree p and κ = β + p − 2, then u = e^{γt}y has du = e^{−κγt}f(u)(dt + Σ c_j ∘dW_j), so that
 
     y(t) = e^{−γt} φ_{θ(t)}(y(0)),    θ(t) = ∫₀ᵗ e^{−κγs}(ds + Σ_j c_j dW_j(s)),
 
@@ -57,7 +57,7 @@ class DampedProblem(Problem):
 
 
 def require_undamped(problem: Problem) -> None:
-    """Raise Skipped for a damped problem: a formula without a term for damping would leave it out."""
+    """Raise Skipped for a damped problem, because a formula without a term for damping would ignore the damping."""
     if damping_of(problem):
         raise Skipped(f"the scheme leaves out the damping of {problem.name}")
 

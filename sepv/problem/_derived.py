@@ -36,7 +36,7 @@ def to_be_derived(y: Array) -> Array:
 
 @dataclass(frozen=True)
 class MeanGradient:
-    """The averaged gradient as a function (y0, y1) -> ∫₀¹∇H(y0 + τ(y1 − y0))dτ, from a record of its closed form."""
+    """The averaged gradient (y0, y1) -> ∫₀¹∇H(y0 + τ(y1 − y0))dτ of H, by a closed form derived from H's operations."""
 
     of_segment: Evaluator
 
@@ -48,7 +48,7 @@ class MeanGradient:
 class Derivatives:
     """The derivatives of H as functions of arrays with the shapes of `sepv.Problem`, and the degree of a polynomial H.
 
-    `mean_gradient` is None for a polynomial, whose degree is enough, and if the average has no closed form.
+    `mean_gradient` is None for a polynomial H, for which `degree` is enough, or if the average has no closed form.
     """
 
     gradient: Evaluator

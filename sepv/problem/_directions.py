@@ -1,4 +1,4 @@
-"""Directions along which a state is moved to keep invariants, for arrays and for symbols."""
+"""Vectors along which a projection moves a state, so that its invariants keep their values; for arrays and symbols."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ DEPENDENT = 2.0**-40
 
 
 class Directions(NamedTuple):
-    """Orthogonal vectors q_k (d, ...) for gradients N_k of invariants, with N_jᵀq_k = 0 for j < k.
+    """Orthogonal vectors q_k (d, ...), one for the gradient N_k of each invariant, with N_jᵀq_k = 0 for j < k.
 
-    `inverse` are the numbers 1/(N_kᵀq_k), (...), or 0 where q_k does not change invariant k. `products` has a list of
-    the numbers q_jᵀN_k, j < k, for each k.
+    `inverse` lists 1/(N_kᵀq_k), (...), with 0 where a move along q_k does not change invariant k. `products` lists,
+    for each k, the numbers q_jᵀN_k with j < k.
     """
 
     q: list[Any]
@@ -35,7 +35,7 @@ class Directions(NamedTuple):
         return w
 
     def correction(self, r: Sequence[Any]) -> Any:
-        """The vector u in the span of the q_k with N_kᵀu = r_k, (d, ...), for states at which no inverse is 0."""
+        """The combination u of the q_k with N_kᵀu = r_k for all k, (d, ...); a q_k whose `inverse` is 0 is left out."""
         weights: list[Any] = []
         for value, products, inverse in zip(r, self.products, self.inverse, strict=True):
             for w, product in zip(weights, products, strict=True):
@@ -44,7 +44,7 @@ class Directions(NamedTuple):
         return sum(q * w for q, w in zip(self.q, weights, strict=True))
 
     def of(self, lanes: Any) -> Directions:
-        """The directions at some of the states of the batch, given by a list of their numbers or a mask."""
+        """The directions at some states of the batch; `lanes` is a list of the indices of these states, or a mask."""
         parts = self.q, self.inverse, *self.products
         q, inverse, *products = ([v[..., lanes] for v in part] for part in parts)
         return Directions(q, inverse, products)
@@ -59,10 +59,10 @@ def directions(gradients: Sequence[Any]) -> Directions:
 
 
 def projections(B: Any, gradient: Any, casimirs: Sequence[Any]) -> Directions:
-    """Make directions for Casimirs with these gradients, (d, ...) each, then one for H, at a state.
+    """Make the directions in which a projection corrects Casimirs, given their gradients `casimirs`, and then H.
 
-    A Casimir is corrected along its gradient, and H along v = BᵀB∇H, which is ∇H for the canonical B. Here ∇Hᵀv =
-    |B∇H|², and v is orthogonal to all gradients of Casimirs. If Ay = 0, also BA = 0, so that v keeps yᵀAy exactly.
+    A Casimir is corrected along its gradient, and H along v = BᵀB∇H, for which ∇Hᵀv = |B∇H|². v is orthogonal to all
+    gradients of Casimirs. Where Ay = 0 for a Casimir yᵀAy, BAy = 0 has the derivative BA = 0: v keeps yᵀAy exactly.
     """
     basis, size = directions(casimirs), dot(B, B).sum(axis=0) * dot(gradient, gradient)
     _append(basis, basis.without(-matvec(B, matvec(B, gradient))), gradient, size)
@@ -70,7 +70,7 @@ def projections(B: Any, gradient: Any, casimirs: Sequence[Any]) -> Directions:
 
 
 def _append(basis: Directions, q: Any, N: Any, size: Any) -> None:
-    """Append the direction q for the gradient N; its inverse is 0 where Nᵀq is only a rounding of `size`."""
+    """Append the direction q for the gradient N; its `inverse` is 1/(Nᵀq), or 0 if Nᵀq is a rounding of `size`."""
     left = dot(q, N)
     new = left > DEPENDENT**2 * size
     basis.products.append([dot(b, N) for b in basis.q])

@@ -28,7 +28,7 @@ FEW = 96
 
 
 def _is_small(A: Array, products: int) -> bool:
-    """True if one NumPy operation should form all `products` with A, which are few and not of symbols."""
+    """True if A has numbers (not symbols), and one NumPy call for all `products` is faster than a loop over columns."""
     return products <= FEW * A.shape[1] and isinstance(A, np.ndarray) and A.dtype != object
 
 
@@ -44,9 +44,9 @@ def summed(terms: Array) -> Array:
 
 
 def matvec(A: Array, v: Array) -> Array:
-    """The product A v for matrices A (n, d, ...) and vectors v (d, ...).
+    """The product A v, a sum over the second axis of A (n, d, ...) and the first axis of v (d, ...).
 
-    For A_ijk = ∂B_ij/∂y_k (d, d, d, ...) the product Σ_j ∂B_ij/∂y_k v_j is the derivative of B(y)v by y for fixed v.
+    For A_ijk = ∂B_ij/∂y_k (d, d, d, ...) the product Σ_j A_ijk v_j is the derivative of B(y)v by y for fixed v.
     """
     if _is_small(A, A.size):
         return summed(A * v.reshape(len(v), *(1,) * (A.ndim - 1 - v.ndim), *v.shape[1:]))
@@ -94,9 +94,9 @@ def invariants(problem: Problem, y: Array) -> Array:
 
 
 def casimir_gradients(quadratic: Sequence[Any], linear: Sequence[Any], ends: Array) -> list[Array]:
-    """The averaged gradients of Casimirs yᵀAy and bᵀy along a segment from y0 to y1, (d, ...) each, for ends = y0 + y1.
+    """The gradients of Casimirs yᵀAy and bᵀy, averaged along the segment from y0 to y1: A·ends and b, ends = y0 + y1.
 
-    With ends = 2y the result is the gradients at y.
+    Each average has the shape (d, ...). With ends = 2y the averages are the gradients at y.
     """
     extra = (1,) * (ends.ndim - 1)
     return [
@@ -130,16 +130,16 @@ def structure_slope(problem: Problem, y: Array, v: Array) -> Array:
 
 
 def hessian(problem: Problem, y: Array) -> Array:
-    """The second derivatives H″(y), (d, d, ...): analytic, else by forward differences of ∇H for Newton's matrix."""
+    """The second derivatives H″(y), (d, d, ...): analytic, else by forward differences, enough for Newton's matrix."""
     if problem.hessian is not None:
         return problem.hessian(y)
     return differences(problem, lambda at, _: problem.gradient(at), y)
 
 
 def differences(problem: Problem, function: OfLanes, y: Array) -> Array:
-    """The derivative of a function at states y (d, ...) of a problem, (n, d, ...), by forward differences.
+    """The derivative by y, (n, d, ...), of a function of a problem's states, by forward differences at y (d, ...).
 
-    The function is called with states (d, M) near states of y, and with the numbers of the latter in the flattened y.
+    `function` gets shifted states (d, M), and M integers: the index, in the flattened batch y, of each unshifted state.
     """
     flat, domain = y.reshape(len(y), -1), problem.domain
     inside = None if domain is None else lambda at, _: domain(at)
@@ -151,8 +151,8 @@ def differences(problem: Problem, function: OfLanes, y: Array) -> Array:
 def forward_differences(R: OfLanes, inside: OfLanes | None, z: Array, base: Array, reach: Array) -> Array:
     """The derivative ∂R/∂z (n, d, M) by forward differences at z (d, M), at which R has the value `base` (n, M).
 
-    If z + width leaves the domain, the difference is backward. The width is proportional to `reach` (M,), the size of
-    z. R and `inside` get states and the numbers of their paths, because one call shifts several components.
+    Where `inside` is False at z + width, the difference is backward. The width is proportional to `reach` (M,), the
+    size of z. One call shifts several components, so R and `inside` also get the number of the path of each shifted z.
     """
     n, M = z.shape
     width = _ROOT * np.maximum(reach, TINY)
@@ -179,11 +179,11 @@ _SCALES = (1.0, 2 / 3, 1 / 3, 0.0)
 def derivative_along(problem: Problem, y: Array, v: Array) -> Array:
     """The derivative of the field f = B∇H in the direction v, f′(y)v, (d, ...): analytic, else by differences.
 
-    The differences are central and of order six along v. Several widths are tried, and each state takes the width with
-    the smallest estimate of the error: the distance of orders four and six, and the rounding of f. Functions that keep
-    the type of their argument are differenced in long double. If long double has 64 bits of mantissa, the error is then
-    below a rounding of f. Other functions are differenced in binary64, with an error of about 1e-13 of the scale of f.
-    That error can show in y1, because the Itô correction and Milstein's term can be larger than f times the step.
+    The differences are central and of order six. Of several widths each state takes the one with the smallest estimated
+    error: the distance to a difference of order four, plus the rounding of f. If f returns long double for a y in long
+    double, it is differenced in long double, and with 64 bits of mantissa the error is below a rounding of f. Any other
+    f is differenced in binary64, with an error of about 1e-13 of the scale of f. That error can show in y1, because the
+    Itô correction and Milstein's term can be larger than f times the step.
     """
     jacobian = field_jacobian(problem, y)
     if jacobian is not None:
@@ -226,7 +226,7 @@ def slope_along(function: Callable[[Array], Any], y: Array, direction: Array, wi
 def linear_solve(A: Array, b: Array) -> Array:
     """The solutions x (d, M) of A x = b for M matrices A (d, d, M) and b (d, M); not finite where A is singular.
 
-    Up to d = 3 Cramer's rule is used, elementwise, several times faster for batches than a LAPACK call for each matrix.
+    For d ≤ 3 Cramer's rule is used elementwise, because it is several times faster than a LAPACK call for each matrix.
     Cramer's rule is not backward stable. Newton's iteration does not need that: it computes each residual afresh.
     """
     if len(b) <= 3:
@@ -256,7 +256,7 @@ def cramer(A: Any, b: Any) -> tuple[list[Any], Any]:
 
 
 class Algebra(NamedTuple):
-    """The operations of Newton's iteration on its matrix K = ∂R/∂z, for one way to store K, such as dense or sparse."""
+    """The linear algebra of Newton's iteration for z = R(z), for one format (dense or sparse) of its K = ∂R/∂z."""
 
     # The function (K, F) -> (1 − K)⁻¹F, (n, M), not finite where 1 − K is singular.
     correction: Callable[[Any, Array], Array]

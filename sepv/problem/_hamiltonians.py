@@ -13,12 +13,12 @@ Additive noise may leave the image of B: dy = B(y)∇H_0 dt + Σ_j c_j g_j dW_j 
 G. Vilmart, Drift-preserving numerical integrators for stochastic Poisson systems, arXiv 2005.13991). No Casimir is kept
 then. Because ∇FᵀB∇H_0 = 0 for F = H_0 and for every Casimir F of B, the generator L of the system reduces to
 
-    LF = ½ Σ_j c_j² g_jᵀF″g_j,
+    LF = ½ Σ_j c_j² g_jᵀF″g_j.
 
 If F is quadratic along the g_j, LF is a constant, and E[F] grows linearly in time (trace formula).
 
-The order of a scheme that uses the increments of the noises alone depends on their brackets (`column`): order ½ in
-general, order 1 if [f_i, f_j] = f_j′f_i − f_i′f_j = 0 for all noises i, j, as for one noise.
+If a scheme uses no random numbers but the increments ΔW_j, its order depends on the brackets of the noises (`column`):
+order ½ in general, order 1 if [f_i, f_j] = f_j′f_i − f_i′f_j = 0 for all noises i, j, as for one noise.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class HamiltoniansProblem(Problem):
     Raises
     ------
     ProblemError
-        As for `Problem`, for each H_j too.
+        As for `Problem`; each H_j is checked like H.
 
     Examples
     --------
@@ -140,9 +140,9 @@ def noise_vectors(problem: Problem) -> Array:
 
 
 def noise_gradients(problem: Problem) -> Sequence[Function]:
-    """The gradients ∇H_1, …, ∇H_m of the noise Hamiltonians; ∇H for each noise of dy = B∇H(dt + Σ c_j∘dW_j).
+    """The gradients ∇H_1, …, ∇H_m of the noise Hamiltonians; for dy = B∇H(dt + Σ c_j∘dW_j) each of them is ∇H.
 
-    Raises Skipped for several structures that do not come from several Hamiltonians, and for noise vectors.
+    Raises Skipped if the noises have no Hamiltonians: they are vectors, or structures that come from no Hamiltonians.
     """
     if len(noise_vectors(problem)):
         raise Skipped(f"the noise of {problem.name} has vectors, and no Hamiltonians")
@@ -157,7 +157,7 @@ def noise_gradients(problem: Problem) -> Sequence[Function]:
 
 
 def combined_field(problem: Problem, y: Array, parts: Array) -> Array:
-    """The sum of drift and noises of a step, h f_0(y) + Σ_j c_j ΔW_j f_j(y), (d, M), for problems of any class.
+    """The field h f_0(y) + Σ_j c_j ΔW_j f_j(y) of a step, (d, M): f_0 is the drift, f_j the fields of any noise.
 
     `parts` (1 + m, M) holds h and the c_j ΔW_j. For a problem with damping, f_0 = B∇H_0 − γy.
     """
@@ -191,7 +191,7 @@ def combined_gradient(problem: Problem, y: Array, parts: Array) -> Array:
 
 
 def combined_hessian(problem: Problem, y: Array, parts: Array) -> Array:
-    """The Hessian (d, d, M) of hH_0 + Σ_j c_j ΔW_j H_j at y, given or by differences; `parts` are h and c_j ΔW_j."""
+    """The Hessian (d, d, M) of hH_0 + Σ_j c_j ΔW_j H_j at y; `parts` (1 + m, M) holds h and the c_j ΔW_j."""
     total = parts[0] * hessian(problem, y)
     for j, part in enumerate(parts[1:]):
         total = total + part * noise_hessian(problem, j, y)
@@ -201,7 +201,7 @@ def combined_hessian(problem: Problem, y: Array, parts: Array) -> Array:
 def noise_hessian(problem: Problem, j: int, y: Array) -> Array:
     """The second derivatives of the Hamiltonian of noise number j = 0, …, m − 1 at y, (d, d, ...).
 
-    The result is as given by the problem, else from differences of the gradient, and 0 for noise given by vectors.
+    The problem's own function computes them, or else differences of the gradient. For noise vectors they are 0.
     """
     if len(noise_vectors(problem)):
         return np.zeros((problem.dimension, *y.shape))
@@ -256,10 +256,10 @@ def ito_drift(problem: Problem, y: Array) -> Array:
 
 
 def column(problem: Problem) -> str:
-    """The kind of a noise, for claims of order: "one" (or equivalent to it), "additive", "commutative", "general".
+    """The kind of a noise, for claims of order: "additive" (constant fields), "one", "commutative" or "general".
 
-    Additive noises have constant fields, and commutative noises have vanishing brackets. Both are tested at the sample
-    states only, so that a function that vanishes at these states and not between them goes undetected.
+    "one" also stands for several noises of one H, dy = B∇H(dt + Σ c_j∘dW_j). "commutative" means that all brackets of
+    noise fields are 0. Derivatives and brackets of fields are tested at sample states only, and may be ≠ 0 elsewhere.
     """
     if not is_several(problem):
         return "one"
@@ -286,10 +286,10 @@ def commutes(problem: Problem) -> bool:
 
 
 def _vanish(problem: Problem, values: Callable[[Array], list[Any]], *, per_field: bool = False) -> bool:
-    """True if the vectors or matrices `values(y)` vanish, to VANISHES, at all sample states y.
+    """True if all vectors or matrices `values(y)` are at most VANISHES times a scale, at every sample state y.
 
-    They are compared with the largest noise field times the largest derivative of one at y. With `per_field` they are
-    compared with the largest noise field divided by the size of y.
+    For the noise fields f_j at y, the scale is about max|f_j| · max|f_j′|; with `per_field` it is max|f_j|, divided by
+    the size of y if that is above 1.
     """
     acting = [int(j) for j in np.flatnonzero(problem.c)]
     for y in sample_states(problem):

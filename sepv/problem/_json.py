@@ -66,8 +66,8 @@ def from_json(data: Any) -> PolynomialSystem | NamedProblem:
 def problem_to_json(data: Description) -> dict[str, Any]:
     """The JSON object of a description: {"name", "parameters"}, polynomial data, or {"given"} for functions.
 
-    Floats are in hex. For a problem made of functions, "given" is its name on the command line, and "noise" its
-    coefficients. If it has no such name, "given" is empty and "object" is the problem's `name`.
+    Floats are in hex. For a problem given by Python functions, "given" is its name on the command line, and "noise"
+    lists its c_j. If the command line has no name for it, "given" is empty, and "object" is the problem's `name`.
     """
     if isinstance(data, GivenProblem):
         record = {"given": data.target, "noise": _row(data.problem.c)}

@@ -2,8 +2,7 @@
 
     q̇ = M⁻¹p,  ṗ = −∇V(q);  with v = M⁻¹p:  q̇ = v,  Mv̇ = −∇V(q)
 
-The suite's random systems have y = (q, p), its older problems y = (p, q). The sign of B shows the order, so that users
-of `Mechanics.split` and `join` need not know it.
+`Mechanics.split` and `join` work for y = (q, p) and for y = (p, q): the sign of B shows the order.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from sepv.record import EPS
 
 @dataclass(frozen=True, eq=False)
 class Mechanics:
-    """The parts of a mechanical system of n degrees of freedom; states are (2n,) or (2n, M), q, p and v (n,) or (n, M).
+    """The parts of a mechanical system of n degrees of freedom, for states (2n,) or (2n, M) and q, p, v (n,) or (n, M).
 
     Attributes
     ----------
@@ -91,7 +90,7 @@ def _product(A: Array, v: Array) -> Array:
 
 @lru_cache(maxsize=1024)
 def mechanics(problem: Problem) -> Mechanics:
-    """The parts M, V and their derivatives of a mechanical problem, in one record for each problem.
+    """The mass matrix M, the potential V and its derivatives of a mechanical problem, computed once for each problem.
 
     Noises c_j do not matter here: they act through the step Δ = h + Σ c_jΔW_j (`Problem.random_step`).
 

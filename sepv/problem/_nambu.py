@@ -17,7 +17,7 @@ from sepv.problem._derived import Array, Function, derivatives, to_be_derived
 
 @dataclass(frozen=True)
 class Nambu:
-    """The Casimir C and the factor g of a problem in dimension three.
+    """The Casimir C and the factor g of a problem in dimension three, whose B is B(y)v = g(y)(v × ∇C(y)).
 
     Attributes
     ----------

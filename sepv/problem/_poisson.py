@@ -37,7 +37,7 @@ BLIND_WIDTH = 2.0**-9
 
 
 def shifted(y: Array, widths: Array) -> Array:
-    """The states at which `derivative` needs the step Φ: y and y ± k w_j e_j, k ≤ POINTS, (d, 1 + 2·POINTS·d)."""
+    """The states (d, 1 + 2·POINTS·d) at which `derivative` needs Φ: y, and y ± k w_j e_j, k ≤ POINTS, w = `widths`."""
     states = [y]
     for j in range(y.size):
         for k in range(1, POINTS + 1):
@@ -49,7 +49,7 @@ def shifted(y: Array, widths: Array) -> Array:
 
 
 def derivative(answers: Array, widths: Array) -> tuple[Array, Array]:
-    """The derivative ∂Φ/∂y (n, d) by differences of order six, and its distance from that by differences of order four.
+    """The derivative ∂Φ/∂y (n, d) by differences of order six, and how far differences of order four are from it.
 
     `answers` (n, …) are the values of Φ at the states that `shifted` returns.
     """
@@ -73,7 +73,7 @@ def derivative_of_structure(problem: Problem, y: Array) -> Array:
 def scales(problem: Problem, y: Array) -> Array:
     """The lengths (d,) over which B and H change at y, for the widths of differences.
 
-    They are |y_j| if the problem has a domain, which a larger width might leave, else the largest |y_j|.
+    They are |y_j| if the problem has a domain, because a larger width might leave the domain; else all are max |y_j|.
     """
     largest = max(float(np.max(np.abs(y))), 2.0**-40)
     if problem.domain is None:

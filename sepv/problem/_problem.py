@@ -1,7 +1,7 @@
 """The problem record: dy = B(y)∇H(y)(dt + Σ_j c_j ∘dW_j), equation (1.1) with m noises (§1).
 
 The first axis of every array is that of components: a state is an array `(d,)`, a batch of M states `(d, M)`, and B(y)
-is `(d, d)` or `(d, d, M)`. A function of indexing and NumPy's elementwise functions takes both a state and a batch.
+is `(d, d)` or `(d, d, M)`. A function that consists of indexing and NumPy's elementwise functions takes both.
 """
 
 from __future__ import annotations
@@ -270,7 +270,7 @@ class Problem:
 
 
 def require_one_for_each_noise(problem: Problem, key: str, each: str) -> None:
-    """Raise a ProblemError unless the attribute `key` has one entry (named `each`) for each coefficient in noise."""
+    """Raise a ProblemError unless the attribute `key` has an entry for each c_j; the message calls an entry `each`."""
     count = len(getattr(problem, key))
     if count != problem.noises:
         raise ProblemError(
@@ -381,7 +381,7 @@ def constant(key: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
 
 @dataclass(frozen=True)
 class GivenProblem:
-    """A user's problem, made of functions instead of data; `target` is its name on the command line, if it has one."""
+    """A user's problem, given by Python functions; `target` is the text that names it on the command line, if any."""
 
     problem: Problem
     target: str = ""

@@ -1,23 +1,24 @@
-"""Several structures (paper §1): dy = B(y)∇H dt + Σ_j c_j G_j(y)∇H ∘dW_j with every G_j skew; and several Hamiltonians.
+"""Systems with a skew structure for each noise, dy = B(y)∇H dt + Σ_j c_j G_j(y)∇H ∘dW_j (§1 of the paper on (2.1)).
 
-The flow keeps H and every Casimir common to B and all G_j. With the increments of a step held fixed the system is
-dy = A(y)∇H dt over a time 1, with the structure A = h B + Σ_j c_j ΔW_j G_j.
+The flow keeps H and every Casimir common to B and all G_j. A scheme holds the increments of a step fixed, and solves
+dy = A(y)∇H dt over the time 1 with the structure A = h B + Σ_j c_j ΔW_j G_j.
 
-A system dy = B∇H_0 dt + Σ_j c_j B∇H_j ∘dW_j with {H_0, H_j} = 0 has this form, because B∇H_j = S_j∇H_0 for
-S_j = (v wᵀ − w vᵀ)/|w|² with v = B∇H_j, w = ∇H_0 and vᵀw = {H_0, H_j} = 0. If w is only the part of ∇H_0 orthogonal to
-the gradients of the Casimirs C of B, S_j∇H_0 is the same and S_j∇C = 0: C is then a Casimir of B and of all S_j.
+A system with several Hamiltonians, dy = B∇H_0 dt + Σ_j c_j B∇H_j ∘dW_j, has this form if all {H_0, H_j} = 0, because
+B∇H_j = S_j∇H_0 for S_j = (v wᵀ − w vᵀ)/|w|² with v = B∇H_j, w = ∇H_0 and vᵀw = {H_0, H_j} = 0. If w is only the part of
+∇H_0 orthogonal to the gradients of the Casimirs C of B, S_j∇H_0 is still v, and S_j∇C = 0: C is a Casimir of S_j too.
 
-**Critical points of H_0.** At a state with w = 0 and v ≠ 0 no such S_j exists. The flows of the H_j keep the set
-{w = 0}, so that an exact solution moves inside this set. A scheme that multiplies S_j by an average of ∇H_0 cannot
-follow it: a step uses S_j(ȳ)m with an average m = w(ȳ) + e, and for vᵀw = 0
+**Critical points of H_0.** At a state with w = 0 and v ≠ 0 no such S_j exists. The exact flows of the H_j keep the set
+{w = 0}, and move a solution inside this set. A scheme that multiplies S_j by an average m of ∇H_0 cannot follow that
+motion. If v, w and S_j are taken at the midpoint ȳ of the step, m = w + e and vᵀw = 0 give
 
     S_j m − v = (v (wᵀe) − w (vᵀe))/|w|²,      |S_j m − v| ≤ |v| |e|/|w|.
 
-For smooth H_0, |e| ≤ |H_0‴| |y1 − y0|²/24; for quadratic H_0, |e| is a rounding of ∇H_0. S_j m approximates B∇H_j if
-|w| is larger than |e|. Near a curved set of critical points both have the same size, however small the step. An example
-in polar coordinates is H_0 = ½(I − 1)², H_1 = I: along the chord, m is (I_0 − 1 − |y1 − y0|²/12)ȳ and w is (I_0 − 1 −
-|y1 − y0|²/8)ȳ, so that with I_0 = 1 the step turns by two thirds of its angle for every h. So each solved step measures
-the distance |S_j m − v| (`CommutingStructure.missed`) and is refused if the distance is a quarter of |v| or more.
+For smooth H_0, |e| ≤ |H_0‴| |y1 − y0|²/24; for quadratic H_0, |e| is a rounding of ∇H_0. S_j m approximates v = B∇H_j
+only if |e| is far below |w|. Near a curved set of critical points |e| and |w| have the same size, however small the
+step. An example in the plane is H_0 = ½(I − 1)², H_1 = I with I = ½|y|²: for y0 and y1 with the same I = I_0,
+m = (I_0 − 1 − |y1 − y0|²/12)ȳ and w = (I_0 − 1 − |y1 − y0|²/8)ȳ. With I_0 = 1, m = ⅔w, so that a step turns by two
+thirds of the exact angle for every h. Therefore each solved step measures |S_j m − v| (`CommutingStructure.missed`),
+and fails if the distance is a quarter of |v| or more.
 """
 
 from __future__ import annotations
@@ -67,7 +68,7 @@ class StructuresProblem(Problem):
     Raises
     ------
     ProblemError
-        As for `Problem`, for each G_j too.
+        As for `Problem`; each G_j is checked like B.
     """
 
     noise_structures: tuple[Function, ...] = ()
@@ -108,7 +109,7 @@ def each_noise(problem: Problem, h: float, noise: Array) -> Array:
 
 
 def combined(problem: Problem, y: Array, parts: Array) -> Array:
-    """The structure of a step, h B(y) + Σ_j c_j ΔW_j G_j(y), (d, d, M); `parts` (1 + m, M) are h and the c_j ΔW_j."""
+    """The structure h B(y) + Σ_j c_j ΔW_j G_j(y) of a step, (d, d, M); `parts` (1 + m, M) holds h and the c_j ΔW_j."""
     require_undamped(problem)
     total = parts[0] * problem.structure(y)
     for part, G in zip(parts[1:], noise_structures(problem), strict=True):
@@ -118,9 +119,9 @@ def combined(problem: Problem, y: Array, parts: Array) -> Array:
 
 
 def undefined(problem: Problem, y0: Array, y1: Array, mean: Array, parts: Array) -> np.ndarray:
-    """True for each path whose step from y0 to y1 has a noise with S_j∇̄H_0 far from B∇H_j, (M,).
+    """True for each path, (M,), whose step from y0 to y1 has |S_j∇̄H_0 − B∇H_j| > MISSED |B∇H_j| for some noise j.
 
-    "Far" is more than MISSED times |B∇H_j|. `mean` (d, M) is ∇̄H_0, and `parts` (1 + m, M) are h and the c_j ΔW_j.
+    `mean` (d, M) is the averaged gradient ∇̄H_0, and `parts` (1 + m, M) holds h and the c_j ΔW_j.
     """
     outside = np.zeros(y0.shape[1], dtype=bool)
     size = np.maximum(np.abs(y0), np.abs(y1)).max(axis=0)
@@ -167,10 +168,10 @@ def noise_structures(problem: Problem) -> Sequence[Function]:
 
 @dataclass(frozen=True)
 class CommutingStructure:
-    """The structure S_j(y) = (v wᵀ − w vᵀ)/|w|², with S_j∇H_0 = B∇H_j, of a Hamiltonian H_j that commutes with H_0.
+    """The structure S_j(y) = (v wᵀ − w vᵀ)/|w|² with S_j∇H_0 = B∇H_j, for a Hamiltonian H_j that commutes with H_0.
 
-    Here v = B∇H_j, and w is the part of ∇H_0 orthogonal to the Casimirs' gradients. S_j is NaN where w is zero to
-    rounding and v is not. S_j is zero where both v and w are zero to rounding, at a rest point of all flows.
+    Here v = B∇H_j, and w is the part of ∇H_0 orthogonal to the Casimirs' gradients. Where w is zero to rounding, S_j is
+    NaN if v is not zero, and 0 if v is zero to rounding too, because such a state does not move.
     """
 
     structure: Function
@@ -199,7 +200,7 @@ class CommutingStructure:
         return matvec(self.structure(y), self.noise_gradient(y))
 
     def missed(self, y: Array, mean: Array) -> tuple[Array, Array, Array]:
-        """The error |S_j(y) mean − v(y)| for v = B∇H_j, |v(y)| and the rounding of v, as largest components, (M,)."""
+        """The error |S_j(y) mean − v|, |v| and the rounding of v = B∇H_j at y, in the maximum norm, (M,) each."""
         v = self.field(y)
         apart = np.abs(matvec(self(y), mean) - v).max(axis=0)
         return apart, np.abs(v).max(axis=0), ROUNDING_OF_V * self._terms(y).max(axis=0)
@@ -209,12 +210,12 @@ class CommutingStructure:
         return matvec(majorant(self.structure, y), majorant(self.noise_gradient, y))
 
     def tangent(self, y: Array, w: Array) -> Array:
-        """The part of a vector w (d, ...) orthogonal to the gradients of the Casimirs at y."""
+        """The part of w (d, ...) that is orthogonal to the gradients of all Casimirs at y."""
         tangent: Array = directions(casimir_gradients(self.casimirs, self.linear_casimirs, 2 * y)).without(w)
         return tangent
 
     def majorant(self, y: Array) -> Array:
-        """The scale of rounding errors of S_j, (d, d): 2 M_v M_w/|w|², with M_v, M_w the sums of |terms| of v and w."""
+        """The scale 2 M_v M_w/|w|² of rounding errors of S_j, (d, d); M_v and M_w sum the |terms| of v and ∇H_0."""
         B, g, G = (majorant(f, y) for f in (self.structure, self.gradient, self.noise_gradient))
         w = self.tangent(y, self.gradient(y))
         square, v = dot(w, w), matvec(B, G)

@@ -1,4 +1,4 @@
-"""Problems: the paper's four by name, and every polynomial problem as data."""
+"""The library of problems: those of Cohen and Dujardin's paper and others by name, and polynomial problems as data."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ HAMILTONIANS = _listed(
 
 @lru_cache(maxsize=64)
 def by_name(name: str) -> Problem:
-    """The built-in problem of a name with its default parameters; in names an underscore counts as a hyphen."""
+    """The built-in problem called `name`, with its default parameters; an underscore in `name` counts as a hyphen."""
     factories = PAPER | EXTENSIONS | SEVERAL | HAMILTONIANS
     factory = factories.get(str(name).replace("_", "-"))
     if factory is None:
@@ -88,7 +88,7 @@ def by_name(name: str) -> Problem:
 
 
 def build(data: Description) -> Problem:
-    """The problem that a description describes: its name and parameters, polynomial data, or functions."""
+    """The problem that `data` describe, by a built-in name and parameters, by polynomials, or by a user's functions."""
     if isinstance(data, GivenProblem):
         return data.problem
     if isinstance(data, PolynomialSystem):

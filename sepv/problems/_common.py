@@ -48,9 +48,9 @@ def planes(dimension: int) -> Structure:
 
 
 def hat(factor: poly.Polynomial | None = None, spins: int = 1) -> Structure:
-    """The structure B(y)v = y × v in each block of three components, times a factor, as polynomial data.
+    """The structure B(y)v = g(y) (y × v) in each of `spins` blocks of three components, as polynomials; g is `factor`.
 
-    The squared length |y|² of each block is a Casimir.
+    Without `factor`, g = 1. In each block, y and v stand for its three components, and |y|² is a Casimir.
     """
     d = 3 * spins
     entries = [(n + i, n + j, n + k, s) for n in range(0, d, 3) for i, j, k, s in HAT]

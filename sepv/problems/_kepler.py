@@ -15,8 +15,8 @@ def kepler(eccentricity: float = 0.6, noise: ArrayLike = 1.0) -> Problem:
     """The planar Kepler problem, y = (p1, p2, q1, q2), from the pericentre of an orbit with semi-major axis 1; |q| > 0.
 
     The averaged gradient ∫₀¹ q/|q|³ dτ is, up to its sign, the field at the origin of a uniformly charged segment from
-    q0 to q1. It is 2u/(|q0||q1||u|²) with the bisector u = q0/|q0| + q1/|q1|, and no digits cancel as q1 → q0. Near the
-    origin it grows like 1/|u|, and is the sum of a part along the segment, which does all the work, and one across it.
+    q0 to q1. It is 2u/(|q0||q1||u|²) with u = q0/|q0| + q1/|q1|, and no digits cancel as q1 → q0. For a segment near
+    the origin it grows like 1/|u|; only its part along the segment enters the change of H, not the part across.
     """
     if not is_number(eccentricity) or not 0 <= eccentricity < 1:
         raise ProblemError(

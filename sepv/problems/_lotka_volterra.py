@@ -1,4 +1,4 @@
-"""Lotka-Volterra systems in three species, with one noise as in §4.4 of the paper, and with independent noises."""
+"""Lotka-Volterra systems in three species, with one noise (§4.4 of Cohen and Dujardin's paper) or independent ones."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def lotka_volterra(
     mu: float = 2.0,
     noise: ArrayLike = 0.5,
 ) -> Problem:
-    """The stochastic Lotka-Volterra system in three species, §4.4.
+    """The stochastic Lotka-Volterra system in three species, from §4.4 of Cohen and Dujardin's paper.
 
     B_12 = d y1y2, B_13 = bd y1y3, B_23 = −y2y3; H = ab y1 + y2 − a y3 + ν ln y2 − μ ln y3, in the octant y > 0.
     The initial state is (1, 1.9, 0.5). The Casimir ln y1 + bd ln y2 − d ln y3 is not quadratic, so that the paper's
@@ -66,12 +66,12 @@ def lotka_volterra(
 def random_lotka_volterra(
     beta: ArrayLike = (0.5, -0.5, 0.25), noise: ArrayLike = (0.125, 0.0625, 0.125), **parameters: float
 ) -> Problem:
-    """Lotka-Volterra in three species with independent noises: B and H_0 of §4.4, H_j = y_j + β_j ln y_j.
+    """Lotka-Volterra in three species with independent noises: B and H_0 of `lotka_volterra`, H_j = y_j + β_j ln y_j.
 
-    The initial state is (1, 1.9, 0.5), and noise j belongs to species j. dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j) keeps
-    all components positive, and the Casimir of B: a stochastic Poisson system as in Q. Liu and L. Wang, Structure-
-    preserving numerical method for a class of stochastic Poisson systems (J. Univ. Chin. Acad. Sci. 41, 2024). The
-    exact flow of each H_j consists of exponentials.
+    The initial state is (1, 1.9, 0.5), and noise j belongs to species j. The flow of dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j
+    ∘dW_j) keeps the Casimir of B, and all components stay positive. Q. Liu and L. Wang, Structure-preserving numerical
+    method for a class of stochastic Poisson systems (J. Univ. Chin. Acad. Sci. 41, 2024), treat such systems. The exact
+    flow of each H_j consists of exponentials.
 
     Parameters
     ----------

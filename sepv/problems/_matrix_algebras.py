@@ -27,7 +27,7 @@ from sepv.record import EPS, Polynomial, poly
 class MatrixAlgebra(NamedTuple):
     """A Lie algebra of n × n matrices, or the product of several `copies` of it.
 
-    `basis` and `dual` are the basis E_a of one copy and its dual basis E*_a for −½ tr AB, (d, n, n).
+    `basis` holds the basis E_a of one copy, `dual` its dual basis E*_a with −½ tr E*_aE_b = δ_ab, (d, n, n) each.
     """
 
     name: str
@@ -44,7 +44,7 @@ class MatrixAlgebra(NamedTuple):
         return _combined(self._lanes(m), self.dual)
 
     def coordinates(self, W: Any) -> Array:
-        """The states y (copies·d, M) of matrices W (M·copies, n, n), without a part of W outside the algebra."""
+        """The states y (copies·d, M) of matrices W (M·copies, n, n); a part of W outside the algebra is dropped."""
         d = len(self.dual)
         traces = _combined(W.reshape(len(W), -1), self.dual.swapaxes(1, 2).reshape(d, -1).T)
         return np.ascontiguousarray(-0.5 * traces.real.reshape(-1, self.copies * d).T)
@@ -112,7 +112,7 @@ def constants(name: str) -> Array:
 
 
 def named(name: str) -> MatrixAlgebra:
-    """The algebra of a name such as so(4), su(3) or 2 so(3)."""
+    """The algebra called `name`, such as so(4), su(3), or 2 so(3), the product of two copies of so(3)."""
     count, _, rest = name.rpartition(" ")
     kind, n = rest[:2], int(rest[3:-1])
     if n == 3 and kind == "so":
@@ -128,7 +128,7 @@ def candidates(d: int) -> list[str]:
 
 
 def algebra_of(problem: Problem, y: Array) -> MatrixAlgebra:
-    """The algebra of matrices whose B the problem has at the states y (d, M). Raises Skipped if there is none."""
+    """The algebra of matrices whose B is the problem's B at the states y (d, M). Raises Skipped if there is none."""
     B = problem.structure(y)
     for name in candidates(len(y)):
         c = constants(name)

@@ -1,14 +1,14 @@
 """Systems on so(4)*, su(3)* and su(N)*, W′ = [W, M] for matrices W, with Casimirs tr Wᵏ.
 
-Coordinates and Casimirs are those of `sepv.problems._matrix_algebras`; B is data with whole numbers.
+`sepv.problems._matrix_algebras` defines the coordinates and the Casimirs. The coefficients of B are whole numbers.
 
 - Manakov's top on so(4)*: H_0 = ½ Σ_{j<k} y_jk²/(I_j + I_k), the free rigid body in dimension four. Its Casimirs are
   quadratic: ½|W|² and the Pfaffian.
-- A top on su(3)*, H_0 = ½ Σ w_a y_a². C_2 is quadratic, C_3 = tr P³ is not.
-- Euler's equations on the sphere after V. Zeitlin (Physica D 49, 1991; Phys. Rev. Lett. 93, 2004): the vorticity is
-  W = iP in su(N), the stream function Δ_N⁻¹P, H_0 = ½⟨W, Δ_N⁻¹W⟩ with the Laplacian of J. Hoppe and S.-T. Yau,
-  Δ_N P = Σ_a [S_a, [S_a, P]], S the spin matrices of size N: Δ_N has the eigenvalues l(l + 1), l = 1, …, N − 1, of the
-  sphere. The N − 1 Casimirs tr Pᵏ approximate the integrals of the powers of the vorticity.
+- A top on su(3)*, H_0 = ½ Σ w_a y_a², for W = iP with the Casimirs C_2 = −½ tr W², quadratic, and C_3 = tr P³, cubic.
+- Euler's equations on the sphere after V. Zeitlin (Physica D 49, 1991; Phys. Rev. Lett. 93, 2004). The vorticity is a
+  matrix P with W = iP in su(N), the stream function is Δ_N⁻¹P, and H_0 = ½⟨W, Δ_N⁻¹W⟩. The Laplacian of J. Hoppe and
+  S.-T. Yau, Δ_N P = Σ_a [S_a, [S_a, P]] with the spin matrices S_1, S_2, S_3 of size N, has the sphere's eigenvalues
+  l(l + 1), l = 1, …, N − 1. The N − 1 Casimirs tr Pᵏ approximate integrals of powers of the vorticity.
 
 The noises have linear Hamiltonians, which describe transport by a fixed velocity and do not commute with H_0. S.
 Ephrati, E. Jansson, A. Lang and E. Luesink (arXiv 2408.16701) treat the rigid body, its generalisation, and Euler's
@@ -31,7 +31,7 @@ from sepv.record import Polynomial, poly
 def matrix_system(
     name: str, hamiltonian: Polynomial, noise: Sequence[float], others: Sequence[Polynomial]
 ) -> PolynomialSystem:
-    """The system of an algebra ("so(4)", "su(3)") with H_0, H_1, …, H_m, and all its Casimirs."""
+    """The system with B and all Casimirs of an algebra ("so(4)", "su(3)"), H_0 = `hamiltonian` and H_j in `others`."""
     quadratic, further = algebras.casimirs(name)
     B, c, H = algebras.structure(name), tuple(noise), tuple(others)
     return PolynomialSystem(
@@ -42,7 +42,7 @@ def matrix_system(
 def manakov_top(
     inertia: Sequence[float] = (1.0, 1.5, 2.5, 4.0), noise: Sequence[float] = (0.5, 0.25)
 ) -> Problem:
-    """The free rigid body in dimension four, with two noises of linear Hamiltonians, H_1 = y_12 + y_24 and H_2 = y_23.
+    """The free rigid body in dimension four with two noises, whose Hamiltonians are H_1 = y_12 + y_24 and H_2 = y_23.
 
     The initial state is y_12, …, y_34 = 0.6, −0.3, 0.2, 0.5, −0.4, 0.3.
     """
@@ -55,7 +55,7 @@ def su3_top(
     weights: Sequence[float] = (1.0, 0.5, 0.75, 0.25, 1.25, 0.5, 1.0, 0.75),
     noise: Sequence[float] = (0.25, 0.25),
 ) -> Problem:
-    """A top on su(3)*, with two noises of linear Hamiltonians, H_1 = P_11 and H_2 = Re P_12 + Im P_23.
+    """A top on su(3)* with two noises, whose Hamiltonians are H_1 = P_11 and H_2 = Re P_12 + Im P_23, for matrices iP.
 
     The initial state has P_11, P_22 = 0.5, −0.2 and P_12, P_13, P_23 = 0.3 + 0.1i, −0.4 + 0.25i, 0.2 − 0.3i.
     """
@@ -83,7 +83,7 @@ def zeitlin(size: float = 4, noise: Sequence[float] = (0.25, 0.25)) -> Problem:
 
 
 def _inverse_laplacian(n: int) -> Array:
-    """The matrix A (d, d) of Zeitlin's Hamiltonian on su(N), N = n: ½⟨W, Δ_N⁻¹W⟩ = ½yᵀAy.
+    """The matrix A (d, d) with ½yᵀAy = ½⟨W, Δ_N⁻¹W⟩, Zeitlin's Hamiltonian of the matrix W in su(N), for N = n.
 
     Entries are rounded to multiples of 2⁻⁴⁰, so that they are the same numbers on every machine.
     """

@@ -1,4 +1,4 @@
-"""Mechanical systems by name, H = ½ pᵀM⁻¹p + V(q) with y = (q, p), positions first, and B = J."""
+"""Built-in mechanical systems, H = ½ pᵀM⁻¹p + V(q) with y = (q, p), positions first, and B = J."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ def planets(
 
     The gravitational constant times the star's mass is 1, so that a light planet of axis 1 has the period 2π. Planet k
     starts at its pericentre, in the direction of 2k radians. The unit of mass is a planet's mass, so that momenta are
-    of the order of positions. The star's mass is not far larger, so that neither are the roundings of its velocity.
+    of the order of positions. The star's mass is not far larger, which keeps the roundings of its velocity small.
     """
     m, a, e = (np.atleast_1d(np.asarray(part, dtype=np.float64)) for part in (masses, axes, eccentricities))
     shapes = 2 <= m.size <= MOST_BODIES and m.ndim == 1 and a.shape == e.shape == (m.size - 1,)

@@ -27,9 +27,9 @@ def noisy_henon_heiles(coupling: float = 0.5, noise: Sequence[float] = (0.5, 0.2
 def pushed_henon_heiles(coupling: float = 0.5, noise: Sequence[float] = (0.5, 0.5)) -> Problem:
     """The system of Hénon and Heiles with additive noise in momenta and positions.
 
-    The noise Hamiltonians are H_1 = p_1 − ½q_1 and H_2 = ½p_2 − q_2. With noise in the momenta alone, f″(g, g) vanishes
-    for the drift f and a noise field g. In this problem it does not vanish, so that errors of methods show that are
-    otherwise hidden, such as the error of the explicit midpoint rule's weak order 2.
+    The noise Hamiltonians are H_1 = p_1 − ½q_1 and H_2 = ½p_2 − q_2. With noise in the momenta alone, f″(g, g) = 0 for
+    the drift f and every noise field g, and the explicit midpoint rule would seem to have the weak order 2. Here
+    f″(g, g) ≠ 0, so that such errors of methods show.
     """
     others = [poly.linear((1, 0, -0.5, 0)), poly.linear((0, 0.5, 0, -1))]
     return _oscillators(coupling, noise, others, "pushed-henon-heiles")

@@ -1,4 +1,4 @@
-"""The paper's problems of one degree of freedom, oscillator and pendulum, with a Hamiltonian of two parts."""
+"""The oscillator and the pendulum of Cohen and Dujardin's paper, with H given as a sum of two parts."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ _PENDULUM = (lambda y: 0.5 * y[0] * y[0], lambda y: -np.cos(y[1]))
 
 
 def harmonic_oscillator(noise: ArrayLike = 1.0) -> Problem:
-    """The stochastic harmonic oscillator, §4.1.
+    """The stochastic harmonic oscillator, from §4.1 of Cohen and Dujardin's paper.
 
     dp = −x(dt + c∘dW), dx = p(dt + c∘dW), with y = (p, x), H = (p² + x²)/2 and the initial state (0.2, 0.1). The
-    default noise c = 1 is that of the paper's Figure 4.1.
+    paper's Figure 4.1 has the default noise c = 1.
     """
     return _of_parts("harmonic-oscillator", noise, _OSCILLATOR, (0.2, 0.1))
 
 
 def pendulum(noise: ArrayLike = (1.0, 0.5)) -> Problem:
-    """The stochastic mathematical pendulum with two noises, §4.3.
+    """The stochastic mathematical pendulum with two noises, from §4.3 of Cohen and Dujardin's paper.
 
     dp = −sin q (dt + Σ c_j∘dW_j), dq = p (dt + Σ c_j∘dW_j), with y = (p, q), H = p²/2 − cos q and the initial state
-    (0.2, 1). The default noise c = (1, 0.5) is that of the paper's Figure 4.4.
+    (0.2, 1). The paper's Figure 4.4 has the default noise c = (1, 0.5).
     """
     return _of_parts("pendulum", noise, _PENDULUM, (0.2, 1.0))
 

@@ -1,4 +1,4 @@
-"""Problems with polynomial H and B, made from the coefficients, with analytic derivatives."""
+"""Problems with polynomial H and B, made from coefficients, with analytic derivatives."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ MAX_DIMENSION = 64
 
 @lru_cache(maxsize=512)
 def polynomial_problem(data: PolynomialSystem) -> Problem:
-    """The problem of polynomial data, with analytic derivatives and the degree of H, which makes averages exact.
+    """The problem of polynomial data, with analytic derivatives, and exact averages of ∇H by the degree of H.
 
     Raises
     ------
@@ -80,7 +80,7 @@ def polynomial_problem(data: PolynomialSystem) -> Problem:
 
 
 def started(data: PolynomialSystem, name: str, initial: Sequence[float], **more: Any) -> Any:
-    """The problem of polynomial data with a name, an initial state, and further attributes of its class, `more`."""
+    """The problem of polynomial data with this name and initial state; `more` are other attributes of its class."""
     return replace(polynomial_problem(data), name=name, initial=tuple(initial), check=False, **more)
 
 
@@ -107,9 +107,9 @@ def _structure_maps(d: int, structure: Structure) -> tuple[PolynomialMap, Polyno
 
 
 def _with_more_noise(drift: Problem, data: PolynomialSystem) -> Problem:
-    """The problem with the drift of `drift` and a structure, a Hamiltonian or a vector for each noise, from `data`.
+    """The problem `drift` with the noises of `data`, which has a structure, a Hamiltonian or a vector for each c_j.
 
-    If the brackets {H, H_j} of all noise Hamiltonians vanish, the flow keeps H, and a `StructuresProblem` is made.
+    If {H, H_j} = 0 for all noise Hamiltonians, the flow keeps H, and the result is a `StructuresProblem`.
     """
     d = data.dimension
     counts = [len(data.noise_structures), len(data.noise_hamiltonians), len(data.noise_vectors)]
@@ -149,12 +149,12 @@ def _with_more_noise(drift: Problem, data: PolynomialSystem) -> Problem:
 
 
 def _shared(drift: Problem) -> dict[str, Any]:
-    """The attributes of a problem `drift`, as arguments for a problem of a wider class with more noises."""
+    """The attributes of `drift`, as keyword arguments for a subclass of `Problem` whose noises have their own parts."""
     return {f.name: getattr(drift, f.name) for f in fields(Problem) if f.init}
 
 
 def bracket(data: PolynomialSystem, F: Polynomial, G: Polynomial) -> tuple[Polynomial, list[Polynomial]]:
-    """The Poisson bracket {F, G} = ∇FᵀB∇G of two polynomials, and the list of products that it is the sum of."""
+    """The Poisson bracket {F, G} = ∇FᵀB∇G of two polynomials, and a list of the products whose sum it is."""
     left, right = poly.gradient(F), poly.gradient(G)
     terms = []
     for i, j, entry in data.structure:
@@ -164,7 +164,7 @@ def bracket(data: PolynomialSystem, F: Polynomial, G: Polynomial) -> tuple[Polyn
 
 
 def vanishes(bracket: tuple[Polynomial, list[Polynomial]]) -> bool:
-    """True if a `bracket` is zero: its coefficients have the size of roundings of the coefficients of its products."""
+    """True if a sum of polynomials, given with its summands, is zero to rounding: `bracket` is (sum, summands)."""
     total, terms = bracket
     size = max((abs(c) for p in terms for _, c in p.terms), default=0.0)
     return all(abs(c) <= 64 * EPS * size for _, c in total.terms)
@@ -229,9 +229,9 @@ def _check_casimirs(
     d: int, structure: Structure, casimirs: tuple[Matrix, ...], linear_casimirs: Matrix,
     polynomial_casimirs: tuple[Polynomial, ...],
 ) -> None:  # fmt: skip
-    """Raise a ProblemError unless all coefficients of ∇CᵀB vanish for each Casimir C, to the rounding of their sums.
+    """Raise a ProblemError unless ∇CᵀB = 0 for each Casimir C: all its coefficients must be zero to rounding.
 
-    The result depends on B and the Casimirs alone, and is cached, so that systems that differ only in H share it.
+    The result depends on B and the Casimirs alone. It is cached, so that systems that differ only in H share it.
     """
     zero = poly.polynomial(d, {})
     # The gradient ∇C up to a factor: Ay for yᵀAy, b for bᵀy.

@@ -1,4 +1,4 @@
-"""The stochastic rigid body, a Lie-Poisson system on so(3)*, §4.2."""
+"""The stochastic rigid body, a Lie-Poisson system on so(3)* (§4.2 of Cohen and Dujardin's paper)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from sepv.problems._common import HAT, flows, named, skew, total
 def rigid_body(inertia: ArrayLike = (0.345, 0.653, 1.0), noise: ArrayLike = 1.0) -> Problem:
     """The rigid body: B(y)v = y × v, H = ½ Σ y_i²/I_i, Casimir |y|², with the initial state (0.8, 0.6, 0).
 
-    The default moments of inertia I = (0.345, 0.653, 1) and the noise c = 1 are those of §4.2 of the paper.
+    The default I = (0.345, 0.653, 1) and the noise c = 1 are those of §4.2 of Cohen and Dujardin's paper.
     """
     moments = floats("inertia", inertia).copy()
     if moments.shape != (3,) or not np.all(np.isfinite(moments)) or np.any(moments <= 0):

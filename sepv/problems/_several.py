@@ -1,4 +1,4 @@
-"""Examples with several structures and several Hamiltonians, with closed forms if the flows commute."""
+"""Examples with a structure or a Hamiltonian for each noise, and with the exact solution if all flows commute."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def commuting_actions(
 ) -> PolynomialSystem:
     """A system of n planes with Hamiltonians H(I_1, …, I_n) and H_j(I_1, …, I_n), all of which commute.
 
-    The flow turns plane k by the angle ∂H/∂I_k T + Σ_j c_j ∂H_j/∂I_k W_j(T).
+    I_k is half the squared radius in plane k, which the flow turns by the angle ∂H/∂I_k T + Σ_j c_j ∂H_j/∂I_k W_j(T).
     """
     d, c = 2 * hamiltonian.dimension, noise or (1.0,) * len(others)
     posed = tuple(in_actions(H) for H in others)
@@ -76,7 +76,7 @@ def commuting_actions(
 def closed_form(
     hamiltonian: Polynomial, noise: Sequence[float], rates: Sequence[Sequence[Polynomial]]
 ) -> ClosedForm:
-    """The exact solution as a function (y0, T, W): plane k turns by ∂H/∂I_k T + Σ_j c_j rate_jk W_j(T).
+    """The exact solution (y0, T, W) -> y(T): plane k turns by the angle ∂H/∂I_k T + Σ_j c_j rates[j][k] W_j(T).
 
     All rates are taken at the actions of y0, which do not change along the solution.
     """
@@ -99,7 +99,7 @@ def closed_form(
 
 
 def commuting_rotations() -> StructuresProblem:
-    """Rotations of two planes, H = I1 + 2 I2 + I1 I2, with two noises of different structures that commute."""
+    """Rotations of two planes, H = I1 + 2 I2 + I1 I2, with two noises of different structures, whose flows commute."""
     H = poly.polynomial(2, {(1, 0): 1.0, (0, 1): 2.0, (1, 1): 1.0})
     one, I1 = poly.constant(2, 1.0), poly.variable(2, 0)
     alpha = ((one, poly.scale(-0.5, one)), (poly.scale(0.5, I1), one))
@@ -156,9 +156,9 @@ def noncommuting_tops() -> StructuresProblem:
 
 
 def noncommuting_drift() -> StructuresProblem:
-    """Rotations of two planes as noises, which commute, with a drift that turns one plane into the other.
+    """Rotations of two planes as two noises, which commute with each other, and a drift that commutes with neither.
 
-    B has the entry −7/10 between the planes, so that B∇H keeps neither action I1 nor I2, and commutes with no noise.
+    B has the entry −7/10 between the planes, so that B∇H turns one plane into the other, and keeps neither action.
     """
     base = commuting_rotations().data
     assert isinstance(base, PolynomialSystem)

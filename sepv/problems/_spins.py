@@ -6,7 +6,7 @@ In each block of three components B(y)v = y × v, as for the rigid body, so that
   Bréhier, D. Cohen and T. Jahnke, Splitting integrators for stochastic Lie-Poisson systems (Math. Comp. 92, 2023).
 - A push: the free rigid body under additive noise in directions that leave the sphere |y| = const. This problem is of
   the kind that D. Cohen and G. Vilmart treat (arXiv 2005.13991); its numbers are not theirs.
-- Twists: the rigid body's H_0 with nonlinear noise of one Hamiltonian, or of two that commute.
+- Twists: the rigid body's H_0, and one noise whose field is nonlinear in y, or two such noises that commute.
 - Two spins: Heisenberg's H_0 = −J s_1·s_2 + ½ D (s_1z² + s_2z²), and a random field at each site, H_j = b_j·s_j. The
   fields of the two noises commute with each other, because they turn different spins, but not with the drift.
 """
@@ -28,7 +28,7 @@ from sepv.record import poly
 def spin_system(
     spins: int, hamiltonian: poly.Polynomial, noise: Sequence[float], others: Sequence[poly.Polynomial]
 ) -> PolynomialSystem:
-    """The system of n spins with H_0, H_1, …, H_m, polynomials in the 3n components."""
+    """The system of n = `spins` spins with H_0 = `hamiltonian` and the H_j in `others`, polynomials in 3n variables."""
     blocks = np.eye(spins).repeat(3, axis=1)
     casimirs = tuple(tuple(map(tuple, np.diag(block).tolist())) for block in blocks)
     B, H = hat(spins=spins), tuple(others)
@@ -95,8 +95,8 @@ def twisted_top(noise: Sequence[float] = (0.5,)) -> Problem:
 def commuting_twists(noise: Sequence[float] = (0.5, 0.5)) -> Problem:
     """The rigid body with two noises that commute, H_1 = ½y_3² and H_2 = y_3 + y_3³/6: rotations about one axis.
 
-    The initial state is (0.8, 0.6, 0.3). The rates of the rotations depend on y_3. The noise fields g_1, g_2 have
-    g_2′g_1 ≠ 0, which is 0 for `two_spins`, because there each noise turns another spin.
+    The initial state is (0.8, 0.6, 0.3). The rates of the rotations depend on y_3. The noise fields g_1 and g_2 have
+    g_2′g_1 ≠ 0; in `two_spins`, g_2′g_1 = 0, because g_1 and g_2 turn different spins.
     """
     second = poly.polynomial(3, [((0, 0, 1), 1.0), ((0, 0, 3), 1 / 6)])
     return _twisted((poly.squares((0, 0, 1)), second), noise, "commuting-twists")

@@ -1,7 +1,7 @@
-"""Views of problems for schemes: with their data, as functions, or as functions without derivatives.
+"""Views of problems, which hide from a scheme what a user's problem might lack: data, derivatives, the degree of H.
 
-A scheme must not be able to distinguish the suite's problems from a user's. Its steps therefore get the view
-`shown(problem)`, while laws use the whole problem for their bounds and references.
+A scheme must not be able to distinguish sepv's own problems from a user's. Its steps therefore get the view
+`shown(problem)`, while the tests of a scheme use the whole problem for their bounds and references.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ _VIEWS: WeakKeyDictionary[Problem, Problem] = WeakKeyDictionary()
 
 
 def shown(problem: Problem) -> Problem:
-    """The view of a problem that a scheme gets: its functions, with or without data and derivatives (`GIVEN`)."""
+    """The view of a problem that a scheme gets: the whole of it, or functions with or without derivatives (`GIVEN`)."""
     return _VIEWS.get(problem, problem)
 
 
 @lru_cache(maxsize=1024)
 def as_given(data: Description, given: str) -> Problem:
-    """The problem of a description, shown to schemes in the view `given`, one of `GIVEN`."""
+    """The problem that `data` describe; `shown` will give schemes the view `given` of it, a key of `GIVEN`."""
     whole = problems.build(data)
     if given == "data":
         return whole
@@ -50,7 +50,7 @@ def as_given(data: Description, given: str) -> Problem:
 
 
 def _view(problem: Problem, *, bare: bool) -> Problem:
-    """The view of a problem with wrapped functions and the name "system"; `bare` leaves out what can be derived."""
+    """The problem named "system", with plain functions as parts; `bare` also removes derivatives and closed forms."""
     hidden = _NEVER | _DERIVED if bare else _NEVER
     names = [f.name for f in fields(problem) if f.init and f.name not in hidden]
     shown = {name: _plain(getattr(problem, name), bare) for name in names}
@@ -58,7 +58,7 @@ def _view(problem: Problem, *, bare: bool) -> Problem:
 
 
 def _plain(value: Any, bare: bool) -> Any:
-    """Wrap a function, or each function in a tuple or `Nambu`, in one without attributes; keep other values."""
+    """A function in a wrapper that hides its attributes; for a tuple or `Nambu`, its functions in such wrappers."""
     if isinstance(value, tuple):
         return tuple(_plain(v, bare) for v in value)
     if isinstance(value, Nambu):

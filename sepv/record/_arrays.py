@@ -1,4 +1,4 @@
-"""Records as functions of NumPy arrays: generated Python code with one elementwise operation in each line."""
+"""Recorded functions as functions of NumPy arrays: Python code is written, with one elementwise operation in a line."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _TEXTS = {
 
 
 def number_or_array(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Decorate a function to return a Python number for a Python number, because their arithmetic is the fastest."""
+    """Decorate `function` to return a Python float for a Python float, because Python's floats are the fastest."""
     return lambda x, *more: float(function(x, *more)) if isinstance(x, float) else function(x, *more)
 
 
@@ -56,19 +56,19 @@ _WRITTEN = {0.0, 0.5, 1.0, 2.0, 3.0, -0.5, -1.0, -2.0, -3.0, math.inf, -math.inf
 
 
 class Source(NamedTuple):
-    """The text of a Python function of arrays, and the parameters that are the function's last argument."""
+    """A Python function of arrays as text, and the numbers `parameters`, which the function takes as last argument."""
 
     text: str
     parameters: tuple[float, ...]
 
     @property
     def function(self) -> Callable[..., tuple[Any, ...]]:
-        """The compiled function, with a sequence as argument for each vector of inputs, and one for the parameters."""
+        """The compiled function, called with a sequence of components for each input vector, then the parameters."""
         return _compiled(self.text)
 
 
 def source(inputs: Sequence[Any], outputs: Any) -> Source:
-    """Write the record of outputs as the text of a function with an argument for each vector of inputs.
+    """Write recorded outputs as the Python text of a function, which has an argument for each vector of inputs.
 
     The function returns the components of the outputs as a tuple.
     """
@@ -113,9 +113,9 @@ def _compiled(text: str) -> Callable[..., tuple[Any, ...]]:
 
 @dataclass(frozen=True)
 class Evaluator:
-    """A recorded function of arrays (d, ...) with a result of a given shape, stored as text, so that it can be pickled.
+    """A recorded function of arrays (d, ...), stored as Python text, so that it can be pickled.
 
-    `places` are the numbers of the components of the result that are not identically zero.
+    The result has the shape (*shape, ...). `places` are the indices of its components that are not identically zero.
     """
 
     source: Source
@@ -137,7 +137,7 @@ class Evaluator:
 
 
 def evaluator(inputs: Sequence[Any], outputs: Any) -> Evaluator:
-    """Compile an array of symbols to a function of arrays, one for each vector of inputs."""
+    """Compile an array of symbols to a function that takes an array for each vector of inputs."""
     flat = np.asarray(outputs, dtype=object).ravel()
     tape = inputs[0][0].tape
     places = tuple(i for i, v in enumerate(flat) if tape.symbol(v).number != 0)

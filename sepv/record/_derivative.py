@@ -1,4 +1,4 @@
-"""Exact derivatives of recorded functions, written on the function's tape and sharing its lines."""
+"""Exact derivatives of recorded functions, recorded on the function's own tape, whose operations they use again."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _CONSTANT = {"input", "constant", "greater", "greater_equal", "equal", "and", "o
 def reachable(outputs: Iterable[Symbol], given: Container[int] = ()) -> list[Symbol]:
     """The symbols that the outputs depend on, themselves included, in the order of evaluation.
 
-    The search does not go beyond the lines whose numbers are in `given`.
+    The search stops at symbols whose line numbers are in `given`: what they depend on is not visited through them.
     """
     outputs, seen = list(outputs), set()
     waiting = [symbol.index for symbol in outputs]
@@ -32,7 +32,7 @@ def reachable(outputs: Iterable[Symbol], given: Container[int] = ()) -> list[Sym
 
 
 def _partials(symbol: Symbol) -> tuple[Any, ...]:
-    """The partial derivatives of an operation, given by its result, by each of its arguments."""
+    """The partial derivatives of the operation that made `symbol`, by each argument of the operation."""
     name, arguments = symbol.line.name, symbol.arguments
     if name in FUNCTIONS:
         slope = FUNCTIONS[name].slope
@@ -79,7 +79,7 @@ def jacobian(outputs: Any, inputs: Any) -> Any:
 
 
 def _chain(partials: Iterable[tuple[int, Any]], slopes: dict[int, dict[int, Symbol]]) -> dict[int, Symbol]:
-    """The derivatives of an operation by the inputs, from `partials` by its arguments and `slopes` of the arguments."""
+    """An operation's derivatives by the inputs: the chain rule for its `partials` and the `slopes` of its arguments."""
     total: dict[int, Symbol] = {}
     for i, partial in partials:
         for k, slope in slopes.get(i, {}).items():
@@ -89,7 +89,7 @@ def _chain(partials: Iterable[tuple[int, Any]], slopes: dict[int, dict[int, Symb
 
 
 def gradient(output: Any, inputs: Any) -> Any:
-    """The gradient of an output by the inputs, (d,), in reverse mode, with a few times the operations of the output."""
+    """The gradient (d,) of an output by the inputs, in reverse mode, with only a few times the output's operations."""
     inputs = np.asarray(inputs, dtype=object)
     tape = inputs[0].tape
     last = tape.symbol(output)

@@ -1,4 +1,4 @@
-"""Expansion of a record into sums of monomials, if every operation of the record gives such a sum."""
+"""Expansion of recorded functions into sums of monomials, if every recorded operation gives such a sum."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Monomials = dict[tuple[int, ...], float]
 
 
 class NotMonomials(Exception):
-    """A record with an operation whose result is no sum of monomials."""
+    """Raised if the result of a recorded operation is no sum of monomials."""
 
 
 class _Sum:
@@ -57,7 +57,7 @@ def _refused(*_: Any) -> Any:
 def expand(outputs: Sequence[Symbol], inputs: Sequence[Symbol], most: int) -> list[Monomials] | None:
     """The outputs multiplied out into polynomials of the inputs.
 
-    The result is None if an output is no polynomial, or if all together have more than `most` terms.
+    The result is None if an output is no polynomial, or if the outputs have more than `most` terms in total.
     """
     d = len(inputs)
     start = {x.index: _Sum({tuple(int(i == k) for i in range(d)): 1.0}) for k, x in enumerate(inputs)}

@@ -1,4 +1,4 @@
-"""The flow of y′ = f(y) in closed form, recognised from the record of f.
+"""The flow of y′ = f(y) in closed form, recognised from the recorded operations of f.
 
 - f′f = 0: f does not change along its own flow, which is y + t f(y).
 - f is linear in the components that move, with a matrix M that does not change along the flow. If y_i′ = M_ii y_i,
@@ -18,9 +18,9 @@ from sepv.record._symbols import array
 
 
 def flow(f: Any, y: Any, t: Any) -> Any:
-    """The exact solution of y′ = f(y) at the time t from y, in symbols (d,), for a recorded field f (d,) of y (d,).
+    """The exact solution at the time t of y′ = f(y) with the initial state y, as symbols (d,), for a recorded field f.
 
-    Raises NoClosedForm if f has none of the forms in the module's docstring.
+    Raises NoClosedForm if f has none of the forms that the docstring of this module lists.
     """
     slopes = jacobian(f, y)
     if all(v.number == 0 for v in y[0].tape.symbols(slopes @ f)):
@@ -36,7 +36,7 @@ def flow(f: Any, y: Any, t: Any) -> Any:
 
 
 def _moved(M: dict[int, dict[int, Any]], y: Any, t: Any, i: int) -> Any:
-    """Component i at the time t of the solution of y′ = M y; components without a row in M do not move."""
+    """Component i of exp(tM)y, for a matrix M given by its nonzero entries; components without a row in M stay."""
     if i not in M:
         return y[i]
     ((j, rate),) = M[i].items() if len(M[i]) == 1 else ((None, None),)

@@ -64,9 +64,9 @@ def _slope(
     variable: Callable[[Any], Any] = lambda v: v,
     factor: Callable[[Any], Any] = lambda _: 1.0,
 ) -> Any:
-    """A function that is factor(x) Σ c_n variable(x)ⁿ for |x| < small, and the quotient elsewhere.
+    """The series factor(x) Σ c_n variable(x)ⁿ if |x| < small, and quotient(x) otherwise.
 
-    The coefficients c_n come in the order of Horner's rule, the highest first.
+    `coefficients` lists the c_n in the order of Horner's rule, the highest first.
     """
 
     def series(v: Any) -> Any:
@@ -93,7 +93,7 @@ _EXP_SERIES = [1 / (_F[n] * (n + 2)) for n in range(_TERMS - 1, -1, -1)]
 
 @dataclass(frozen=True)
 class Function:
-    """An elementwise function f of one argument; `slope` makes the derivative f′(x) from symbols of x and f(x)."""
+    """An elementwise function f = `value`; `slope` is the function of two symbols, x and f(x), that returns f′(x)."""
 
     value: Callable[[Any], Any]
     slope: Callable[[Any, Any], Any] | None

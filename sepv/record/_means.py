@@ -1,4 +1,4 @@
-"""The mean of a gradient along a segment, ∫₀¹∇H(y + τz)dτ, exact to rounding, from the record of H.
+"""The mean of a gradient along a segment, ∫₀¹∇H(y + τz)dτ, exact to rounding, from the recorded operations of H.
 
 A polynomial of degree ν is averaged by ⌈ν/2⌉ Gauss nodes, which are exact for its gradient. A term c·G(ℓ(y)) with ℓ
 affine and G one of sin, cos, exp, log, 1/x, √, xᵃ, sinh, cosh has the mean ∇ℓ (G(ℓ₁) − G(ℓ₀))/(ℓ₁ − ℓ₀), in forms
@@ -63,7 +63,7 @@ def degree(output: Any, inputs: Any) -> int | None:
 
 
 class Mean(NamedTuple):
-    """The averaged gradient ∫₀¹∇H(y + τz)dτ in symbols, (d,), and the number of nodes for its polynomial part."""
+    """The averaged gradient ∫₀¹∇H(y + τz)dτ as symbols, (d,), and the number of Gauss nodes in its polynomial part."""
 
     value: Any
     nodes: int
@@ -72,8 +72,8 @@ class Mean(NamedTuple):
 def mean(output: Any, inputs: Any, z: Any) -> Mean:
     """The average of the gradient of an output, ∫₀¹∇output(y + τz)dτ, for inputs y (d,) and further symbols z (d,).
 
-    Raises NoClosedForm unless the output is a polynomial plus functions of `_RULES` of affine arguments, with constant
-    factors.
+    Raises NoClosedForm unless the output is a polynomial plus terms c·G(ℓ) with constants c, functions G in `_RULES`,
+    and arguments ℓ that are affine in the inputs.
     """
     tape = inputs[0].tape
     symbol = tape.symbol(output)
@@ -102,7 +102,7 @@ def mean(output: Any, inputs: Any, z: Any) -> Mean:
 
 
 def _terms(symbol: Symbol, factor: Any) -> list[tuple[Any, Symbol]]:
-    """The terms of a sum, each as (constant factor, symbol), for `factor` times the sum."""
+    """The terms of `factor` times `symbol`, each as (constant, symbol): several if the symbol is a sum, else one."""
     name, arguments = symbol.line.name, symbol.arguments
     if name in ("add", "subtract"):
         second = factor if name == "add" else -factor
@@ -144,7 +144,7 @@ def _logarithm(x: Any, delta: Any) -> Any:
 
 
 def _exponential(x: Any, delta: Any) -> Any:
-    """The mean of exp, computed from the larger end, so that it overflows only if the mean itself is too large."""
+    """The mean of exp from x to x + delta, computed from the larger end: it overflows only if the mean is too large."""
     up = delta > 0
     return (x + select(up, delta, 0.0)).exp() * select(up, -delta, delta).expm1_ratio()
 

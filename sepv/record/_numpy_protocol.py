@@ -16,7 +16,7 @@ from sepv.record._functions import FUNCTIONS
 
 
 class CannotRecord(TypeError):
-    """A function cannot be recorded: it needs the value of a symbol, or calls an unknown function."""
+    """Raised if a function cannot be recorded, because it needs the value of a symbol, or calls an unknown function."""
 
     def __init__(self, reason: str) -> None:
         super().__init__(
@@ -26,7 +26,7 @@ class CannotRecord(TypeError):
 
 
 class Element:
-    """The part of the class `Symbol` that this module uses; `sepv.record._symbols` defines `Symbol`."""
+    """The base class of `sepv.record._symbols.Symbol`, with the two attributes that this module uses."""
 
     __slots__ = ()
     tape: Any

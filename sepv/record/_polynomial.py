@@ -124,7 +124,7 @@ def add(*summands: Polynomial) -> Polynomial:
 
 
 def multiply(p: Polynomial, q: Polynomial) -> Polynomial:
-    """The product of two polynomials; exact if products and sums of coefficients are exact (small dyadic rationals)."""
+    """The product of two polynomials, exact if all products and sums of their coefficients are exact in binary64."""
     terms = [(tuple(map(operator.add, e, f)), c * g) for e, c in p.terms for f, g in q.terms]
     if p.degree + q.degree > MAX_DEGREE or not all(isfinite(c) for _, c in terms):
         return polynomial(p.dimension, terms)  # which reports the error
@@ -152,7 +152,7 @@ def differentiate(p: Polynomial, index: int) -> Polynomial:
 
 
 def gradient(p: Polynomial, first: int = 0) -> tuple[Polynomial, ...]:
-    """The partial derivatives (∂p/∂y_first, …, ∂p/∂y_d); by default all of them."""
+    """The partial derivatives of p by the variables from index `first` on, by default by all of them."""
     # Lowering one exponent in each term keeps the canonical order.
     partials: list[list[tuple[Exponents, float]]] = [[] for _ in range(first, p.dimension)]
     for e, c in p.terms:
@@ -165,7 +165,7 @@ def gradient(p: Polynomial, first: int = 0) -> tuple[Polynomial, ...]:
 
 
 def _of_sorted(dimension: int, terms: list[tuple[Exponents, float]]) -> Polynomial:
-    """A polynomial from terms in canonical order; `polynomial` reports coefficients that are not finite."""
+    """The polynomial with `terms` in canonical order; a coefficient that is not finite raises UsageError."""
     if all(map(isfinite, [c for _, c in terms])):
         return Polynomial(dimension, tuple(terms))
     return polynomial(dimension, terms)
@@ -187,12 +187,12 @@ class _Sums:
     ----------
     top : the largest exponent of one variable
     factors : (most factors of a monomial, monomials)
-        The powers to multiply for each monomial: y_i^k has the number i + d·k, and y_1⁰ = 1 fills up short monomials.
+        The powers to multiply for each monomial: y_i^k has the number i + d·k. Short monomials are padded by y_1⁰ = 1.
     places, coefficients : (1 + most terms of a sum, sums), and (…, 1)
-        The monomials and their coefficients in each sum. The first row is 0, and 0 · 1 fills up short sums.
+        The monomials and their coefficients in each sum. The first row is 0, and short sums are padded by 0 · 1.
     rows : (rows,) or None
-        The number of each row's sum if rows are equal, as most rows of B and B′ are 0, and rows of a Hessian are equal
-        in pairs. None if all rows differ.
+        For each polynomial the number of its sum, if some polynomials are equal: most entries of B and B′ are 0, and
+        entries of a Hessian are equal in pairs. None if all differ.
     """
 
     top: int
@@ -207,7 +207,7 @@ class _Sums:
         return values if self.rows is None else values.take(self.rows, axis=0)
 
     def _values(self, y: NDArray[Any]) -> NDArray[Any]:
-        """The values (sums, M) of the distinct sums at states y (d, M)."""
+        """The values, (sums, M), of the sums at states y (d, M): equal polynomials have one sum."""
         terms, sums = self.places.shape
         if terms == 1:
             return np.zeros((sums, y.shape[1]), dtype=np.result_type(y, np.float64))
@@ -230,7 +230,7 @@ class _Sums:
         return values
 
     def _in_layers(self, powers: NDArray[Any]) -> NDArray[Any]:
-        """The values of all sums: the n-th terms of all sums that have n terms or more are added, for n = 1, 2, …."""
+        """The values of all sums, added in steps n = 1, 2, …: step n adds the n-th term to every sum that has one."""
         monomials = powers[self.factors[0]]
         for numbers in self.factors[1:]:
             monomials *= powers[numbers]
@@ -244,7 +244,7 @@ class _Sums:
 
     @cached_property
     def _layers(self) -> tuple[NDArray[np.intp], list[tuple[NDArray[np.intp], NDArray[np.float64]]]]:
-        """Tables for `_in_layers`: the sums in order of decreasing number of terms, and for each n the n-th terms."""
+        """Tables for `_in_layers`: the numbers of the sums, longest first, and for n = 1, 2, … their n-th terms."""
         one = self.factors.shape[1] - 1
         lengths = np.count_nonzero(self.places != one, axis=0)
         order = np.argsort(-lengths, kind="stable")
@@ -294,7 +294,7 @@ class PolynomialMap:
         return self._evaluate(np.asarray(y), self._sums)
 
     def majorant(self, y: ArrayLike) -> NDArray[Any]:
-        """The scale Σ |c_t| Π |y_i|^e_i of rounding errors of the values of all polynomials at y."""
+        """The sum Σ_t |c_t| Π_i |y_i|^e_ti for each polynomial at y, the scale of the rounding errors of its value."""
         return self._evaluate(np.abs(np.asarray(y)), self._majorants)
 
     def _evaluate(self, y: NDArray[Any], sums: _Sums) -> NDArray[Any]:
@@ -302,7 +302,7 @@ class PolynomialMap:
 
 
 def majorant(function: Any, y: NDArray[Any]) -> NDArray[Any]:
-    """The scale of rounding errors of a function at y: its attribute `majorant`, else |value|."""
+    """The scale of rounding errors of function(y): function.majorant(y) if there is this method, else |function(y)|."""
     stated = getattr(function, "majorant", None)
     return np.asarray(np.abs(function(y)) if stated is None else stated(y))
 

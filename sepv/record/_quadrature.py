@@ -25,7 +25,7 @@ def gauss_legendre(nodes: int) -> tuple[Array, Array]:
 
 
 def _polished(nodes: int, guess: float) -> tuple[Decimal, Decimal]:
-    """A node and its weight on [0, 1]: (1 + x)/2 for the zero x of P_n near `guess`, and 1/((1 − x²)P_n′(x)²)."""
+    """The Gauss node (1 + x)/2 and weight 1/((1 − x²)P_n′(x)²) on [0, 1], for the zero x of P_n near `guess`."""
     x = Decimal(guess)
     for _ in range(3):  # with 16, 32 and 64 right digits; the derivative is that of the last iteration
         p, previous = x, Decimal(1)

@@ -1,4 +1,4 @@
-"""Evaluation of a record on any values with arithmetic: other symbols, numbers of any precision."""
+"""Evaluation of recorded operations with any values that have arithmetic: other symbols, numbers of any precision."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ def replay(
     constant: Callable[[float], Any] = float,
     power: Callable[[Any, float], Any] = operator.pow,
 ) -> list[Any]:
-    """The values of recorded outputs, from `values` {number of a line: value} of inputs or of other lines.
+    """The values of recorded outputs, from given values of inputs or of other lines: {number of a line: value}.
 
-    `function` evaluates an elementary function from its name and argument. Raises KeyError for an input without value.
+    `function` evaluates an elementary function, given its name and argument. An input without value raises KeyError.
     """
     outputs = list(outputs)
     computed: dict[int, Any] = {}
@@ -63,7 +63,7 @@ def replay(
 
 
 def substitute(outputs: Any, inputs: Any, by: Any) -> Any:
-    """The outputs as an array of symbols with other symbols of the same tape in place of the inputs."""
+    """The outputs, as an array of symbols, after the symbols or numbers `by` have taken the place of the inputs."""
     outputs = np.asarray(outputs, dtype=object)
     tape = np.asarray(inputs, dtype=object)[0].tape
     rows = [tape.symbol(v) for v in outputs.ravel()]

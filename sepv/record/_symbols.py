@@ -1,10 +1,10 @@
 """Symbols and the tape, the list of operations on symbols.
 
-Each operation on symbols is a line of the tape. Repeated operations on the same arguments share one line, operations on
-constants are evaluated, factors and terms 0 and ±1 are removed, a division by a constant becomes a product with its
-reciprocal, and signs move outward, so that −a + b, b − a and b + (−1)a are one line. Apart from 0, ±1 and powers of two
-no rule depends on the value of a constant, so that systems that differ only in coefficients have the same lines, and
-share one compiled kernel. Replacing 0·x by 0 assumes that x is finite.
+Each operation on symbols is a line of the tape. If an operation is repeated on the same arguments, its line is used
+again. Operations on constants are evaluated, x + 0, 0·x and ±1·x are simplified, a division by a constant becomes a
+product with its reciprocal, and signs move outward, so that −a + b, b − a and b + (−1)a are one line. Apart from 0, ±1
+and powers of two no rule depends on the value of a constant: systems that differ only in coefficients have the same
+lines, and share one compiled kernel. Replacing 0·x by 0 assumes that x is finite.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Operation(NamedTuple):
 
 
 class Tape:
-    """The operations that functions have done to symbols: each is listed once, and after its arguments."""
+    """The list of all operations done to symbols: each is listed once, and after the operations that it depends on."""
 
     def __init__(self) -> None:
         self.lines: list[Operation] = []
@@ -50,7 +50,7 @@ class Tape:
         self._known: dict[Any, Symbol] = {}
 
     def write(self, name: str, *arguments: Symbol, value: float = 0.0) -> Symbol:
-        """Add an operation unless the tape has it already, and return its symbol."""
+        """Append an operation, unless the tape has an equal one already, and return the symbol of its result."""
         line = Operation(name, tuple(a.index for a in arguments), value)
         symbol = self._known.get(line)
         if symbol is None:
@@ -59,15 +59,15 @@ class Tape:
         return symbol
 
     def constant(self, value: float) -> Symbol:
-        """The symbol of a number. NaN raises CannotRecord: it equals no number, so each NaN would be a new line."""
+        """The symbol of a number. NaN raises CannotRecord: NaN ≠ NaN, so that equal operations would not be found."""
         if math.isnan(value):
             raise CannotRecord("a constant is NaN")
         return self.write("constant", value=float(value) + 0.0)
 
     def declare(self, value: Symbol, fixed: Iterable[Symbol], slopes: Mapping[Symbol, Symbol]) -> None:
-        """Declare the derivatives of a value by symbols, for `jacobian` to use in place of the chain rule.
+        """Declare the derivatives `slopes` of `value` by other symbols; `jacobian` then uses no chain rule for them.
 
-        They are used only if the symbols in `fixed` do not depend on the inputs of `jacobian`.
+        The declaration applies only if no symbol in `fixed` depends on the inputs of `jacobian`.
         """
         if value.line.arguments:
             by = {x.index: slope for x, slope in slopes.items()}
@@ -216,7 +216,7 @@ def _power(a: Symbol, b: Symbol) -> Symbol:
 
 
 def _whole_power(base: Symbol, n: int) -> Symbol:
-    """The power xⁿ of a symbol by n − 1 products; its derivative uses the lower powers again."""
+    """The power xⁿ of a symbol by n − 1 products, so that the tape has the lower power for the derivative nxⁿ⁻¹."""
     power = base if n else base.tape.constant(1.0)
     for k in range(2, n + 1):
         power = base.tape.write("whole", power, base, value=float(k))
@@ -262,7 +262,7 @@ def _operator(rule: Callable[[Symbol, Symbol], Any], *, swapped: bool = False) -
 
 
 class Symbol(Element):
-    """A symbol: the result of one operation on a tape, with the arithmetic of numbers."""
+    """A symbol stands for the result of one recorded operation, and takes part in arithmetic like a number."""
 
     __slots__ = ("index", "tape")
 
@@ -277,7 +277,7 @@ class Symbol(Element):
 
     @property
     def line(self) -> Operation:
-        """The operation of the symbol on its tape."""
+        """The recorded operation whose result the symbol is."""
         return self.tape.lines[self.index]
 
     @property
