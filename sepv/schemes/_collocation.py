@@ -62,14 +62,14 @@ class _Stages:
         self.A, self.b = gauss_tableau(stages).A, gauss_tableau(stages).b
 
     def polynomial(self, z: Array, lanes: np.ndarray, integrals: Array) -> Array:
-        """The collocation polynomial u at N points τ_n, (d, N, M). `integrals` (N, s) holds the ∫₀^{τ_n} ℓ_j."""
+        """The collocation polynomial u at N points τ_n, (d, N, M), by ∫₀^{τ_n} ℓ_j (N, s) of Lagrange polynomials."""
         u = np.repeat(self.y0[:, None, lanes], integrals.shape[0], axis=1)
         for j in range(self.stages):
             u += integrals[:, j, None] * z[:, j, None]
         return u
 
     def averages(self, z: Array, lanes: np.ndarray, nodes: int) -> tuple[Array, Array]:
-        """The averages g_i = b_i⁻¹∫ℓ_i ∇H(u) by Gauss quadrature, (d, s, M), and a scale of its rounding, (M,)."""
+        """The averages g_i = b_i⁻¹∫ℓ_i ∇H(u) by Gauss quadrature, (d, s, M), and a scale of their rounding, (M,)."""
         W, P = moments(self.stages, nodes)
         u = self.polynomial(z, lanes, P)
         gradients = self.problem.gradient(u)
@@ -81,7 +81,7 @@ class _Stages:
         return total, np.max(np.abs(gradients), axis=(0, 1)) * float(np.max(np.sum(np.abs(W), axis=1)))
 
     def evaluate(self, flat: Array, lanes: np.ndarray) -> Evaluation:
-        """The right side Δ B(Y_i) g_i at the stages `flat` (d·s, M), and on demand its derivative by the stages."""
+        """R(z) at z = `flat` (d·s, M): Δ B(Y_i) g_i for each stage, g_i an average of ∇H; on demand also ∂R/∂z."""
         d, s = self.problem.dimension, self.stages
         z = flat.reshape(d, s, -1)
         Y = self.polynomial(z, lanes, self.A)
@@ -99,8 +99,8 @@ class _Stages:
     def jacobian(self, z: Array, lanes: np.ndarray, Y: Array, g: Array) -> Array:
         """The derivative K of the right sides Δ B(Y_i) g_i by z_j, (d·s, d·s, M); Newton's matrix is 1 − K.
 
-        K = Δ(a_ij B′(Y_i)[·]g_i + B(Y_i) b_i⁻¹∫ℓ_i A_j H″(u)), where A_j is the integral of ℓ_j. The average of H″
-        uses few nodes, which changes the speed of Newton's iteration and not its limit.
+        K = Δ(a_ij B′(Y_i)[·]g_i + B(Y_i) b_i⁻¹∫ℓ_i A_j H″(u)), A_j = ∫₀^τ ℓ_j, Lagrange polynomials ℓ_i. The average
+        of H″ uses few nodes, which changes the speed of Newton's iteration and not its limit.
         """
         d, s = self.problem.dimension, self.stages
         few = s if not self.averaged else s + 4 if self.problem.degree is None else min(self.nodes, s + 2)
@@ -114,7 +114,7 @@ class _Stages:
         return np.asarray((self.delta[lanes] * K).swapaxes(1, 2).reshape(d * s, d * s, -1))
 
     def inside(self, flat: Array, lanes: np.ndarray) -> np.ndarray:
-        """True for each path whose y1, stages and points of the quadrature lie in the domain."""
+        """True for each path whose y1, stages and quadrature points u(τ_n) lie in the domain."""
         assert self.problem.domain is not None
         z = flat.reshape(self.problem.dimension, self.stages, -1)
         points = np.concatenate([self.A, moments(self.stages, self.nodes)[1], self.b[None]])
@@ -177,7 +177,7 @@ def solve_stages(
 
 
 def _agrees(system: _Stages, solution: Solution, lanes: np.ndarray) -> np.ndarray:
-    """True for each of the given paths whose averages with 3N/2 nodes agree with those of N nodes to rounding, (M,)."""
+    """True for each path of `lanes` whose averages of ∇H with N and with 3N/2 nodes agree to rounding, (M,)."""
     nodes = system.nodes + system.nodes // 2
     z = solution.value[:, lanes].reshape(system.problem.dimension, system.stages, -1)
     solution.gradient_evaluations[lanes] += nodes
@@ -199,7 +199,7 @@ def collocation(stages: int) -> Scheme:
 
 
 def staged(name: str, stages: int, claims: frozenset[str], source: str, *, averaged: bool) -> Scheme:
-    """The record of the scheme NAME-s with s stages, whose steps are solved by `solve_stages`."""
+    """The `Scheme` of an s-stage method, called name-s, such as "gauss-2"; its steps are solved by `solve_stages`."""
     beyond = "s stages have mean-square order s; beyond 6 rounding is reached at any useful step size"
     s = require_whole("stages", stages, beyond, 1, MAX_STAGES)
 

@@ -26,7 +26,7 @@ from sepv.solve import Solution
 
 
 def undamped_step(problem: Problem, h: float, noise: Array) -> Array:
-    """The random step Δ = h + Σ c_j ΔŴ_j of the undamped step, (1, M), which `DampedProblem.random_step` refuses."""
+    """The random step Δ = h + Σ c_j ΔŴ_j, (1, M), without damping; `DampedProblem.random_step` refuses to give it."""
     return Problem.random_step(problem, h, noise)[None]
 
 

@@ -3,7 +3,7 @@
 The solutions of the scaled steps, 0 ≤ s ≤ 1, that start at y for s = 0 form a curve. If the iteration for the whole
 step fails, this curve is followed from a small s on, and each solution is predicted from the secant of the two before.
 The curve reaches s = 1, or ends before at a fold or at the edge of the domain. A result solves the equation of the
-whole step to rounding and is connected to y. Solved scaled steps are counted for each path. Laws never use these.
+whole step to rounding and is connected to y. Solved scaled steps are counted by path. Laws never use continuation.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def continued(scheme: Scheme) -> Scheme:
     Parameters
     ----------
     scheme : Scheme
-        An implicit scheme whose `solve(problem, y, h, dW, start)` takes a guess (d, M) of y1 − y0: all of one stage do.
+        An implicit scheme whose `solve(problem, y, h, dW, start)` takes a guess (d, M) of y1 − y0, as that of (2.1).
 
     Returns
     -------
@@ -64,7 +64,7 @@ def continued(scheme: Scheme) -> Scheme:
 
 
 def _follow(inner: Callable[..., Solution], problem: Problem, y: Array, h: float, dW: Array) -> Solution:
-    """Solve the scaled steps (s·h, s·ΔW) of one path from s = 0 to 1; return the solution at s = 1, or the failure."""
+    """Solve the scaled steps (s·h, s·ΔW) of one path from s = 0 to 1; return the last solution, failed if s < 1."""
     share, growth, solved = 0.0, FIRST, 0
     z, slope = np.zeros_like(y), np.zeros_like(y)
     work = np.zeros(3, dtype=np.int64)

@@ -2,8 +2,8 @@
 
 y1 = y0 + h B(y0) ∇̄H(y0, y1) + B((y0 + y1)/2) ∇̄H(y0, y1) Σ_j c_j ΔŴ_j,
 
-with B at y0 in the drift and at the midpoint in the noise, and the symmetrised coordinate-increment
-discrete gradient ∇̄H(y, ȳ) = ½(∇̄₁H(y, ȳ) + ∇̄₁H(ȳ, y)).
+with B at y0 in the drift and at the midpoint in the noise. ∇̄H(y, ȳ) = ½(∇̄₁H(y, ȳ) + ∇̄₁H(ȳ, y)) symmetrises the
+discrete gradient ∇̄₁H, whose components are difference quotients of H along the coordinate axes.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ def coordinate_increments(fields: Fields, y: Values, z: Values) -> Values:
 
 
 def symmetrised(fields: Fields, y: Values, z: Values) -> Values:
-    """The symmetric discrete gradient ∇̄H = ½(∇̄₁H(y, y + z) + ∇̄₁H(y + z, y)), (d, ...)."""
+    """The symmetric ∇̄H = ½(∇̄₁H(y, y + z) + ∇̄₁H(y + z, y)), (d, ...), with ∇̄₁H of `coordinate_increments`."""
     return 0.5 * (coordinate_increments(fields, y, z) + coordinate_increments(fields, y + z, -z))
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:
-    """R of the step y1 = y + R: (h B(y) + S B(ȳ)) ∇̄H with z = y1 − y; `step` holds h and S = Σ c_j ΔŴ_j."""
+    """R of the step y1 = y + R: (h B(y) + S B(ȳ)) ∇̄H (`symmetrised`), ȳ = y + z/2, `step` = (h, S), S = Σ c_j ΔŴ_j."""
     B = step[0] * fields.structure(y) + step[1] * fields.structure(y + 0.5 * z)
     return matvec(B, symmetrised(fields, y, z))
 

@@ -7,7 +7,7 @@ integrators for stochastic Poisson systems, Int. J. Comput. Math. 99, 2022; arXi
     Y = y0 + Σ_j c_j ΔŴ_j′ f_j,   Z = Y + h B((Y + Z)/2) ∫₀¹∇H_0(Y + τ(Z − Y))dτ,   y1 = Z + Σ_j c_j ΔŴ_j″ f_j,
 
 where ΔW_j′ and ΔW_j″ are the increments over the first and the second half of the step. If H_0 is quadratic along the
-f_j, E[H_0(y + Σ c_j ΔW_j f_j)] = H_0(y) + ½ Σ c_j² f_jᵀH_0″f_j · Var(ΔW_j), with a constant factor (trace formula). The
+f_j, E[H_0(y + Σ c_j ΔW_j f_j)] = H_0(y) + ½ Σ c_j² f_jᵀH_0″f_j Var(ΔW_j) with constant f_jᵀH_0″f_j (trace formula). The
 step from Y to Z keeps H_0, so that E[H_0(y_n)] = H_0(y_0) + nh · ½ Σ c_j² f_jᵀH_0″f_j, as for the exact solution. For
 quadratic Casimirs C = yᵀAy of B, E[C(y_n)] = C(y_0) + nh Σ c_j² f_jᵀAf_j likewise. The composition is Strang's, and the
 paper proves mean-square order 1 and weak order 2.
@@ -47,7 +47,7 @@ def step(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array
 
 
 def pushed(problem: Problem, y: Array, dW: Array) -> Array:
-    """The state y + Σ c_j ΔW_j f_j, moved by the noise alone."""
+    """The state y + Σ c_j ΔW_j f_j, moved by the constant noise fields f_j alone."""
     for j, (c, increment) in enumerate(zip(problem.c, dW, strict=True)):
         y = y + c * increment * noise_field(problem, j, y)
     return y

@@ -54,7 +54,7 @@ def carry(
 ) -> tuple[Any, Any]:
     """One step of a path from y: y1, and the state that the scheme carries to its next step.
 
-    `state` is the state after the step before, None at the beginning of a path or without a `StatefulStep`.
+    `state` is that after the step before; None at first and without a `StatefulStep`. `any_path` is as in `answer`.
     """
     rule = scheme.step
     if not isinstance(rule, StatefulStep):
@@ -65,7 +65,7 @@ def carry(
 
 
 def joined(asks: str, dW: Array, further: Array) -> Array:
-    """The array (m + k, ...) of increments and further rows, as `answer` takes it, from the two arguments of a step."""
+    """The array (m + k, ...) of the increments `dW` and, below them, `further` as rows: the argument dW of `answer`."""
     return np.concatenate([dW, as_rows(further) if asks == "areas" else further])
 
 

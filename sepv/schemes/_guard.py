@@ -1,4 +1,4 @@
-"""Guarded calls of a scheme under verification: every result is checked against the contract."""
+"""Guarded calls of a scheme under verification: each result is checked for its type, shape, dtype and values."""
 
 from __future__ import annotations
 
@@ -79,14 +79,14 @@ class SchemeCrash(SepvError):
 
 
 def ask(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """y1 of one step of the scheme from y, checked against the contract as in `ask_next`."""
+    """y1 of one step of the scheme from y, with the checks and exceptions of `ask_next`."""
     return ask_next(scheme, problem, y, None, h, dW)[0]
 
 
 def ask_next(
     scheme: Scheme, problem: Problem, y: Array, state: Any, h: float, dW: Array
 ) -> tuple[Array, Any]:
-    """y1 of one step of the scheme, checked against the contract, and the state that it carries to the next step.
+    """y1 of one step of the scheme, checked by `check_answer`, and the state that the scheme carries to the next step.
 
     The scheme gets copies of the arguments. `state` is the state after the step before. It is None at the beginning of
     a path, and for schemes without a `StatefulStep`.
@@ -147,7 +147,7 @@ def translated(problem: Problem, y: Array, h: float, dW: Array) -> Iterator[None
 
 
 def check_answer(answer: Any, y: Array, dtype: str = "float64", *, finite: bool = True) -> Array:
-    """The result of a step from y, if it obeys the contract: a finite NumPy array of y's shape and the given dtype.
+    """The result of a step from y, if it is a finite NumPy array of y's shape and the given dtype.
 
     Raises SchemeFault for any other result. If `finite` is False, NaN and infinity are allowed.
     """
@@ -185,7 +185,7 @@ def check_answer(answer: Any, y: Array, dtype: str = "float64", *, finite: bool 
 def guarded(scheme: Scheme) -> Scheme:
     """A copy of a scheme for long runs: exceptions become `Refusal` or `SchemeCrash`, and results are checked.
 
-    NaN and infinity are allowed, because a path may diverge. The copy has no `solve`, because `step` is verified.
+    NaN and infinity are allowed, because a path may diverge. The copy has no `solve`: its `step` is called.
     """
 
     def carried(
@@ -223,7 +223,7 @@ def _step_in_words(problem: Problem, y: Array, h: float, dW: Array) -> str:
 
 
 def ask_once(scheme: Scheme, problem: Problem, y: Array, h: float) -> None:
-    """Check a scheme without `solve` by a step with dW = 0, which may be refused. Raises SchemeFault or SchemeCrash."""
+    """Check a scheme without `solve` by a step with dW = 0; StepFailure is ignored, SchemeFault and SchemeCrash not."""
     if scheme.solve is None:
         with suppress(StepFailure):
             guarded(scheme).step(problem, y, h, np.zeros(problem.noises))

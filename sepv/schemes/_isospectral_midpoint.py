@@ -11,8 +11,8 @@ eigenvalues are kept, and with them all Casimirs tr Wᵏ and the coadjoint orbit
 
     X = W_0 + ½[X, M] + ¼MXM,   W_1 = W_0 + [X, M].
 
-On su(n) MXM has a trace. So X = X′ + iτ·1 with X′ of trace zero and a number τ on which ∇H does not depend: tr W_0 = 0
-gives iτ(n − ¼ tr M²) = ¼ tr MX′M, where tr M² ≤ 0.
+On su(n) MXM has a trace, so that X has one: X = X′ + iτ·1 with X′ of trace zero and the unit matrix 1. ∇H does not
+depend on the number τ. From tr W_0 = 0 follows iτ(n − ¼ tr M²) = ¼ tr MX′M, where tr M² ≤ 0.
 
 The paper proves that the rule is a Poisson map of mean-square order ½ and weak order 1. If the noises commute, the
 mean-square order is 1, because y1 then has all terms of the order of h.

@@ -2,10 +2,10 @@
 
 y1 = y0 + Δ B(ȳ) ½(∇̄₁H(y0, y1) + ∇̄₁H(y1, y0)),  ȳ = (y0 + y1)/2,  Δ = h + Σ_j c_j ΔŴ_j,
 
-with the quotients of H along coordinate increments ∇̄₁H: T. Itoh and K. Abe, Hamiltonian-conserving discrete canonical
+where ∇̄₁H has quotients of H along coordinate increments: T. Itoh and K. Abe, Hamiltonian-conserving discrete canonical
 equations based on variational difference quotients (J. Comput. Phys. 76, 1988). Cohen and Dujardin (2014) take B at y0
 in the drift (`discrete_gradient`). With B at ȳ the scheme depends on the noise through Δ alone, is symmetric and keeps
-quadratic Casimirs. For quadratic H it is the midpoint rule. It is not equivariant, because ∇̄₁H depends on the axes.
+quadratic Casimirs. For quadratic H it is the midpoint rule. Rotations do not commute with it: ∇̄₁H depends on the axes.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from sepv.solve import Fields, Values
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:
     """R of the step y1 = y + R: Δ B(ȳ) ∇̄H with z = y1 − y, ȳ = y + z/2 and Δ = step[0].
 
-    ∇̄H = ½(∇̄₁H(y, y1) + ∇̄₁H(y1, y)) is the symmetric discrete gradient.
+    ∇̄H = ½(∇̄₁H(y, y1) + ∇̄₁H(y1, y)) symmetrises the discrete gradient ∇̄₁H along the coordinate axes.
     """
     return step[0] * matvec(fields.structure(y + 0.5 * z), symmetrised(fields, y, z))
 

@@ -219,9 +219,9 @@ def _from_file(path: Path) -> Problem:
 
 
 def require_trusted(targets: Iterable[Any], named: Iterable[str], scheme: Any) -> None:
-    """Refuse a target module:attribute from a file or a token, because importing a module runs its code.
+    """Refuse a target module:attribute read from a file or a replay token, because importing a module runs its code.
 
-    Targets in `named`, which the call names, are allowed, and targets in the scheme's package, which runs anyway.
+    Allowed are the targets in `named`, which the user has given, and those in the scheme's package, which runs anyway.
 
     Raises
     ------
@@ -267,7 +267,7 @@ def load_object(target: str) -> Any:
 
 
 def _no_attribute(module: Any, attribute: str) -> TargetError:
-    """The error for a name that is not in a module; it lists the module's records and its own functions."""
+    """The error for a name that a module lacks; it lists the schemes, the problems and the module's own functions."""
     public = {name: value for name, value in vars(module).items() if not name.startswith("_")}
     records = [name for name, value in public.items() if isinstance(value, (Scheme, Problem))]
     # Imported functions are suggested for a similar name, and not listed.

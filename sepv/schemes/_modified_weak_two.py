@@ -4,8 +4,8 @@ The derivation follows A. Abdulle, D. Cohen, G. Vilmart and K. C. Zygalakis, Hig
 differential equations based on modified equations (SIAM J. Sci. Comput. 34, 2012), as Cohen and Dujardin (2014), §5,
 suggest.
 
-**Derivation.** (2.1) is symmetric in Δ, so that it is the flow at Δ of f + Δ²f₃ + O(Δ⁴). Comparing the coefficients of
-Δ³ of both expansions, with f = B∇H, g = ∇H and H″,
+**Derivation.** (2.1) is symmetric in Δ, so that it is the flow at Δ of f + Δ²f₃ + O(Δ⁴). With f = B∇H and g = ∇H the
+coefficients of Δ³ in both expansions give
 
     f₃ = S₃ g,   12 S₃ = −½ B″(f, f) + B′(f′f) + B H″B′(f) − B′(f)H″B + B H″B H″B,   f′f = B′(f)g + BH″f.
 
@@ -85,14 +85,14 @@ def structure_curvature(problem: Problem, y: Array, w: Array, length: Array | fl
 
 
 def _along(y: Array, w: Array, length: Array | float) -> tuple[Array, Array, Array]:
-    """The width of differences along w, (M,), the direction w/|w|, (d, M), and |w|, the largest component, (M,)."""
+    """For differences along w: their width, (M,), w/|w|, (d, M), and |w|, the largest component, (M,)."""
     size = np.max(np.abs(w), axis=0)
     scale = np.maximum(np.max(np.abs(y), axis=0), length)
     return WIDTH * np.where(scale > 0, scale, 1.0), w / np.where(size > 0, size, 1.0), size
 
 
 def correction(problem: Problem, middle: Array, mean: Array, variance: Array) -> Array:
-    """The matrix S₃ of the modified equation, (d, d, M), at ȳ = `middle`, for g = `mean` and 3c²h = `variance`."""
+    """The matrix S₃ (see the module), (d, d, M), at ȳ = `middle` for g = `mean` and 3c²h = `variance`."""
     B = problem.structure(middle)
     f = matvec(B, mean)
     length = np.sqrt(np.abs(variance)) * np.max(np.abs(f), axis=0)
@@ -108,7 +108,7 @@ def correction(problem: Problem, middle: Array, mean: Array, variance: Array) ->
 
 
 def limited(change: Array, structure: Array) -> Array:
-    """The matrix `change` (d, d, M) divided by 1 + θ², θ = |change|/|structure|, so that it is at most half of B."""
+    """The matrix `change` (d, d, M) divided by 1 + θ², θ = |change|/|structure|: at most |structure|/2."""
     # The squares are added entry by entry, because `np.sum` adds in another order for a single path.
     rows = [M.reshape(-1, M.shape[-1]) for M in (change, structure)]
     size, whole = (np.sqrt(dot(entries, entries)) for entries in rows)
@@ -119,7 +119,7 @@ def limited(change: Array, structure: Array) -> Array:
 def increment(problem: Problem, y0: Array, y1: Array, step: Array) -> Increment:
     """R of the step y1 = y0 + R: Δ [B(ȳ) − 3c²h S₃/(1 + θ²)] ∇̄H. `step` (2, M) holds Δ and 3c²h.
 
-    Each value of B that the differences in S₃ need counts as an evaluation.
+    S₃ and θ are those of the module. Each value of B for the differences in S₃ counts as an evaluation.
     """
     mean, middle = average_gradient(problem, y0, y1), y0 + 0.5 * (y1 - y0)
     structure = problem.structure(middle)

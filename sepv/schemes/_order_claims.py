@@ -1,8 +1,8 @@
 """Claims of order that depend on the noise, for schemes of several Hamiltonians that use only increments.
 
-A number is a claim for every kind of noise. `Orders` claims a higher order for noises with which terms of the
-stochastic Taylor expansion vanish (P. Kloeden and E. Platen, Numerical Solution of Stochastic Differential Equations,
-1992, §10.3 and §11): the iterated integrals ∫W_i∘dW_j are multiplied by brackets of the fields of two noises.
+A plain number is a claim for every kind of noise. `Orders` claims a higher order where terms of the stochastic Taylor
+expansion vanish (P. Kloeden and E. Platen, Numerical Solution of Stochastic Differential Equations, 1992, §10.3, §11):
+for example, the iterated integrals ∫W_i∘dW_j play no part if the fields of the noises commute.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class Orders(float):
 
 
 def order_of(claimed: float | None, column: str, unclaimed: float = 1.0) -> float:
-    """The order that a scheme claims for noises of the kind `column`, one of `COLUMNS`; `unclaimed` without a claim."""
+    """The order that a scheme claims for noises of the kind `column`, one of `COLUMNS`; else `unclaimed`."""
     if claimed is None:
         return unclaimed
     return claimed.of(column) if isinstance(claimed, Orders) else float(claimed)

@@ -1,4 +1,4 @@
-"""Explicit Runge-Kutta methods projected on the invariants: the strongest rival for problems that are not stiff.
+"""Explicit Runge-Kutta methods projected on the invariants: (2.1)'s strongest rival if a problem is not stiff.
 
 The end y* of the explicit step of order p is corrected along a direction v_k for each invariant I_k,
 
@@ -39,7 +39,7 @@ def solve_projection(problem: Problem, order: int, y0: Array, delta: Array) -> S
     casimirs = problem.casimirs, problem.linear_casimirs
 
     def evaluate(z: Array, lanes: Lanes) -> Evaluation:
-        """The right side R of z = R(z): z minus a correction along the v_k for the change of the invariants."""
+        """The right side R of z = R(z): z minus a correction, along directions v_k, of the invariants' change."""
         start = y0[:, lanes]
         mean = average_gradient(problem, start, start + z)
         averages = [*casimir_gradients(*casimirs, 2.0 * start + z), mean.value]

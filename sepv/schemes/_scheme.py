@@ -211,7 +211,7 @@ class Scheme:
 
     @property
     def precision(self) -> float:
-        """The relative error of one step by the tolerance of its solver and by arithmetic in single precision."""
+        """The relative error allowed for one step: the solver's tolerance, and rounding if the scheme uses float32."""
         return self.solver_tolerance + (SINGLE_STEP * self.eps if self.eps > EPS else 0.0)
 
     def numbers(self, values: Array) -> Array:
@@ -266,7 +266,7 @@ def takes(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> bo
 
 
 def weakly(scheme: Scheme, increments: str | PointLaw | None) -> Scheme:
-    """A copy of a scheme with other increments; increments of a few values drop the claims about paths."""
+    """A copy of a scheme with another law of increments; with a law of few values it claims no mean-square order."""
     law = point_law(increments)
     if law is None:
         return scheme if scheme.increments is None else replace(scheme, increments=None)

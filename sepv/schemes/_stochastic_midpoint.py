@@ -6,8 +6,8 @@ With the increments held fixed a step is the midpoint rule for the Hamiltonian K
 quadratic and linear Casimir of B, is symplectic for constant B (G. N. Milstein, Yu. M. Repin and M. V. Tretyakov, SIAM
 J. Numer. Anal. 40, 2002), and is symmetric. For other B the step is not a Poisson map.
 
-A step agrees with the flow of B∇K up to second order in K. It lacks the Lévy areas, which multiply the brackets of the
-noises. So the mean-square order is ½ in general and 1 if the noises commute, and the weak order is 1.
+A step agrees with the flow of B∇K up to second order in K, but has no Lévy areas, which multiply brackets of the fields
+B∇H_j. The mean-square order is therefore ½ in general and 1 if these fields commute. The weak order is 1.
 """
 
 from __future__ import annotations

@@ -30,8 +30,8 @@ class GaussTableau:
 def gauss_tableau(stages: int) -> GaussTableau:
     """The tableau of the Gauss method with s stages, of order 2s.
 
-    Quadratic invariants are kept because b_i a_ij + b_j a_ji = b_i b_j. The rounded coefficients are made to satisfy
-    this too if b_i = b_j. Otherwise the roundings of a_ij and a_ji would move H in one direction in every step.
+    Quadratic invariants are kept because b_i a_ij + b_j a_ji = b_i b_j. For b_i = b_j the rounded coefficients are made
+    to satisfy this too, because their roundings would move a quadratic H in the same direction in every step.
     """
     c, b = gauss_legendre(stages)
     A = np.tril(lagrange_integrals(stages, c), -1)
@@ -67,16 +67,16 @@ def moments(stages: int, nodes: int) -> tuple[Array, Array]:
 
 
 def exact_nodes(stages: int, degree: int) -> int:
-    """The number of Gauss nodes with which the averages of the s-stage method are exact for H of this degree.
+    """The number of Gauss nodes that make the averages b_i⁻¹∫ℓ_i∇H(u) exact for H of this degree.
 
-    For H of degree ν the integrand ℓ_i · ∇H∘u has degree s − 1 + s(ν − 1) = sν − 1 in τ, which needs ⌈sν/2⌉ nodes.
+    For H of degree ν and u of degree s, ℓ_i∇H(u) has degree s − 1 + s(ν − 1) = sν − 1, which needs ⌈sν/2⌉ nodes.
     """
     return max(1, -(-stages * max(degree, 1) // 2))
 
 
 @lru_cache(maxsize=8)
 def amplification(stages: int) -> float:
-    """The largest factor by which the averages of the s-stage method multiply errors of ∇H: max_i b_i⁻¹ ∫|ℓ_i|."""
+    """The largest factor by which the averages b_i⁻¹∫ℓ_i∇H(u) multiply errors of ∇H: max_i b_i⁻¹∫|ℓ_i|."""
     W, _ = moments(stages, 64)
     return float(np.max(np.sum(np.abs(W), axis=1)))
 

@@ -35,9 +35,9 @@ _SECOND = 2**40
 
 
 def points(xi: Array) -> tuple[Array, Array]:
-    """Quadrature nodes (k, P, Q) and weights (Q,) of degree 3 for the areas of a step h = 1 with increments xi (m, P).
+    """Quadrature nodes (k, P, Q), weights (Q,) of degree 3 for Lévy areas of a step h = 1 with increments xi (m, P).
 
-    The n = m + k numbers B_i and a_ij are uncorrelated; the formula of degree 3 takes ±√n e_i with equal weights.
+    The areas have n uncorrelated parts, m B_i and k a_ij (see the module); nodes are ±√n e_i with equal weights.
     """
     m = len(xi)
     pairs = list(combinations(range(m), 2))
@@ -49,13 +49,13 @@ def points(xi: Array) -> tuple[Array, Array]:
 
 
 def bridges(noises: int) -> Array:
-    """The space-time areas H_i (m, Q) of a step h = 1 at the Q nodes of `points`, for at least two noises."""
+    """The space-time Lévy areas H_i (m, Q) of a step h = 1 at the Q nodes of `points`, for m = `noises` ≥ 2."""
     n = noises + noises * (noises - 1) // 2
     return np.sqrt(n / 12) * np.concatenate([np.eye(noises, n), -np.eye(noises, n)], axis=1)
 
 
 def _from_normals(dW: Array, normals: Array, pairs: list[tuple[int, int]], h: float) -> Array:
-    """Areas A_ij (k, ...) from ΔW (m, ...) and numbers `normals` of variance one: m for the B_i, k for the a_ij."""
+    """Lévy areas A_ij (k, ...) from ΔW (m, ...) and `normals`, m for the B_i and k for the a_ij (see the module)."""
     m = len(dW)
     return np.stack([
         h**0.5 / 12**0.5 * (dW[j] * normals[i] - dW[i] * normals[j]) + h / 12**0.5 * normals[m + k]
@@ -86,9 +86,9 @@ class RoughPath:
         return RoughPath(K * self.h, dW.sum(axis=1), areas, means - 0.5 * dW.sum(axis=1))
 
     def rows(self, steps: int, asks: str) -> Array:
-        """The arguments (steps, m + k, M) of a scheme for `steps` steps: increments, then the areas or halves it takes.
+        """The increments of `steps` steps, and below them the rows that `asks` names, such as areas: (steps, m + k, M).
 
-        Raises UsageError if a scheme takes increments over half steps, and the path cannot halve each of `steps` steps.
+        Raises UsageError if `asks` is "halves" and the N fine steps do not divide into 2·`steps` equal parts.
         """
         coarse = self.coarse(steps)
         further = {"areas": coarse.areas, "space-time": coarse.bridges}.get(asks, coarse.dW[:, :0])

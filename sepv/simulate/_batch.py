@@ -85,10 +85,10 @@ class Ensemble:
     about: Mapping[str, Any] = field(default_factory=dict, repr=False)
 
     def to_xarray(self) -> Any:
-        """Return an `xarray.Dataset` (extra `store`) of dimensions path, time, component and noise, `about` as `attrs`.
+        """Return an `xarray.Dataset` with the dimensions path, time, component and noise, and with `about` as `attrs`.
 
         Data of an ensemble with `store=` stay on disk, and are read when they are indexed. Raise UsageError if xarray
-        is not installed, and for an ensemble that has only the summaries of its paths.
+        (extra `store`) is not installed, and for an ensemble that has only the summaries of its paths.
         """
         xarray = optional("xarray", "xarray, for to_xarray()", "pip install xarray")
         if self.reduced and not self.y.shape[-1]:
@@ -115,7 +115,7 @@ class Ensemble:
 def run_chunk(
     scheme: Scheme, problem: Problem, y0: Array, h: float, raw: Array, k: int | None, *, track: bool = True
 ) -> Ensemble:
-    """Run paths from y0 (d,) over Wiener increments raw (N, m, M), which the scheme sees by `_truncation.seen` with k.
+    """Run paths from y0 (d,) over Wiener increments raw (N, m, M), which `_truncation.seen` bounds with k.
 
     If the scheme takes more than increments (`sepv.schemes._further_increments`), its further arguments are in further
     rows of `raw`. With track=False the invariants are not computed, and their defects are zero.
@@ -157,7 +157,7 @@ class Batch:
         self.done = 0
 
     def step(self, h: float, dW: Array, known: Array | None = None) -> None:
-        """Take one step with the increments dW (m, M), truncated already; to the states `known` (d, M) if given."""
+        """Take one step with truncated increments dW (m, M); states `known` (d, M), if given, are its result."""
         alive = self.alive
         self.done += 1
         if not alive.size:
@@ -189,7 +189,7 @@ class Batch:
             self.worst[1, alive] = np.maximum(self.worst[1, alive], drift[1:].max(axis=0, initial=0.0))
 
     def result(self, W: Array, states: Array | None = None) -> Ensemble:
-        """The present states of the paths as an `Ensemble`, with their W and the states kept at earlier times."""
+        """The `Ensemble` of the paths at the present step, with sums W of their increments, and states kept before."""
         gradients, structures, iterations, divisions, continuations = (int(v) for v in self.work)
         ends = Ensemble(
             self.y, W, self.status, self.failed, self.worst[0], self.worst[1], gradients, structures, iterations,

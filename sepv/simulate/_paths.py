@@ -28,7 +28,7 @@ class Trajectory:
     t : (N + 1,)
     y : (d, N + 1)
     dW : (N, m)
-        The increments that the scheme was given; areas or halves, if the scheme takes them, are in further columns.
+        The increments that the scheme was given, and in further columns any Lévy areas or half-step increments.
     gradient_evaluations, divisions, continuations : int
         The numbers of evaluations of ∇H, of divided steps (`sepv.schemes.divided`), and of fractions of steps that
         were solved by continuation (`sepv.schemes.continued`).
@@ -73,8 +73,8 @@ def integrate(
     truncation : int, "own" or None
         The k of Remark 2.1, by default the one that the scheme declares. None: the increments are not truncated.
     increments : "normal", "two-point", "three-point" or PointLaw, optional
-        The law of the scheme's increments; by default the one that the scheme declares. A PointLaw's value is taken at
-        the rank of the normal increment (`sepv.simulate._truncation.seen`).
+        The law of the scheme's increments; by default the one that the scheme declares. A PointLaw replaces
+        each normal increment by its own quantile at the same rank (`sepv.simulate._truncation.seen`).
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Bounded increments: normal ones clipped as in Remark 2.1 of the paper, or those of a law on a few points."""
+"""Bounded increments: normal ones clipped as in Remark 2.1 of Cohen and Dujardin, or ones with few values."""
 
 from __future__ import annotations
 

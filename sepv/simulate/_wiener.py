@@ -90,7 +90,7 @@ def grid(steps: int, refine: int | None = None) -> Grid:
 
 @lru_cache(maxsize=64)
 def spreads(T: float, grid: Grid) -> Array:
-    """Standard deviations for each level: √h₀ for level 0, then ½√h with the step h of the level that is halved."""
+    """Standard deviations of the draws by level: √h₀ for level 0 (coarse steps h₀), then ½√h for halving steps h."""
     h = T / grid.base * 0.5 ** np.maximum(np.arange(grid.halvings + 1) - 1.0, 0.0)
     factors = 0.5 * np.sqrt(h)
     factors[0] *= 2
@@ -99,9 +99,9 @@ def spreads(T: float, grid: Grid) -> Array:
 
 @lru_cache(maxsize=64)
 def stream_words(seed: int, grid: Grid) -> NDArray[np.uint64]:
-    """State words (streams, 3) of the SFC64 streams of path 0: two words from the seed, and the number of the level.
+    """Three state words of each SFC64 stream of path 0, (streams, 3): two from the seed, and the level that it draws.
 
-    Stream 0 draws the coarse part of the path; stream i > 0 draws level top + i. Path p adds 64 p to the third word.
+    Stream 0 draws the coarse part of the path (level 0), stream i > 0 level top + i. Path p adds 64p to the third word.
     """
     levels = np.concatenate([[0], np.arange(grid.top + 1, grid.halvings + 1)])
     words = np.random.SeedSequence(int(seed)).generate_state(2, np.uint64)
@@ -129,7 +129,7 @@ def walk(
 ) -> Iterator[Array]:
     """Yield the Wiener increments of M paths in the order of time, in pieces (k, m, M) of about `size` steps.
 
-    The arguments are those of `increments`. A piece has at least one coarse increment: 2^(halvings − top) steps.
+    The arguments are those of `increments`. A piece has at least the 2^(halvings − top) steps of a coarse increment.
     """
     wanted = range(paths) if isinstance(paths, int) else paths
     validate(seed, T, steps, noises, wanted)

@@ -81,7 +81,7 @@ Formula = Callable[[Fields, Any, Any, Any], Any]
 class CountedFields(Fields):
     """The functions of a problem computed on arrays for steps from y0 to y1 (d, M), with counts of their evaluations.
 
-    `gradients` (M,) counts evaluations of ∇H, `structures` (M,) those of B or a combined structure. `reliable` (M,) is
+    `gradients` (M,) counts evaluations of ∇H, `structures` (M,) those of B or h B + Σ c_jΔW_j G_j. `reliable` (M,) is
     True for paths all of whose quadratures reached rounding. `means` (d, M) and `matrices` (d, d, M) are lists of the
     averaged gradients and of the structures in the order of calls, for Newton's matrix.
     """
@@ -115,11 +115,11 @@ class CountedFields(Fields):
         return combined_gradient(self.problem, y, step)
 
     def derivative_along(self, y: Array, v: Array) -> Array:
-        """The derivative f′(y)v of the field, which is not counted."""
+        """The derivative f′(y)v of the field f = B∇H; its evaluations are not counted."""
         return derivative_along(self.problem, y, v)
 
     def mean_gradient(self, y: Array, z: Array) -> Array:  # noqa: ARG002 - y0 and y1 − y0, which y1 is not rounded from
-        """The average of ∇H along the segment from y0 to y1 of the step, for which a formula gives its own y and z."""
+        """The average of ∇H along the segment from y0 to y1, for which a formula passes y = y0 and z = y1 − y0."""
         self.means.append(self._means(self._y0, self._y1))
         return self.means[-1]
 

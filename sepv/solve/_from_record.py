@@ -1,8 +1,8 @@
-"""Newton's iteration as straight-line code: z − R(z) and the correction (1 − K)⁻¹(z − R), K = ∂R/∂z, of a formula.
+"""Newton's iteration as straight-line code: z − R(z) and (1 − K)⁻¹(z − R), K = ∂R/∂z, for a formula of R.
 
 The code is made from the recorded operations of the formula. An iteration is then one function of arrays, or of numbers
 for a single state, with the same bits. Because recording takes as long as a few steps, only problems given by name are
-recorded, and not random ones.
+recorded, not problems drawn at random.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Record(NamedTuple):
 
 
 class Corrections(NamedTuple):
-    """Newton's corrections by recorded code, for steps from y0 (d, M) with the numbers `step` (k, M) of a formula."""
+    """Newton's corrections by recorded code, for steps from y0 (d, M) with the data `step` (k, M), such as Δ."""
 
     record: Record
     y0: Array
@@ -61,7 +61,7 @@ class Corrections(NamedTuple):
         return F, corrections, np.full(lanes.shape, stays, dtype=bool)
 
     def of_one(self, lane: Lanes) -> Callable[[list[float]], tuple[list[float], list[float], bool]]:
-        """The function of z (d,) that computes the results of `of_lanes` for a single path, with the same bits."""
+        """The function of z (d,) that gives the residual, correction and domain test of one path, as `of_lanes`."""
         y, step = self.y0[:, lane].ravel().tolist(), self.step[:, lane].ravel().tolist()
         evaluate, parameters, d = self.record.source.function, self.record.source.parameters, len(y)
 

@@ -1,7 +1,7 @@
 """The implicit equation of a step, y1 = y0 + R(y0, y1), by Newton's method iterated until corrections stagnate.
 
 A solver that stops at a tolerance leaves a residual that acts as a force: with a tolerance of 1e-12 the energy drifts
-linearly. Iterated to stagnation, the energy has only the random walk of rounding. Each lane (a path of a batch) has its
+linearly. After iteration to stagnation it has only a random walk of rounding. Each lane (a path of a batch) has its
 own status, so that convergence is reported and never assumed.
 """
 
@@ -269,9 +269,9 @@ def _entries(lanes: Any, *values: Any) -> Any:
 
 
 def _relative_move(moves: Array, magnitude: Array, move: Array, scale: Array, near: Flags | None) -> Array:
-    """The largest relative change of a component by a correction, (M,).
+    """The largest relative change of a component of the state by Newton's correction, for each of M paths.
 
-    If flags `near` are given, it is computed for these paths only. For the others move/scale, a lower bound, is enough.
+    If flags `near` are given, paths without the flag get move/scale instead, a lower bound that is enough for them.
     """
     if near is None:
         return np.asarray(stop.relative(moves, magnitude, scale).max(axis=0))
@@ -282,9 +282,9 @@ def _relative_move(moves: Array, magnitude: Array, move: Array, scale: Array, ne
 
 
 def _unless_hidden(last: Flags, moves: Array, magnitude: Array, outgrown: Flags) -> Flags:
-    """The flags `last`, but False for paths in which a component that has outgrown y0 hides a large move of another.
+    """The flags `last` (error is only rounding), but False for `outgrown` paths in which a component still moves.
 
-    `last` is True for paths whose error after the correction is only rounding.
+    In an outgrown path |y1| is 2^52 times |y0| or more: an ulp of y1 hides changes of components that stayed small.
     """
     if last.any() and outgrown.any():
         last = last & ~(outgrown & (moves > STAGNATION * magnitude).any(axis=0))
@@ -398,8 +398,8 @@ def _is_rounding(
 ) -> Flags:
     """True for paths whose residual is as small as the rounding of y or, for paths flagged in `closely`, of R.
 
-    The rounding of R has two parts: the rounding of R's terms, and the effect |K||y0| of a rounding of y with K =
-    ∂R/∂y1, which stiff equations need, whose R cancels. Both are computed only if the rounding of y is too small. K is
+    The rounding of R has two parts: that of its terms, and the effect |K||y0|, K = ∂R/∂y1, of a rounding of y. Stiff
+    equations, in whose R terms cancel, need the second. Both are computed only if the rounding of y is too small. K is
     taken at y1 = y0, times 16 for its change along the step. K at y1 would allow any residual next to a singularity of
     ∇H, although R can no longer be computed there.
     """

@@ -1,4 +1,4 @@
-"""A problem and a scheme's formula recorded as operations on symbols: B and H as given, everything else derived."""
+"""A problem and a scheme's formula recorded as operations on symbols: B and H as given, with derived derivatives."""
 
 from __future__ import annotations
 
@@ -187,7 +187,7 @@ class _RecordedFields(Fields):
         return matvec(self._at(jacobian(matvec(recorded.B, recorded.slope), recorded.y), y), v)
 
     def mean_gradient(self, y: Any, z: Any) -> Any:
-        """The averaged gradient as recorded, with its derivatives, for the record's own z; else by substitution."""
+        """The averaged gradient: the recorded one for the record's own symbols z, else the same at other y and z."""
         means, nodes = self._recorded.mean
         self.gradients += nodes
         return means if z is self._recorded.z else self._at(means, y, z)

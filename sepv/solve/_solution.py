@@ -51,7 +51,7 @@ class Status(Worded):
 class Increment(NamedTuple):
     """The right side R of y1 = y0 + R(y0, y1), (d, M), with the numbers of evaluations of ∇H and of B, (M,).
 
-    `reliable` (M,) is True for each path whose quadrature of ∇H reached rounding. The Jacobian of R reuses `parts`.
+    `reliable` (M,) is True where the quadrature of ∇H reached rounding. `parts` are values that the Jacobian reuses.
     """
 
     value: Array

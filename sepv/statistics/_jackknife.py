@@ -37,7 +37,7 @@ class Estimate:
 
 
 def jackknife(samples: Array, statistic: Callable[[Array], float], alpha: float) -> Estimate:
-    """Estimate a statistic of means over paths, for samples (n, paths), with an interval by the jackknife.
+    """Estimate a statistic of n means over paths, the means of samples (n, paths), with an interval by the jackknife.
 
     The statistic is computed without each of GROUPS groups of paths in turn. Student's t with GROUPS − 1 degrees of
     freedom gives the interval.
@@ -52,7 +52,7 @@ def jackknife(samples: Array, statistic: Callable[[Array], float], alpha: float)
 
 
 def jackknife_half(left_out: Array, alpha: float) -> float:
-    """Half the interval of level 1 − alpha, from the values (G,) of a statistic computed without each of G groups.
+    """Half the width of the interval of level 1 − alpha, from values (G,) of a statistic without each of G groups.
 
     The interval is that of Student's t with G − 1 degrees of freedom (R. G. Miller, Biometrika 61, 1974).
     """

@@ -88,7 +88,7 @@ class CodeBuilder:
     def polynomial(
         self, p: Polynomial, y: Sequence[str], *factors: str, value: Expression = None
     ) -> Expression:
-        """Code of `value` plus a polynomial, whose monomials are repeated products, in the terms' canonical order.
+        """Code of `value` plus the polynomial p at y, in the canonical order of terms, powers as repeated products.
 
         The `factors` multiply the polynomial's coefficients.
         """

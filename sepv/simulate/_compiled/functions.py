@@ -94,7 +94,7 @@ def place(context: Any, builder: Any, kind: Any, array: Any, *indices: Any, lane
 
 @intrinsic
 def part(typingctx: Any, array: Any, first: Any, lane: Any) -> Any:  # noqa: ARG001 - numba's signature
-    """The array (N, m, M) from array[first, 0, lane] on, with the same strides: the next row follows a row's end."""
+    """A view of an array (N, m, M) from [first, 0, lane] on with its strides; row follows row."""
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         kind, (whole, first, lane) = signature.return_type, arguments
@@ -122,11 +122,11 @@ def prefetch(typingctx: Any, array: Any, n: Any, j: Any, k: Any) -> Any:  # noqa
 
 
 def _on_rows(rows: int, emit: Callable[..., Any], whole: bool = False) -> Any:
-    """Make f(count, (array, indices, …, number, …)), which emits code for each of the `count` elements of some rows.
+    """Make an intrinsic f(count, (array, indices, …, number, …)) that loops over `count` elements of `rows` array rows.
 
-    A row begins at the given indices of its array, and `emit` gets the addresses of an element of each row. If `whole`,
-    it is called once, with the addresses of the first elements and the count. numba's own loops are not used, because
-    each takes a tenth of a second longer to compile.
+    Each row begins at the given indices of its array. `emit` gets the addresses of one element of each row. If `whole`,
+    `emit` is called once, with the addresses of the first elements and the count. A loop of numba's own would take a
+    tenth of a second longer to compile.
     """
 
     @intrinsic
@@ -174,7 +174,7 @@ raise_row = _on_rows(2, _raise)
 
 
 def _vectors(context: Any, builder: Any, kind: Any, array: Any, lanes: int) -> Iterator[tuple[int, Any]]:
-    """Loop over the last axis of an array (n, m, L), by vectors of lanes, then one by one; yield number and first."""
+    """Loop over the last axis of an array (n, m, L), `lanes` at a time, then singly; yield how many, and the first."""
     width = cgutils.unpack_tuple(builder, make_array(kind)(context, builder, array).shape)[2]
     whole = builder.and_(width, _INT(-lanes))
     for size, first, last in ((lanes, _INT(0), whole), (1, whole, width)):
@@ -220,7 +220,7 @@ def _drawn(builder: Any, words: Sequence[Any]) -> Any:
 
 
 def _words(context: Any, builder: Any, kind: Any, rng: Any, s: Any, k: Any, lanes: int = 1) -> list[Any]:
-    """The addresses of the state of stream s of rng (streams, 4, L), for lane k or for a vector of lanes."""
+    """The addresses of the four state words of stream s of rng (streams, 4, L), for `lanes` lanes from k on."""
     return [place(context, builder, kind, rng, s, _INT(i), k, lanes=lanes) for i in range(4)]
 
 

@@ -39,7 +39,7 @@ first_steps = iteration = blind = check = clear = add_node = quick = masked = in
 def compiled(
     function: Callable[..., Any], names: dict[str, Any], signature: Any = None, inline: bool = False
 ) -> Any:
-    """Compile a function with `names`, the globals of a generated module, as its globals.
+    """Compile a copy of a function in which global names have the values in `names`, a generated module's globals.
 
     With a signature it is compiled at once, else at its first call. Compiled code is cached beside the module's file.
     """
@@ -156,7 +156,7 @@ def iterated(
 def staged(  # noqa: PLR0912 - in one piece, as the method reads
     S: Any, I: Any, buffer: Any, count: int, first: int, h: float, bound: float, P: Any, left_over: int
 ) -> int:
-    """Take `count` steps of an s-stage method by fixed-point sweeps, one quadrature rule after the other.
+    """Take `count` steps of an s-stage method by fixed-point sweeps, with finer quadrature rules if needed.
 
     BUSY is 1 in a lane (path) that sweeps, 4 in a lane whose result is to be checked, 0 in a lane that is done, and 2
     in a lane that Newton's iteration (`sepv.solve`) is to solve. Return 1 if all paths failed.
@@ -198,7 +198,7 @@ def staged(  # noqa: PLR0912 - in one piece, as the method reads
 
 
 def sums(S: Any, I: Any, buffer: Any, group: int, rule: int, q: Any) -> None:
-    """Compute the sums G_i = Σ W_in ∇H(u_n) of a group of lanes, node by node; do nothing if sweeps need no sums."""
+    """Average ∇H by a quadrature rule, G_i = Σ_n W_in ∇H(u_n), in a group of lanes; not needed if nodes are stages."""
     for_simd()
     if STRAIGHT:
         return

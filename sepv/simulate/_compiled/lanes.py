@@ -156,9 +156,9 @@ def fill(
 def begin(
     drawing: int, rng: Any, top: Any, words: Any, path: int, factors: Any, base: int, halvings: int
 ) -> None:
-    """Set up the streams rng (streams, 4, L) of a block, whose first path is number `path`, and its coarse increments.
+    """Set up the streams rng (streams, 4, L) and the coarse increments of a block of L paths, numbered from `path` on.
 
-    The coarse increments are top (n, m, L) with n = base·2^halvings or 0, drawn level by level in place.
+    The coarse increments are top (n, m, L), n = base·2^halvings or 0: `base` drawn ones, halved `halvings` times.
 
     drawing : the address of `normals`
     words : the first words of the streams, (streams, 3) (`sepv.simulate._wiener.stream_words`)

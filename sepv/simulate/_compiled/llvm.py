@@ -4,7 +4,7 @@ For numba a piece of code is one call, which becomes exactly the instructions of
 loops around a piece are ordinary functions (`kernels`), and still become SIMD code. Kernels printed as a whole for
 numba would not be faster, and start later, because numba's type inference takes seconds for a thousand statements.
 
-Only straight-line code is printed: R and K of a step's equation, the correction, the test of a step. The lines of two
+Only straight-line code is printed: R and K = ∂R/∂z of an equation z = R, the correction, its test. The lines of two
 lanes may be interleaved. Lines are assignments of +, −, ×, ÷, comparisons, &, |, `fma`, `select`, `not_`, `abs`,
 elements of arrays and functions of numbers. This module needs numba.
 """
@@ -37,7 +37,7 @@ class _Lines:
         self.names, self.arrays = dict(names), arrays
 
     def run(self, lines: Sequence[str], result: str) -> Any:
-        """Emit the instructions of the lines, and return the sum that they add to the name `result`."""
+        """Emit the instructions of the lines; return the total of what they add to the variable `result`."""
         total = ir.Constant(_INT, 0)
         for statement in ast.parse("\n".join(lines)).body:
             if isinstance(statement, ast.AugAssign):
@@ -166,9 +166,9 @@ def _codegen(lines: Sequence[str], result: str, arguments: Sequence[str], known:
 
 
 def lane_piece(lines: Sequence[str], result: str, known: Mapping[str, Any]) -> Callable[..., Any]:
-    """Make f(S, I, buffer, n, k, first, h, bound, q), which runs the lines for lane k in step n; returns `result`.
+    """Make f(S, I, buffer, n, k, first, h, bound, q), which runs the lines for lane k in step n, as `_Lines.run`.
 
-    `known` are the numbers and functions that the lines name, and the names PARAMETERS of the tuple q.
+    `known` has the numbers and functions that the lines use, and under PARAMETERS the names of the numbers in q.
     """
     code = _codegen(lines, result, ("S", "I", "buffer", "n", "k", "first", "h", "bound", "q"), known)
 

@@ -7,8 +7,8 @@ tests and its status (`sepv.simulate._compiled.block_run`).
 
 For H quadratic and B linear, the equation of (2.1) and of the midpoint rule is z = Δ P(ȳ), ȳ = y + z/2, with short
 polynomials P. The unknown is then ȳ at first, because a sweep ȳ ← y + ½Δ P(ȳ) costs a product and a sum for each term
-of P, and 1 − K = 1 − ½Δ P′(ȳ) one for each term of P′: products ½Δ c with coefficients c are computed once. The result
-is rounded at the size of y. Later steps take R as the formula writes it, with the roundings of B∇H and not of P.
+of P, and Newton's matrix 1 − ½Δ P′(ȳ) as much for each term of P′: products of ½Δ and coefficients are computed once.
+The result is rounded at the size of y. Later steps take R as the formula writes it, with roundings of B∇H, not of P.
 """
 
 from __future__ import annotations
@@ -58,12 +58,12 @@ class NewtonWriter(Writer):
     kernel = "iterated"
 
     def pieces(self) -> dict[str, tuple[list[str], str]]:
-        """The pieces of code: the first steps for all lanes, and a further step for a group of lanes."""
+        """The kernel's code by name: the first Newton steps, for all lanes, and one more, for a group of lanes."""
         first = self.side_by_side([*self.random_step(), *self.first_steps()])
         return {"first_steps": (first, "left"), "iteration": (self.iteration(), "left")}
 
     def numbers(self) -> dict[str, Any]:
-        """The constants of the piece of code with the first steps."""
+        """Constants of the kernel: how many lanes run together, and numbers of sweeps and steps."""
         together = self.lanes // 2 if self.lanes >= 2 * GROUP else self.lanes
         return {"TOGETHER": together, "STEPS": self.sweeps + self.steps, "FAST": FAST}
 
@@ -85,7 +85,7 @@ class NewtonWriter(Writer):
     def first_steps(self) -> list[str]:
         """Code of the first sweeps and Newton steps; only the last is tested, because a test costs a third of a step.
 
-        If the sweeps of a lane do not contract, its last correction P is set to infinity: it starts again from z = 0.
+        If a lane's sweeps do not contract, the size of its last correction is set to infinity: it restarts from z = 0.
         """
         code = CodeBuilder(self.parameters)
         y = self.loaded(code, "Y", "y")
@@ -103,7 +103,7 @@ class NewtonWriter(Writer):
         return code.lines
 
     def in_increments(self, code: CodeBuilder, y: list[str]) -> list[str]:
-        """Code of z by sweeps and Newton steps; m and `before` become the sizes of the last two corrections."""
+        """Code of z by sweeps, then Newton steps; in it `before` and m are the sizes of the last two corrections."""
         z = ["0.0"] * self.unknowns
         for _ in range(self.sweeps):
             z = [shown(v) for v in self.swept(code, y, z)]
@@ -118,7 +118,7 @@ class NewtonWriter(Writer):
         return z
 
     def in_middles(self, code: CodeBuilder, y: list[str]) -> list[str]:
-        """Code of z by sweeps and a Newton step for ȳ = y + z/2 (`_approach`), then Newton steps for z."""
+        """Code of z: sweeps and a Newton step for ȳ = y + z/2 (`_approach`), then Newton steps for z = 2(ȳ − y)."""
         assert self.P is not None
         states, inverse = _approach(code, self.P, y, self.sweeps)
         z = [code.let(f"2.0 * {v}") for v in (code.let(f"{a} - {b}") for a, b in zip(states, y, strict=True))]
@@ -129,7 +129,7 @@ class NewtonWriter(Writer):
         return z
 
     def swept(self, code: CodeBuilder, y: list[str], z: list[str]) -> list[Expression]:
-        """Code of a sweep: Δ f(ȳ) if the scheme depends on the random step Δ alone, else its right side R(z)."""
+        """Code of a sweep's new z: Δ f(ȳ), f = B∇H, if the scheme uses the random step Δ alone, else R(z)."""
         if self.known == ["delta"]:
             return scaled_field(code, self.problem, middle(code, y, z), "delta")
         return self.problem.increment(code, self.formula.recorded, y, z, self.known)
@@ -144,9 +144,9 @@ class NewtonWriter(Writer):
     def test(self, compared: bool) -> list[str]:
         """Test that the correction of size m, once applied, leaves an error below rounding.
 
-        If the correction before is below FIRST, FIRST is taken in its place, because m may then be mere rounding. With
-        the constant C of Newton's iteration, relative to the state, the error left is C³·2⁻¹²⁴, below LEFT for every C
-        up to 2²⁰. `compared` says that there surely was a correction before; if that were infinite, m would be NaN.
+        If the correction before is below FIRST, FIRST is taken in its place, because m may then be mere rounding. If a
+        Newton step takes a relative error e to C e², the error left is then C³·2⁻¹²⁴, below LEFT for every C up to 2²⁰.
+        `compared` says that there surely was a correction before; if its size were infinite, m would be NaN.
         """
         later = [] if compared else ["later = (before < INF) | (m <= FIRST * scale)"]
         others = ["next", "near", *["later"] * (not compared), *["inside"] * self.has_domain()]
@@ -169,7 +169,7 @@ class NewtonWriter(Writer):
         return self.problem.residual(code, formula, y, z, self.known, states), _matrix(code, self.P, states)
 
     def iteration(self) -> list[str]:
-        """Code of a Newton step and its test; a lane (path) that fails the test stays busy, last for `sepv.solve`."""
+        """Code of a Newton step and its test; a lane (path) that fails stays busy, until `sepv.solve` takes it over."""
         n = self.unknowns
         code = CodeBuilder(self.parameters)
         code.lines += self.random_step()
@@ -196,7 +196,7 @@ class NewtonWriter(Writer):
 def _approach(
     code: CodeBuilder, P: Sequence[Polynomial], y: Sequence[str], sweeps: int
 ) -> tuple[list[str], str | None]:
-    """Code of ȳ: sweeps from y, then a Newton step of size m in z; return ȳ, and 1/det(1 − ½ΔP′) or None."""
+    """Code of ȳ = y + ½Δ P(ȳ): sweeps, then a Newton step (m: its size in z); return ȳ, and 1/det(1 − ½ΔP′) or None."""
     middle = list(y)
     for _ in range(sweeps):
         middle = _swept(code, P, y, middle)
@@ -209,7 +209,7 @@ def _approach(
 
 
 def _matrix(code: CodeBuilder, P: Sequence[Polynomial], middle: Sequence[str]) -> Table:
-    """Code of Newton's matrix 1 − ½Δ P′(ȳ)."""
+    """Code of Newton's matrix 1 − ½Δ P′(ȳ), where the polynomials P are B∇H."""
     half = code.let("0.5 * delta")
     return [
         [
@@ -221,6 +221,6 @@ def _matrix(code: CodeBuilder, P: Sequence[Polynomial], middle: Sequence[str]) -
 
 
 def _swept(code: CodeBuilder, P: Sequence[Polynomial], y: Sequence[str], middle: Sequence[str]) -> list[str]:
-    """Code of the sweep ȳ ← y + ½Δ P(ȳ)."""
+    """Code of the sweep ȳ ← y + ½Δ P(ȳ), where the polynomials P are B∇H."""
     half = code.let("0.5 * delta")
     return [shown(code.polynomial(p, middle, half, value=start)) for p, start in zip(P, y, strict=True)]

@@ -14,7 +14,7 @@ BLIND = 2
 
 
 class ProjectedWriter(Writer):
-    """Writer of the kernel of a projected method."""
+    """Writer of the compiled kernel of an explicit method with projection on the invariants."""
 
     def more_rows(self) -> dict[str, int]:
         """Rows of the scratch buffer for the directions of the projection."""
@@ -23,14 +23,14 @@ class ProjectedWriter(Writer):
     kernel = "iterated"
 
     def pieces(self) -> dict[str, tuple[list[str], str]]:
-        """The pieces of code: the increment with the first iterations, and a further iteration for a group of lanes."""
+        """The kernel's code by name: the explicit step with a projection's first iterations, and one more iteration."""
         return {
             "first_steps": ([*self.random_step(), *self.first()], "left"),
             "iteration": (self.iteration(), "left"),
         }
 
     def numbers(self) -> dict[str, Any]:
-        """The numbers of evaluations and of iterations in the pieces of code."""
+        """Constants of the kernel: numbers of evaluations, and of iterations of the projection."""
         gradients, structures = self.problem.cost(self.formula.recorded, self.known)
         averages = self.problem.gradient_evaluations
         return {
@@ -39,7 +39,7 @@ class ProjectedWriter(Writer):
         }  # fmt: skip
 
     def first(self) -> list[str]:
-        """Code of the explicit increment z*, of the directions at its end, and of the projection's first iterations."""
+        """Code of the explicit increment z*, of the projection's directions at y + z*, and of its first iterations."""
         code = CodeBuilder(self.parameters)
         y = self.loaded(code, "Y", "y")
         z = [shown(r) for r in self.problem.increment(code, self.formula.recorded, y, [], self.known)]
@@ -60,7 +60,7 @@ class ProjectedWriter(Writer):
         return [*code.lines, *end]
 
     def iteration(self) -> list[str]:
-        """Code of a further iteration of the projection, in the busy lanes of a group."""
+        """Code of one more iteration of the projection, in the busy lanes (paths) of a group."""
         code = CodeBuilder(self.parameters)
         y, z = self.loaded(code, "Y", "y"), self.loaded(code, "Z", "z")
         code.lines += ["busy = I[BUSY + k] == 1", self.scale(y), f"before = {self.at('P')}"]
@@ -76,13 +76,13 @@ class ProjectedWriter(Writer):
         return [*code.lines, *end]
 
     def moved(self, code: CodeBuilder, y: list[str], z: list[str], found: list[Expression]) -> list[str]:
-        """Code of z minus the correction that undoes the invariants' change; m becomes the correction's size."""
+        """Code of z minus the projection's correction along directions `found`; the variable m gets its size."""
         c = [shown(v) for v in self.problem.moved_back(code, y, z, found)]
         code.lines.append(magnitude(c))
         return [code.let(f"{a} - {b}") for a, b in zip(z, c, strict=True)]
 
     def ending(self, code: CodeBuilder, y: list[str], z: list[str], otherwise: str) -> list[str]:
-        """Code that sets BUSY: 0 if the lane is done and in the domain, else 1; `otherwise` if it was not busy."""
+        """Code that sets BUSY: for busy lanes 0 if done and in the domain, else 1; for other lanes `otherwise`."""
         inside = self.problem.domain(code, [code.let(f"{a} + {b}") for a, b in zip(y, z, strict=True)])
         return [
             "later = (m * m <= LEFT * (scale * before)) & (before < INF)",

@@ -1,4 +1,4 @@
-"""The code of a problem's functions for the compiled engine, printed from their record."""
+"""Code of a problem's functions for the compiled engine, printed from the operations recorded of each."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def emit(code: CodeBuilder, values: Mapping[int, Expression], outputs: Sequence[
     expressions: dict[int, Expression] = {}
 
     def value(index: int) -> Expression:
-        """The expression of a line's value; a product that is used only once is written where it is used."""
+        """The expression of recorded line `index`; a product that is used only once is written where it is used."""
         if index not in expressions:
             expressions[index] = code.product(*map(value, tape.lines[index].arguments))
         return expressions[index]
@@ -79,7 +79,7 @@ _Term = tuple[Symbol, tuple[Expression, Expression] | None]
 def _sum(
     code: CodeBuilder, name: str, left: _Term, right: _Term, value: Callable[[int], Expression]
 ) -> Expression:
-    """Code of the sum or difference of two terms, one of which may be given as its factors."""
+    """Code of the sum or difference of two terms; for a product to be fused, a term has its two factors."""
     (a, first), (b, second) = left, right
     if second is not None:
         before = value(a.index)
@@ -142,13 +142,13 @@ class RecordedProblem(Recorded):
 
     @property
     def convergence_rate(self) -> float:
-        """The relative error of Newton's matrix, from the derivatives that are not exact."""
+        """The relative error of Newton's matrix: the largest one of a function's derivative in it."""
         with suppress(NoClosedForm):  # a formula with the mean gradient has raised it already
             jacobian(self.mean.value, self.z)
         return max(_RATES.get(line.name, _EXACT) for line in self.tape.lines)
 
     def cost(self, formula: Formula, step: Sequence[str]) -> tuple[int, int]:
-        """The numbers of evaluations of ∇H, and of B or its substitute, in the formula's right side R."""
+        """The numbers of evaluations of ∇H, and of B (or h B + Σ c_jΔW_j G_j), in the formula's right side R."""
         equation = self.equation_of(formula, len(step))
         return equation.gradients, equation.structures
 
@@ -212,7 +212,7 @@ class RecordedProblem(Recorded):
 
     @cached_property
     def directions(self) -> tuple[list[Symbol], list[Symbol], Any]:
-        """The directions of a projection at y, symbols for them in the same order, and the correction in these symbols.
+        """A projection's directions at y, symbols that stand for them, and the correction of z in these symbols.
 
         See `sepv.schemes._projected` for the directions and the correction of z.
         """
@@ -237,7 +237,7 @@ class RecordedProblem(Recorded):
     def moved_back(
         self, code: CodeBuilder, y: Sequence[str], z: Sequence[str], known: Sequence[Expression]
     ) -> list[Expression]:
-        """Code of the correction of z that undoes the invariants' change, along the directions `known`."""
+        """Code of the correction of z along directions `known`, for the invariants' change from y to y + z."""
         _, symbols, correction = self.directions
         return printed(code, [(self.y, y), (self.z, z), (symbols, [shown(v) for v in known])], correction)
 
@@ -248,7 +248,7 @@ class RecordedProblem(Recorded):
 
 
 def printed(code: CodeBuilder, inputs: Sequence[tuple[Any, Sequence[str]]], outputs: Any) -> list[Expression]:
-    """Write code of the outputs, given the names of the inputs' components; the name "0.0" stands for zero."""
+    """Write code of recorded outputs; `inputs` are vectors of symbols with their names in the code ("0.0" for zero)."""
     values = {
         x.index: None if name == "0.0" else name
         for vector, names in inputs

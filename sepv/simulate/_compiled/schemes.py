@@ -1,4 +1,4 @@
-"""The form of each scheme for the compiled engine: the record of its formula, or code for staged and projected methods.
+"""The form of each scheme for the compiled engine: its recorded formula, or code for s-stage and projected methods.
 
 Code of a scheme's equation z = R and of K = ∂R/∂z shares common parts, because equal expressions have one name
 (`sepv.simulate._compiled.code_builder`).
@@ -46,7 +46,7 @@ class Formula:
     projected: bool = False
 
     def names(self, noises: int) -> list[str]:
-        """The names of the step's data (Δ or others) in the code of a lane."""
+        """The names, in the code of a lane (path), of the numbers of a step that the scheme uses, such as delta."""
         return _NAMES.get(self.parts) or ["span", *(f"noise{j}" for j in range(noises))]
 
     def update(self, code: CodeBuilder, z: Sequence[str]) -> list[str]:
@@ -87,7 +87,7 @@ def middle(code: CodeBuilder, y: Sequence[str], z: Sequence[str]) -> list[str]:
 def scaled_field(
     code: CodeBuilder, problem: RecordedProblem, y: Sequence[str], delta: str = "(1.0)"
 ) -> list[Expression]:
-    """Code of Δ f(y); f = B∇H is multiplied out if it has few monomials, because B and ∇H are not needed apart."""
+    """Code of Δ f(y); f = B∇H is multiplied out if it has few monomials, as B and ∇H have no other use here."""
     if problem.field is not None:
         return [code.polynomial(p, y, delta) for p in problem.field]
     return [
@@ -96,7 +96,7 @@ def scaled_field(
 
 
 def at(code: CodeBuilder, y: Sequence[str], z: Sequence[str], integrals: Any) -> list[str]:
-    """Code of u = y + Σ_j integrals_j z_j; z has the components of all stages z_j, one stage after the other."""
+    """Code of the collocation polynomial u = y + Σ_j integrals_j z_j at a point; z is a list of stage after stage."""
     d = len(y)
     state = list(y)
     for j, weight in enumerate(integrals):
@@ -119,7 +119,7 @@ class Collocation(Formula):
         self, code: CodeBuilder, problem: RecordedProblem, y: Sequence[str], z: Sequence[str], delta: str,
         averages: Sequence[Sequence[Expression]] | None,
     ) -> list[Expression]:  # fmt: skip
-        """Code of the right sides Δ B(Y_i) g_i, one stage after the other; g_i is ∇H(Y_i) if `averages` is None."""
+        """Code of Δ B(Y_i) g_i, one stage after the other; `averages` has the g_i, which are ∇H(Y_i) if it is None."""
         R: list[Expression] = []
         for i, row in enumerate(gauss_tableau(self.stages).A):
             Y = at(code, y, z, row)
@@ -155,9 +155,9 @@ FORMULAS: dict[str, Formula] = {
 
 
 def formula_of(scheme: Scheme) -> Formula | None:
-    """The compiled engine's form of a scheme; None if there is none.
+    """The `Formula` from which the compiled engine makes code of a scheme's step; None for other schemes.
 
-    A scheme is recognised by its step: a scheme whose step is wrapped is another scheme.
+    A scheme is recognised by its step, so that a copy with another function as its step has no `Formula`.
     """
     rule = scheme.step
     if isinstance(rule, Explicit):

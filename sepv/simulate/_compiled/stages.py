@@ -1,12 +1,12 @@
 """Code for the s-stage methods: fixed-point sweeps z ← R(z) for a block of lanes (paths) in lockstep.
 
-A sweep z_i ← Δ B(Y_i) g_i costs evaluations and s² d products; a step of Newton's iteration eliminates s·d unknowns.
-Each sweep reduces the error by a factor of about Δ|f′|/4. With sensible steps Δ, all sweeps together cost less than one
-elimination. A lane is done if the next correction, about m²/m_before for corrections of sizes m, is below rounding. If
-the corrections do not shrink, `sepv.schemes.collocation` solves the step of the lane by Newton's iteration.
+A sweep z_i ← Δ B(Y_i) g_i, with averages g_i of ∇H, costs evaluations and s² d products; a step of Newton's iteration
+eliminates s·d unknowns. Each sweep reduces the error by a factor of about Δ|f′|/4. With sensible steps Δ, all sweeps
+cost less than one elimination. A lane is done if its next correction, about m²/m_before after two of sizes m_before and
+m, is below rounding. If corrections do not shrink, `sepv.schemes.collocation` solves its step by Newton's iteration.
 
-If H is no polynomial, a last sweep with half as many nodes again must change nothing but roundings. If it changes more
-with every rule, or if a point is outside the domain, `sepv.schemes.collocation` solves the step of the lane as well.
+If H is no polynomial, a last sweep with half as many nodes again must change z by roundings only. If even the finest
+rule fails this test, or if a point is outside the domain, `sepv.schemes.collocation` solves the lane's step as well.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ SHRINKS = 0.9
 
 
 class StagesWriter(Writer):
-    """Writer of the kernel of an s-stage method."""
+    """Writer of the compiled kernel of an s-stage method (collocation or Gauss)."""
 
     formula: Collocation
     imports = "from sepv.simulate._compiled.stages import rules\n"
@@ -55,13 +55,13 @@ class StagesWriter(Writer):
         return self.nodes == self.formula.stages
 
     def more_rows(self) -> dict[str, int]:
-        """Rows of the scratch buffer for the sums g_i, if the nodes are not the stages."""
+        """Rows of the scratch buffer for averages g_i of ∇H, unless the quadrature nodes are the stages."""
         return {} if self.straight else {"G": self.unknowns}
 
     kernel = "staged"
 
     def pieces(self) -> dict[str, tuple[list[str], str]]:
-        """The pieces of code of sweeps and of their tests."""
+        """The kernel's code by name: sweeps, their tests, and the averages of ∇H by quadrature."""
         clear, node = self.sums()
         return {
             "first_steps": ([*self.random_step(), *self.first()], "none"),
@@ -74,11 +74,11 @@ class StagesWriter(Writer):
 
     @property
     def checked(self) -> bool:
-        """True if converged lanes are checked: the error of the quadrature, or points outside the domain."""
+        """True if converged lanes are tested once more, for the quadrature's error or points outside the domain."""
         return not self.exact or self.has_domain()
 
     def sums(self) -> tuple[list[str], list[str]]:
-        """Code of the sums G_i = Σ W_in ∇H(u_n): setting them to zero, and adding a node; empty if `straight`."""
+        """Code that zeroes the averages G_i = Σ_n W_in ∇H(u_n), and code that adds one node; empty if `straight`."""
         if self.straight:
             return [], []
         code, s, d = CodeBuilder(self.parameters), self.formula.stages, self.d
@@ -94,7 +94,7 @@ class StagesWriter(Writer):
         return [f"{self.at('G', i)} = 0.0" for i in range(self.unknowns)], code.lines
 
     def sweep(self, code: CodeBuilder, y: list[str], z: list[str]) -> list[str]:
-        """Code of the right side R(z) of a sweep."""
+        """Code of the new stages R(z) of a sweep z ← R(z)."""
         d, s = self.d, self.formula.stages
         g = None if self.straight else [[self.at("G", i * d + r) for r in range(d)] for i in range(s)]
         return [shown(v) for v in self.formula.sweep(code, self.problem, y, z, "delta", g)]
@@ -104,7 +104,7 @@ class StagesWriter(Writer):
         return self.loaded(code, "Y", "y"), self.loaded(code, "Z", "z")
 
     def first(self) -> list[str]:
-        """Code of the first sweep from z = 0, in which one evaluation is enough for all stages."""
+        """Code of the first sweep from z = 0, in which all stages are y, so that B∇H is evaluated once."""
         code = CodeBuilder(self.parameters)
         y = self.loaded(code, "Y", "y")
         g = self.problem.gradient(code, y)
@@ -117,7 +117,7 @@ class StagesWriter(Writer):
         return code.lines
 
     def blind(self) -> list[str]:
-        """Code of the sweeps before the first test, for which averages at the nodes of the stages are good enough."""
+        """Code of the sweeps before the first test, which need no quadrature: ∇H at the stages is good enough."""
         code = CodeBuilder(self.parameters)
         y, R = self.lane(code)
         for _ in range(FUSED if self.straight else 1):
@@ -125,7 +125,7 @@ class StagesWriter(Writer):
         return [*code.lines, *(f"{self.at('Z', i)} = {v}" for i, v in enumerate(R))]
 
     def iteration(self) -> list[str]:
-        """Code of the end of a sweep, after its sums G_i, and of its test."""
+        """Code of the end of a sweep, z ← R(z) with the averages G_i of ∇H, and of its test."""
         code = CodeBuilder(self.parameters)
         y, z = self.lane(code)
         R = self.sweep(code, y, z)
@@ -149,7 +149,7 @@ class StagesWriter(Writer):
         return code.lines
 
     def check(self) -> list[str]:
-        """Code of a last sweep by a finer rule, and of a test that all points are in the domain."""
+        """Code of a last sweep by a finer quadrature rule, and of a test that y1, stages, nodes are in the domain."""
         code = CodeBuilder(self.parameters)
         y, z = self.lane(code)
         R = self.sweep(code, y, z)
@@ -185,7 +185,7 @@ class StagesWriter(Writer):
         return found
 
     def numbers(self) -> dict[str, Any]:
-        """The constants of the sweeps and the rules."""
+        """Constants of the kernel, about its sweeps and its quadrature rules."""
         blind, fused = (BLIND, FUSED) if self.straight else (4, 1)
         return {
             "RULES": len(self.ladder()), "EXACT": self.exact,
@@ -203,11 +203,11 @@ class StagesWriter(Writer):
 
 
 def rules(stages: int, ladder: Sequence[int]) -> tuple[np.ndarray, np.ndarray, Array]:
-    """Quadrature rules of a generated module, each followed by a finer rule with which it is compared.
+    """Quadrature rules of a generated module: with N nodes for N in `ladder`, each with a finer rule to compare.
 
     counts, firsts : (2 R,), the number of nodes of each rule, and the number of its first node
-    nodes : (N, 2s), for each node its weights in the sums g_i, and the weights of the z_j in the state at the node
-        (`sepv.schemes._tableaux.moments`); for a rule of s nodes, the weights in the sums are the identity
+    nodes : (N, 2s), for each node its weights in the averages g_i, and the weights of the z_j in the state at the node
+        (`sepv.schemes._tableaux.moments`); a rule of s nodes has identity weights, g_i = ∇H at the stage i
     """
     counts = [n for nodes in ladder for n in (nodes, nodes + nodes // 2)]
     found = [moments(stages, n) for n in counts]

@@ -40,7 +40,7 @@ def _machine() -> bytes:
 
 
 def linked(text: str) -> Iterator[ModuleType]:
-    """The modules whose code is linked with a source: modules that it imports, and those of the functions in them.
+    """The modules of sepv whose code a source runs: those that it imports, and those of the functions in them.
 
     Classes are not followed, because compiled code has only the numbers of an object.
     """

@@ -72,7 +72,7 @@ class Writer(ABC):
 
     @abstractmethod
     def pieces(self) -> dict[str, tuple[list[str], str]]:
-        """The pieces of code for a lane, by their names in `kernels`, and the variable that each piece adds to."""
+        """For each name in `kernels`: the lines of its code for a lane, and the variable that they add to."""
 
     def numbers(self) -> dict[str, Any]:
         """The constants that only this kind of kernel has."""
@@ -98,7 +98,7 @@ class Writer(ABC):
         return code.lines
 
     def scale(self, y: list[str]) -> str:
-        """The line that computes the size of the state y."""
+        """The line that computes the size Σ|y_i| of the state y."""
         return f"scale = {' + '.join(f'abs({v})' for v in y)}"
 
     def random_step(self) -> list[str]:

@@ -136,7 +136,7 @@ class InMemory(Total):
 
 
 class Reduced(Total):
-    """Collect summaries and merge them in the order of chunks; one that arrives early waits for the chunks before."""
+    """Collect the chunks' summaries and merge them in the order of chunks; an early summary waits for those before."""
 
     def __init__(
         self, task: Task, empty: Ensemble, progress: PathProgress, functionals: Functionals,
@@ -152,7 +152,7 @@ class Reduced(Total):
         return self.add(number, task.count, *result)
 
     def add(self, number: int, paths: int, counts: Ensemble, summaries: Mapping[str, Summary]) -> bool:
-        """Add the counts and summaries of chunk `number`; return True once the errors `until` are reached."""
+        """Add counts and summaries of chunk `number`; return True once the target standard errors are reached."""
         self.early[number] = (paths, counts, summaries)
         while self.next in self.early:
             paths, counts, summaries = self.early.pop(self.next)
@@ -192,7 +192,7 @@ class OnDisk(Total):
         self.there = np.zeros(self.store.chunks, dtype=bool)
 
     def missing(self, numbers: range) -> Sequence[int]:
-        """The numbers of chunks that are not complete in the store; none if stored chunks reach the errors `until`."""
+        """The numbers of chunks not complete in the store; none if stored chunks reach the target standard errors."""
         for number in numbers:
             found = self.store.load(number)
             if found is not None and self._take(number, self._chunk(found)):
@@ -210,7 +210,7 @@ class OnDisk(Total):
         return replace(self.empty, **absent, **found)
 
     def take(self, number: int, _task: Task, result: Any) -> bool:
-        """Store a chunk, and merge its summaries if functionals are reduced."""
+        """Write a chunk to the store, and merge the summaries of its functionals if `reduce` names any."""
         chunk, summaries = result if self.reduced is not None else (result, None)
         self.store.save(number, chunk)
         return self._take(number, chunk, summaries)

@@ -75,9 +75,9 @@ def ensemble(
     seed : int
         The seed of the increments.
     increments : "normal", "two-point", "three-point" or PointLaw, optional
-        The law of the scheme's increments; by default the one that the scheme declares. A PointLaw's value is taken at
-        the rank of the normal increment (`sepv.simulate._truncation.seen`), so that path p has the same normal
-        increments with every law. `Ensemble.W` is the sum of the normal increments.
+        The law of the scheme's increments; by default the one that the scheme declares. A PointLaw replaces
+        each normal increment by its own quantile at the same rank (`sepv.simulate._truncation.seen`), so that path p
+        has the same normal increments with every law. `Ensemble.W` is the sum of the normal increments.
     refine : int, optional
         See `sepv.simulate.increments`.
     dW : (N, m, M), optional
@@ -261,7 +261,7 @@ class _Chunks(Sequence[Task]):
 def _chunk_size(whole: Task, workers: Any, chunk: int | None, fixed: bool) -> int:
     """The number of paths in a chunk.
 
-    With `fixed` (chunks are stored or reduced) it does not depend on the workers, nor do the bits of reduced results.
+    If `fixed` (chunks are stored or reduced), it does not depend on the workers, so that results have the same bits.
     """
     if chunk is not None:
         return require_whole("chunk", chunk, "paths of one worker at a time")
@@ -294,8 +294,8 @@ def _empty(whole: Task, problem: Problem, reason: str, about: dict[str, Any]) ->
 def _about(whole: Task, problem: Problem, dW: Any) -> dict[str, Any]:
     """Describe the paths as JSON: equal descriptions mean equal paths.
 
-    A fingerprint (a hash of values) stands for the problem and the scheme. If the engine compiles them, the fingerprint
-    is cached as the kernel is, because they are then immutable records.
+    A fingerprint (a hash of values) stands for the problem and the scheme. If the engine compiles both, they
+    are immutable records, and their fingerprint is cached.
     """
     known = (whole.scheme, problem, whole.y0.tobytes(), whole.h)
     try:

@@ -90,7 +90,7 @@ class NumpyChunk:
         return not self.batch.alive.size
 
     def result(self, kept: Array) -> Ensemble:
-        """The present states of the paths as an `Ensemble`; `kept` are their states at the stops."""
+        """The present states of the paths as an `Ensemble`; `kept` are their states at the steps `Task.stops`."""
         return self.batch.result(self.W, kept)
 
     def _walk(self, problem: Problem) -> Iterator[Array]:

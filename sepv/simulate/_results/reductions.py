@@ -167,8 +167,8 @@ def reached(reduced: Mapping[str, Summary], until: Mapping[str, float]) -> bool:
     """True if the mean of every functional in `until` has a standard error of at most its target.
 
     With this stopping rule the usual confidence interval keeps its level as the target goes to 0 (Y. S. Chow and H.
-    Robbins, Ann. Math. Statist. 36, 1965). For a finite target, its level is a little lower. `FEWEST` prevents an early
-    stop by chance.
+    Robbins, Ann. Math. Statist. 36, 1965). For a finite target, its level is a little lower. At least `FEWEST`
+    values are required, so that chance does not stop a run early.
     """
     return all(
         reduced[name].count >= FEWEST and reduced[name].standard_error <= target
