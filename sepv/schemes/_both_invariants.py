@@ -24,7 +24,7 @@ def required(problem: Problem) -> Nambu:
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:
-    """R of the step y1 = y + R: Δ g(ȳ)(∇̄H × ∇̄C), means along z = y1 − y, ȳ = y + z/2, Δ = step[0]."""
+    """R of the step y1 = y + R: Δ g(ȳ)(∇̄H × ∇̄C), gradients averaged over y + τz, ȳ = y + z/2, Δ = step[0]."""
     normal = cross(fields.mean_gradient(y, z), fields.mean_casimir_gradient(y, z))
     return step[0] * fields.factor(y + 0.5 * z) * normal
 

@@ -32,7 +32,7 @@ def continued(scheme: Scheme) -> Scheme:
     Parameters
     ----------
     scheme : Scheme
-        An implicit scheme whose `solve(problem, y, h, dW, start)` takes a guess (d, M) of y1 − y0, as that of (2.1).
+        An implicit scheme, such as (2.1), whose `solve(problem, y, h, dW, start)` takes a guess (d, M) of y1 − y0.
 
     Returns
     -------

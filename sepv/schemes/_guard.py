@@ -223,7 +223,7 @@ def _step_in_words(problem: Problem, y: Array, h: float, dW: Array) -> str:
 
 
 def ask_once(scheme: Scheme, problem: Problem, y: Array, h: float) -> None:
-    """Check a scheme without `solve` by a step with dW = 0; StepFailure is ignored, SchemeFault and SchemeCrash not."""
+    """Check a scheme without `solve` by a step with dW = 0; of its errors, only StepFailure is ignored."""
     if scheme.solve is None:
         with suppress(StepFailure):
             guarded(scheme).step(problem, y, h, np.zeros(problem.noises))

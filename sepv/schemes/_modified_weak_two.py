@@ -108,7 +108,7 @@ def correction(problem: Problem, middle: Array, mean: Array, variance: Array) ->
 
 
 def limited(change: Array, structure: Array) -> Array:
-    """The matrix `change` (d, d, M) divided by 1 + θ², θ = |change|/|structure|: at most |structure|/2."""
+    """The matrix change/(1 + θ²), (d, d, M), θ = |change|/|structure|: its norm is at most |structure|/2."""
     # The squares are added entry by entry, because `np.sum` adds in another order for a single path.
     rows = [M.reshape(-1, M.shape[-1]) for M in (change, structure)]
     size, whole = (np.sqrt(dot(entries, entries)) for entries in rows)

@@ -2,7 +2,7 @@
 
 A plain number is a claim for every kind of noise. `Orders` claims a higher order where terms of the stochastic Taylor
 expansion vanish (P. Kloeden and E. Platen, Numerical Solution of Stochastic Differential Equations, 1992, §10.3, §11):
-for example, the iterated integrals ∫W_i∘dW_j play no part if the fields of the noises commute.
+for example, Lévy areas of two noises are multiplied by the bracket of their fields, which is 0 if the fields commute.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class Orders(float):
 
 
 def order_of(claimed: float | None, column: str, unclaimed: float = 1.0) -> float:
-    """The order that a scheme claims for noises of the kind `column`, one of `COLUMNS`; else `unclaimed`."""
+    """The order that `claimed` has for noises of the kind `column`, one of `COLUMNS`; `unclaimed` if it is None."""
     if claimed is None:
         return unclaimed
     return claimed.of(column) if isinstance(claimed, Orders) else float(claimed)

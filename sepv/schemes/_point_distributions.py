@@ -70,7 +70,7 @@ class PointLaw:
 
     @cached_property
     def thresholds(self) -> tuple[float, ...]:
-        """The values of a standard normal at which the value of this law changes: Φ⁻¹ of the sums of weights.
+        """The normal values at which this law's quantile of the same rank jumps: Φ⁻¹ of the sums of weights.
 
         Sums are taken from the nearer end of the distribution, because Φ⁻¹ then loses fewer digits.
         """
@@ -88,7 +88,7 @@ class PointLaw:
 
     @property
     def degree(self) -> int:
-        """The largest k for which moments 1 … k of this law are as of N(0, 1): enough for weak order (k − 1)/2."""
+        """The largest k such that the moments 1 … k are those of N(0, 1): enough for a weak order (k − 1)/2."""
         for k in range(1, _MOST):
             # For even k, E ξ^k = (k − 1)!!.
             wanted = 0.0 if k % 2 else float(math.prod(range(k - 1, 0, -2)))

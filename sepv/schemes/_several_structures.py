@@ -5,8 +5,8 @@ y1 = y0 + [h B(ȳ) + Σ_j c_j ΔŴ_j G_j(ȳ)] ∫₀¹ ∇H(y0 + τ(y1 − y0)) 
 The scheme keeps the energy for all skew B and G_j, as in Proposition 3.1: H(y1) − H(y0) = ∇̄Hᵀ[…]∇̄H = 0. It keeps
 quadratic Casimirs common to B and all G_j, as in Proposition 3.2. Its mean-square order is 1 for one noise, and for
 noises whose fields G_j∇H commute. Otherwise it is ½, because the scheme does not use the iterated integrals ∫W_i∘dW_j,
-whose terms are then of the order of h. If all G_j = B, it is (2.1). For Hamiltonians with
-{H_0, H_j} = 0, `sepv.problem.commuting_hamiltonians` makes structures S_j with S_j∇H_0 = B∇H_j. Near a critical point
+whose terms are then of the order of h. If all G_j = B, it is (2.1). For Hamiltonians with {H_0, H_j} = 0,
+`sepv.problem.commuting_hamiltonians` makes structures G_j = S_j with S_j∇H_0 = B∇H_j. At or next to a critical point
 of H_0, S_j∇̄H_0 may not approximate B∇H_j. Such a step has the status UNDEFINED.
 """
 

@@ -61,7 +61,7 @@ class Corrections(NamedTuple):
         return F, corrections, np.full(lanes.shape, stays, dtype=bool)
 
     def of_one(self, lane: Lanes) -> Callable[[list[float]], tuple[list[float], list[float], bool]]:
-        """The function of z (d,) that gives the residual, correction and domain test of one path, as `of_lanes`."""
+        """The function of z (d,) that gives residual, correction, domain test of one path, to the bit as `of_lanes`."""
         y, step = self.y0[:, lane].ravel().tolist(), self.step[:, lane].ravel().tolist()
         evaluate, parameters, d = self.record.source.function, self.record.source.parameters, len(y)
 

@@ -1,4 +1,4 @@
-"""A problem and a scheme's formula recorded as operations on symbols: B and H as given, with derived derivatives."""
+"""A problem and a scheme's formula recorded as operations on symbols: B and H as given, all derivatives from them."""
 
 from __future__ import annotations
 

@@ -94,7 +94,7 @@ def place(context: Any, builder: Any, kind: Any, array: Any, *indices: Any, lane
 
 @intrinsic
 def part(typingctx: Any, array: Any, first: Any, lane: Any) -> Any:  # noqa: ARG001 - numba's signature
-    """A view of an array (N, m, M) from [first, 0, lane] on with its strides; row follows row."""
+    """A view of an array (N, m, M) from [first, 0, lane] on with its strides: past a row's end lies the next row."""
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         kind, (whole, first, lane) = signature.return_type, arguments

@@ -20,8 +20,8 @@ def correct(
     """Write code of z − A⁻¹F, and of 1/det A if Cramer's rule is used; m becomes the correction's size Σ|A⁻¹F|_i.
 
     `near` is 1/det of a matrix near A. If it is given, a Newton step for the reciprocal replaces the division, the
-    slowest operation, and squares the relative error of `near`. If `near` is from before a
-    correction of size m, the next correction has a relative error O(m²), as in Newton's iteration itself.
+    slowest operation, and squares the relative error of `near`. If `near` precedes a correction of size m, the next
+    correction has a relative error O(m²), as in Newton's iteration itself.
 
     With sensible steps A is 1 − K with small K, and Newton's iteration computes the next residual afresh. A bad pivot
     therefore costs iterations and shows as a lane (path) that does not converge, not as a wrong result.

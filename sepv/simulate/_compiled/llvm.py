@@ -166,7 +166,7 @@ def _codegen(lines: Sequence[str], result: str, arguments: Sequence[str], known:
 
 
 def lane_piece(lines: Sequence[str], result: str, known: Mapping[str, Any]) -> Callable[..., Any]:
-    """Make f(S, I, buffer, n, k, first, h, bound, q), which runs the lines for lane k in step n, as `_Lines.run`.
+    """Make f(S, I, buffer, n, k, first, h, bound, q) of the lines for lane k in step n; f returns the sum `result`.
 
     `known` has the numbers and functions that the lines use, and under PARAMETERS the names of the numbers in q.
     """

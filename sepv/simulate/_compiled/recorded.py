@@ -79,7 +79,7 @@ _Term = tuple[Symbol, tuple[Expression, Expression] | None]
 def _sum(
     code: CodeBuilder, name: str, left: _Term, right: _Term, value: Callable[[int], Expression]
 ) -> Expression:
-    """Code of the sum or difference of two terms; for a product to be fused, a term has its two factors."""
+    """Code of the sum or difference of two terms (symbol, factors); one may be a product to fuse, with its factors."""
     (a, first), (b, second) = left, right
     if second is not None:
         before = value(a.index)
@@ -142,7 +142,7 @@ class RecordedProblem(Recorded):
 
     @property
     def convergence_rate(self) -> float:
-        """The relative error of Newton's matrix: the largest one of a function's derivative in it."""
+        """The relative error of Newton's matrix, which is the largest one of any recorded derivative."""
         with suppress(NoClosedForm):  # a formula with the mean gradient has raised it already
             jacobian(self.mean.value, self.z)
         return max(_RATES.get(line.name, _EXACT) for line in self.tape.lines)

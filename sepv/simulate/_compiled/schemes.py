@@ -96,7 +96,7 @@ def scaled_field(
 
 
 def at(code: CodeBuilder, y: Sequence[str], z: Sequence[str], integrals: Any) -> list[str]:
-    """Code of the collocation polynomial u = y + Σ_j integrals_j z_j at a point; z is a list of stage after stage."""
+    """Code of the collocation polynomial u = y + Σ_j integrals_j z_j; z has the components of z_1, then of z_2, etc."""
     d = len(y)
     state = list(y)
     for j, weight in enumerate(integrals):
@@ -155,7 +155,7 @@ FORMULAS: dict[str, Formula] = {
 
 
 def formula_of(scheme: Scheme) -> Formula | None:
-    """The `Formula` from which the compiled engine makes code of a scheme's step; None for other schemes.
+    """The `Formula` from which the compiled engine makes code of a scheme's step; None if it makes none.
 
     A scheme is recognised by its step, so that a copy with another function as its step has no `Formula`.
     """
