@@ -4,7 +4,7 @@ If B_ij(y) = b_ij y_i y_j, the logarithms x_i = ln y_i have the constant structu
 A symplectic method in x keeps the structure and every linear Casimir Σ γ_i x_i of b, which is the Casimir Σ γ_i ln y_i
 of B. All components of y stay positive:
 
-    x1 = x0 + f(ȳ)/ȳ,  ȳ = exp((x0 + x1)/2),  f = B(h∇H_0 + Σ c_j ΔŴ_j ∇H_j),
+    x1 = x0 + f(ȳ)/ȳ,  ȳ = exp((x0 + x1)/2),  f = B(h∇H_0 + Σ c_j ΔŴ_j ∇H_j)   (ΔŴ_j: truncated ΔW_j),
 
 because b∇K(x) = B(y)∇H(y)/y, component by component. J. Hong, J. Ruan, L. Sun and L. Wang, Structure-preserving
 numerical methods for stochastic Poisson systems (Commun. Comput. Phys. 29, 2021), construct such integrators, and so do

@@ -1,6 +1,6 @@
 """The stochastic discrete gradient scheme, as printed in §4 of Cohen and Dujardin (2014).
 
-y1 = y0 + h B(y0) ∇̄H(y0, y1) + B((y0 + y1)/2) ∇̄H(y0, y1) Σ_j c_j ΔŴ_j,
+y1 = y0 + h B(y0) ∇̄H(y0, y1) + B((y0 + y1)/2) ∇̄H(y0, y1) Σ_j c_j ΔŴ_j   (ΔŴ_j: truncated ΔW_j),
 
 with B at y0 in the drift and at the midpoint in the noise. ∇̄H(y, ȳ) = ½(∇̄₁H(y, ȳ) + ∇̄₁H(ȳ, y)) symmetrises the
 discrete gradient ∇̄₁H, whose components are difference quotients of H along the coordinate axes.

@@ -1,6 +1,6 @@
 """The energy-preserving scheme (2.1); for constant B it is (2.2), the averaged vector field method.
 
-y1 = y0 + B((y0 + y1)/2) ∫₀¹ ∇H(y0 + τ(y1 − y0)) dτ · Δ,  Δ = h + Σ_j c_j ΔŴ_j.
+y1 = y0 + B((y0 + y1)/2) ∫₀¹ ∇H(y0 + τ(y1 − y0)) dτ · Δ,  Δ = h + Σ_j c_j ΔŴ_j   (ΔŴ_j: truncated ΔW_j).
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The symmetric discrete gradient of Itoh and Abe with the random step.
 
-y1 = y0 + Δ B(ȳ) ½(∇̄₁H(y0, y1) + ∇̄₁H(y1, y0)),  ȳ = (y0 + y1)/2,  Δ = h + Σ_j c_j ΔŴ_j,
+y1 = y0 + Δ B(ȳ) ½(∇̄₁H(y0, y1) + ∇̄₁H(y1, y0)),  ȳ = (y0 + y1)/2,  Δ = h + Σ_j c_j ΔŴ_j   (ΔŴ_j: truncated ΔW_j),
 
 where ∇̄₁H has quotients of H along coordinate increments: T. Itoh and K. Abe, Hamiltonian-conserving discrete canonical
 equations based on variational difference quotients (J. Comput. Phys. 76, 1988). Cohen and Dujardin (2014) take B at y0

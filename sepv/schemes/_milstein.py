@@ -1,7 +1,7 @@
 """Milstein's scheme on the Itô form of dy = f(dt + Σ_j c_j∘dW_j), f = B∇H, equation (1.1).
 
 The Itô drift is f + ½ Σ_j c_j² f′f, which the scheme computes itself. All noises drive the same field f, so that
-Milstein's scheme needs no Lévy areas: with S = Σ_j c_j ΔŴ_j,
+Milstein's scheme needs no Lévy areas: with S = Σ_j c_j ΔŴ_j and truncated increments ΔŴ_j,
 
 y1 = y0 + (f + ½Σc_j² f′f) h + f S + ½ f′f (S² − Σc_j² h) = y0 + f (h + S) + ½ f′f S².
 """

@@ -1,6 +1,6 @@
 """The energy-preserving scheme for several structures, dy = B∇H dt + Σ_j c_j G_j∇H∘dW_j (paper, §1).
 
-y1 = y0 + [h B(ȳ) + Σ_j c_j ΔŴ_j G_j(ȳ)] ∫₀¹ ∇H(y0 + τ(y1 − y0)) dτ,  ȳ = (y0 + y1)/2.
+y1 = y0 + [h B(ȳ) + Σ_j c_j ΔŴ_j G_j(ȳ)] ∫₀¹ ∇H(y0 + τ(y1 − y0)) dτ,  ȳ = (y0 + y1)/2   (ΔŴ_j: truncated ΔW_j).
 
 The scheme keeps the energy for all skew B and G_j, as in Proposition 3.1: H(y1) − H(y0) = ∇̄Hᵀ[…]∇̄H = 0. It keeps
 quadratic Casimirs common to B and all G_j, as in Proposition 3.2. Its mean-square order is 1 for one noise, and for

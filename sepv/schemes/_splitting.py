@@ -1,6 +1,6 @@
 """Splitting with exact flows: H = ΣH_k, and the flow φᵏ of each B∇H_k has a closed form.
 
-y1 = φ¹_{Δ/2} ∘ … ∘ φⁿ_{Δ} ∘ … ∘ φ¹_{Δ/2} (y0),  Δ = h + Σ_j c_j ΔŴ_j,
+y1 = φ¹_{Δ/2} ∘ … ∘ φⁿ_{Δ} ∘ … ∘ φ¹_{Δ/2} (y0),  Δ = h + Σ_j c_j ΔŴ_j   (ΔŴ_j: truncated ΔW_j),
 
 the symmetric composition of G. Strang (1968) with the random step of (2.1). For the rigid body the flows are rotations
 about the axes (R. McLachlan, Phys. Rev. Lett. 71, 1993). For Lotka-Volterra they are exponentials, which keep every

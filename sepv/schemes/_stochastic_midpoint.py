@@ -1,6 +1,6 @@
 """The stochastic midpoint rule for several Hamiltonians.
 
-y1 = y0 + B(ȳ)(h∇H_0(ȳ) + Σ_j c_j ΔŴ_j ∇H_j(ȳ)), ȳ = (y0 + y1)/2.
+y1 = y0 + B(ȳ)(h∇H_0(ȳ) + Σ_j c_j ΔŴ_j ∇H_j(ȳ)), ȳ = (y0 + y1)/2   (ΔŴ_j: truncated ΔW_j).
 
 With the increments held fixed a step is the midpoint rule for the Hamiltonian K = hH_0 + Σ c_j ΔŴ_j H_j: it keeps every
 quadratic and linear Casimir of B, is symplectic for constant B (G. N. Milstein, Yu. M. Repin and M. V. Tretyakov, SIAM

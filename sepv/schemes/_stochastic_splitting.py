@@ -1,6 +1,6 @@
 """Splitting with the exact flows of B∇H_0 (or parts of it) and of each B∇H_j: a Poisson integrator.
 
-y1 = φ⁰_{h/2} ∘ φ¹_{c_1ΔŴ_1/2} ∘ … ∘ φᵐ_{c_mΔŴ_m} ∘ … ∘ φ¹_{c_1ΔŴ_1/2} ∘ φ⁰_{h/2} (y0)
+y1 = φ⁰_{h/2} ∘ φ¹_{c_1ΔŴ_1/2} ∘ … ∘ φᵐ_{c_mΔŴ_m} ∘ … ∘ φ¹_{c_1ΔŴ_1/2} ∘ φ⁰_{h/2} (y0)   (ΔŴ_j: truncated ΔW_j)
 
 C.-E. Bréhier, D. Cohen and T. Jahnke, Splitting integrators for stochastic Lie-Poisson systems (Math. Comp. 92, 2023),
 use the composition of Lie and Trotter. This scheme uses G. Strang's, which is symmetric. Each flow φʲ_t of B∇H_j over
