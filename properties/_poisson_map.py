@@ -105,5 +105,5 @@ def _disc(problem: Problem, y: Array, h: float, dW: Array) -> float:
 
 
 def structure_error(problem: Problem, y: Array, error: float) -> Array:
-    """A bound of |B(y + e) − B(y)| for an error |e|_∞ ≤ `error` of the state, to first order, (d, d)."""
+    """The bound of |B(y + e) − B(y)|, to first order and entry by entry, (d, d), over all e with |e|_∞ ≤ `error`."""
     return np.asarray(np.sum(np.abs(derivative_of_structure(problem, y)), axis=2) * error)
