@@ -52,7 +52,7 @@ def is_number(value: Any) -> bool:
 
 
 def is_whole(value: Any) -> bool:
-    """True for one integer; False for the truth values True and False."""
+    """True for one integer; False for the truth values True and False, and for anything else."""
     return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
 
 
@@ -73,7 +73,7 @@ def require_flag(what: str, value: Any) -> None:
 
 
 def optional(module: str, expected: str, remedy: str, kind: type[UsageError] = UsageError) -> Any:
-    """Import a module that may not be installed; if it is missing, the error says what needs it."""
+    """Import a module that may not be installed; the error for a missing one says what needs it (`expected`)."""
     try:
         return import_module(module)
     except ImportError as error:

@@ -1,8 +1,8 @@
 """Messages from a process to its watcher, so that finished results survive a crash and the crash is described.
 
-A command of ``sepv`` runs in a child process; its parent is the watcher (`sepv.commands._watch`). Each measurement of a
-law is work with a key, a text. Its result is sent to the watcher, so that after a crash a new process measures the
-remaining laws. Without a watcher no message is sent.
+A command of ``sepv`` runs in a child process; its parent is the watcher (`sepv.commands._watch`). The work of a
+run is divided by keys (texts), one for each law measured. Each result is sent to the watcher, so that after a crash a
+new process measures the remaining laws. Without a watcher no message is sent.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ BEGIN, RESULT, BACK, ANSWERED, LOST, END = b"b", b"r", b"k", b"a", b"l", b"e"
 
 
 class Crashed(Exception):
-    """The work crashed its process. `note` is the last case as JSON, or the last step in words; None without a note.
+    """The work crashed its process. `note` is its last input as JSON, or its last step in words; None without a note.
 
-    `violated` is a case as JSON that violated the law before the crash, or None.
+    `violated` is an earlier input, as JSON, that violated the law, or None.
     """
 
     def __init__(self, status: str, note: bytes = b"") -> None:
@@ -41,7 +41,7 @@ class Crashed(Exception):
 
 
 class Notes:
-    """The last note, in memory that two processes share, so that it survives a crash; writing needs no system call."""
+    """The note on what a process does now, in memory that it shares with its watcher, so that it survives a crash."""
 
     def __init__(self, file: int = -1) -> None:
         self.memory = mmap(file, BYTES)
@@ -89,7 +89,7 @@ def current_journal() -> Journal | None:
 
 
 def attempted(key: str, work: Callable[[], T], *, kept: bool = True) -> T:
-    """Do the work with this key and return its result. If `kept`, it must be picklable and is computed once in a run.
+    """Do the work with this key and return its result. If `kept`, the result is pickled, and computed once in a run.
 
     Raises
     ------
@@ -117,7 +117,7 @@ def attempted(key: str, work: Callable[[], T], *, kept: bool = True) -> T:
 
 
 def note_case(case: Callable[[], dict[str, Any]]) -> None:
-    """Note the current case, so that the watcher can report it if it crashes this process."""
+    """Note the current case, one input to a law, so that the watcher can report it if it crashes this process."""
     journal = _journal.get()
     if journal is not None:
         journal.cases, journal.since = journal.cases + 1, time.monotonic()
@@ -125,14 +125,14 @@ def note_case(case: Callable[[], dict[str, Any]]) -> None:
 
 
 def note_violation(case: Callable[[], dict[str, Any]]) -> None:
-    """Note a case that violates the current law, so that a later crash does not hide the violation."""
+    """Note an input that violates the current law, so that a later crash does not hide the violation."""
     journal = _journal.get()
     if journal is not None:
         journal.violated = case()
 
 
 def note_step(step: Callable[[], str]) -> None:
-    """Note the current step in words, for a report of a crash, unless the current work has noted a case."""
+    """Note the current step in words, in case it crashes; ignored once the current measurement has noted an input."""
     journal = _journal.get()
     if journal is not None and not journal.cases:
         journal.notes.put(pickle.dumps((step(), None)))

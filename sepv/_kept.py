@@ -26,7 +26,7 @@ MOST = 2048
 
 
 class Kept:
-    """The stored results of one kind, each by a key text that determines it. The file is read at the first use."""
+    """The stored results of one kind, found by a text, their key. The file is read at the first use."""
 
     def __init__(self, kind: str, most: int | None = None) -> None:
         self.kind, self.most, self.added = kind, most or MOST, False
@@ -64,7 +64,7 @@ class Kept:
 
 @cache
 def kept(kind: str, most: int | None = None) -> Kept:
-    """The store of results of this kind: the same object at each call in this process."""
+    """The store of results of one kind, which is the same object at each call in this process."""
     _KINDS.append(found := Kept(kind, most))
     return found
 
@@ -85,7 +85,7 @@ def _path(kind: str) -> Path:
 
 @cache
 def _sources() -> Any:
-    """The versions and files on which results depend."""
+    """The versions of software and the files of sepv on which stored results depend."""
     folders = [Path(__file__).parent]
     for name in ("sepv.reference", "sepv.properties"):
         found = find_spec(name)

@@ -25,7 +25,7 @@ class UsageError(SepvError, ValueError):
 def require_one_of(
     what: str, given: Any, known: Collection[Any], remedy: str = "correct the name", received: str = ""
 ) -> None:
-    """Raise a UsageError for a value that is not among the known ones; `what` names the value in the message."""
+    """Raise a UsageError if `given` is not among the values `known`; the message calls it `what`."""
     if given not in known:
         names = ", ".join(map(str, known))
         raise UsageError(expected=f"{what}, one of {names}", received=received or repr(given), remedy=remedy)
@@ -36,7 +36,7 @@ class ProblemError(UsageError):
 
 
 class SystemsError(UsageError):
-    """The scheme is for another class of systems than the problem's. The step itself is not at fault."""
+    """The scheme takes another class of systems than the problem's, such as one with several Hamiltonians."""
 
 
 class TargetError(UsageError):
@@ -48,7 +48,7 @@ class SchemeFault(UsageError):
 
 
 class Skipped(SepvError):
-    """A scheme does not take this problem, which is no fault of the scheme and no verdict about a law."""
+    """Raised by a scheme that does not take this problem: it counts as no fault, and no law gets a verdict from it."""
 
     def __init__(self, reason: str) -> None:
         self.reason = reason
@@ -119,7 +119,7 @@ _REMEDIES = {
 
 
 class TruncationWarning(UserWarning):
-    """Increments are truncated so much that the scheme loses its order."""
+    """Increments are truncated at so small a bound that the scheme loses its order."""
 
 
 class StepFailure(SepvError, ArithmeticError):

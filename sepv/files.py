@@ -162,7 +162,7 @@ def require_schema(data: Any, name: str, path: str | Path, *, expected: str, rem
 
 
 def schema(name: str) -> dict[str, Any]:
-    """The JSON Schema of this name; the schema of a result describes the entry "made" in full.
+    """The JSON Schema called `name`. Every schema of a result contains the whole description of the entry "made".
 
     Raises
     ------

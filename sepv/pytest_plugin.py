@@ -177,7 +177,7 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Any:
 
 
 def _conclude(finding: Finding, target: str, pinned: frozenset[str] | None) -> None:
-    """End a test with the outcome of its law: it passes, fails, is skipped, or fails as expected."""
+    """End a law's test: it passes, fails, is skipped, or is an expected failure (xfail)."""
     from sepv.verification import fails
 
     __tracebackhide__ = True

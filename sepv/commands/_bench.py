@@ -95,7 +95,7 @@ def bench(
 def _beside(
     target: str, checkout: str, chosen: list[Case], batches: int, say: Callable[[str, float], None]
 ) -> tuple[dict[str, Any], list[Any]]:
-    """Measure a target in this checkout and another one; return its record here, and a comparison of both records."""
+    """Measure a target in this checkout and another; return the record of this one, and its comparison with that."""
     from sepv.studies import bench_pairs as pairs
     from sepv.studies import check_bench as check
 
@@ -135,7 +135,7 @@ def _alone(
 
 
 def _show(records: list[dict[str, Any]], checks: list[Any], *, saved: bool) -> None:
-    """Print tables of the records, then each difference that the comparison found, and a line of counts."""
+    """Print tables of the records, then each difference found by the comparison, and the counts of differences."""
     from rich.text import Text
 
     from sepv.console import console

@@ -56,7 +56,7 @@ def compare(
 ) -> None:
     """Error, invariant defects, time and work of SCHEMEs, on the same paths.
 
-    A SCHEME is a built-in name, module:attribute, exact-flow (the exact time change), or a peer, a solver of another
+    A SCHEME is a built-in name, module:attribute, exact-flow (the exact solution at θ), or a peer, a solver of another
     library, such as diffrax-heun. The compiled engine (extra fast) runs the schemes that it supports; numpy/SCHEME is
     the NumPy batch of a scheme. The reference is the exact solution at the random time. For timing, methods take turns
     on one core and get the same increments; compilation is shown apart.
@@ -138,7 +138,7 @@ def _show(comparison: Comparison, *, alone: bool, quiet: bool) -> None:
 
 
 def _peers() -> list[str]:
-    """The names of all drivers of other libraries that are installed."""
+    """The names of whole-path solvers in the other libraries that are installed, such as diffrax-heun."""
     from sepv.reference.peers.peer import installed
 
     return [f"{peer.library}-{name}" for peer in installed() for name in peer.drivers()]
@@ -147,7 +147,7 @@ def _peers() -> list[str]:
 def _methods(
     names: list[str], problem: Any, progress: Callable[[str], None]
 ) -> tuple[list[Any], dict[str, SepvError]]:
-    """Load methods by name; return the methods that take a step, and for the other names their errors."""
+    """Load methods by name; return those that can be run, and by name the errors of the others."""
     from sepv.studies import load_method
 
     methods, failed = [], {}

@@ -31,12 +31,12 @@ def growth(
 ) -> None:  # fmt: skip
     """The mean E[H(y_n)] − H(y0) and the rms of H(y_n) − H(y0) against time, and how they grow.
 
-    The growth of the rms is called at rounding, bounded, a random walk (√t), linear or faster, if an interval of 99.9 %
-    decides. The mean drifts if such an interval excludes 0. For symplectic schemes with one degree of freedom the
-    values of theory are shown too: with random steps their energy walks and drifts.
+    The rms is called at rounding, bounded, a random walk (growth like √t), linear or faster, if an interval of 99.9 %
+    decides. The mean drifts if such an interval excludes 0. For symplectic schemes with one degree of freedom, values
+    by theory are shown too: with random steps, the energy error of such a scheme walks and drifts.
 
-    With --no-noise, or if a scheme or the problem is one of c = (), one path is computed with h and with h/2. The mean
-    energy has a trend or none, by the bound of the law long-time-energy.
+    With --no-noise, or if a scheme or the problem has no noise, one path is computed with h and with h/2. Its energy
+    has a trend if the mean moves by more than the bound of the law long-time-energy.
 
     \b
     sepv growth                                           the paper's schemes
@@ -93,7 +93,7 @@ def growth(
 
 
 def _table(rows: list[Any]) -> Table:
-    """The table of mean and rms at three times, each a quarter of the next, with theory's values if there are any."""
+    """The table of mean and rms of the energy error at times t/16, t/4 and t, and by theory if a formula is known."""
     cells, has_theory = [], any(row.derived and row.kind != "rounding" for row in rows)
     for row in rows:
         for n in (-5, -3, -1):

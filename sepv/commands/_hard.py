@@ -81,7 +81,7 @@ def hard(
 
 
 def _table(name: str, seen: Sequence[Seen]) -> Table:
-    """The table of cases for the scheme of this name: how steps ended, defects of H, iterations, and laws held."""
+    """The table of cases for the scheme called `name`: how steps ended, errors of H, iterations, and laws held."""
     import numpy as np
     from rich.text import Text
 

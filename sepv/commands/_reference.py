@@ -12,7 +12,7 @@ from sepv.problem import NamedProblem, PolynomialSystem, Problem
 
 
 def numbers(text: str | None, option: str, count: int, default: Any = None) -> tuple[float, ...]:
-    """Read the `count` finite numbers of an option such as --y "0.8,0.6,0x1p-3"; if it is not given, `default`."""
+    """Read the `count` finite numbers of an option such as --y "0.8,0.6,0x1p-3"; for text None return `default`."""
     if text is None and default is not None:
         return tuple(float(v) for v in default)
     parts = [p.strip() for p in (text or "").split(",") if p.strip()]
@@ -32,7 +32,7 @@ def numbers(text: str | None, option: str, count: int, default: Any = None) -> t
 
 
 def description(problem: Problem) -> PolynomialSystem | NamedProblem:
-    """The data of a problem, from which references compute; a UsageError for a problem of Python functions only."""
+    """The problem as data (a name or polynomials), from which exact steps and flows are computed with many digits."""
     if problem.data is None:
         raise UsageError(
             expected="a problem by name, or polynomial data (a .json file)",

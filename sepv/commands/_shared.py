@@ -57,7 +57,7 @@ Names = tuple[str, ...]
 
 
 def say(text: str) -> None:
-    """Print a line on stderr; control characters in names and messages of others are escaped."""
+    """Print a line on stderr. Control characters are escaped, because files of other people may contain them."""
     click.echo(printable(text), err=True)
 
 
@@ -76,7 +76,7 @@ def typed() -> str:
 
 
 def listed(_context: click.Context, _parameter: click.Parameter, values: Names) -> Names:
-    """The names given to an option that takes several: separated by commas, by repeating the option, or both."""
+    """The names given to an option that takes several, separated by commas or by repeating the option."""
     names = tuple(name.strip() for value in values for name in value.split(",") if name.strip())
     if values and not names:
         raise click.BadParameter("expected a name, received none: name one, or leave the option out")
@@ -84,7 +84,7 @@ def listed(_context: click.Context, _parameter: click.Parameter, values: Names) 
 
 
 class Numbers(click.ParamType):
-    """The type of an option that takes numbers with commas between them, as a tuple."""
+    """The type of an option that takes several numbers separated by commas, and returns them as a tuple."""
 
     name = "N,N,…"
 
@@ -124,8 +124,8 @@ def candidates(
 ) -> Iterator[list[tuple[str, Any]]]:  # fmt: skip
     """A context with the schemes of a command's targets and programs, as pairs (name in output, scheme).
 
-    If there are no targets and programs, it takes the `usual` targets. It stops the programs when the block ends.
-    Loading calls a scheme's function once, which may compile it, so `say` gets a line about the target before.
+    If no target and no program is given, the targets are `usual`. The programs are stopped when the block ends.
+    Loading a scheme takes one step, which may compile it, so `say` gets a line about the target before.
     """
     from sepv.schemes import load_scheme
 
@@ -154,7 +154,7 @@ class Workers(click.ParamType):
     name = "N or ADDRESS"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """Convert a text to an int ≥ 1, unless it is an address."""
+        """Convert a text to an int ≥ 1; an address with "://" stays text."""
         if isinstance(value, int) or "://" in value:
             return value
         if not value.isdecimal() or int(value) < 1:
@@ -202,7 +202,7 @@ def friendly(command: Callable[..., Any]) -> Callable[..., Any]:
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """A context in which Ctrl-C ends the command with a line and exit code 130, and not with click's exit code 1."""
+    """A context in which Ctrl-C prints one line and ends the command with exit code 130 (click would take 1)."""
     try:
         yield
     except KeyboardInterrupt as error:

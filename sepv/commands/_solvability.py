@@ -63,10 +63,10 @@ def solvability(
 ) -> None:  # fmt: skip
     """Find how far the solutions of a step of PROBLEM reach in Δ = h + Σ c_j ΔW_j, and how long a step size is safe.
 
-    First, states y0 are taken along the exact orbit. From each, the branch of solutions that starts in y0 at Δ = 0 is
-    followed to its fold or to the end of the range; then Newton's method is tried at every Δ of a grid. The exact
-    solution of (1.1) passes no other states. Numerical paths do, so they are followed too, until a step is refused.
-    A step size is safe, for one scheme, until the time at which the first of its paths fails.
+    States y0 are taken along the orbit of the exact solution. From each, the solution y1(Δ) with y1(0) = y0 is followed
+    until it turns back (a fold) or |Δ| reaches --range; then Newton's method is tried at every Δ of a grid. Numerical
+    paths leave this orbit, so they are followed too, until the scheme's solver refuses a step. With one scheme, a step
+    size counts as safe until the time at which the first of its paths fails.
 
     \b
     sepv solvability lotka-volterra --follow both-invariants
@@ -108,7 +108,7 @@ def solvability(
 
 
 def _show(regions: Map, furthest: float, k: int | None, out: Any) -> None:
-    """Print the map of solvable steps: the branches, the points, and the probability to leave the branch."""
+    """Print how far in Δ the equation of a step is solvable, and the probability that a random Δ lies beyond."""
     from sepv.studies import End
 
     low, high = regions.safe
@@ -149,7 +149,7 @@ def _show(regions: Map, furthest: float, k: int | None, out: Any) -> None:
 
 
 def _table(regions: Map, k: int | None) -> Table:
-    """The table of the probability that a step leaves the branch of solutions, for each step size."""
+    """The probability, for each step size h, that Δ lies beyond the solutions of the step's equation that join y0."""
     rows = []
     for h in STEPS:
         p = float(regions.chances(h, k).mean())
@@ -160,7 +160,7 @@ def _table(regions: Map, k: int | None) -> Table:
 
 
 def _show_exits(exits: Sequence[Exits], out: Any) -> None:
-    """Print the table of the times for which paths found a solution of each step."""
+    """Print a table of paths, by scheme and step size: how many failed, and when the first step had no solution."""
     if not exits:
         return
     rows = [

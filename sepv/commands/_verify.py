@@ -106,7 +106,7 @@ def verify(targets: cli.Names, laws: cli.Names, **options: Any) -> None:
 
 
 def _coverage(targets: cli.Names, laws: cli.Names) -> int:
-    """Run ``--coverage``: print the designs for the class of systems of each target."""
+    """Run ``--coverage``: print how the laws choose their random inputs, for the class of systems of each target."""
     from sepv.console import console
     from sepv.schemes import load_scheme
     from sepv.verification import load_laws
@@ -139,7 +139,7 @@ def _arguments(laws: cli.Names, options: dict[str, Any]) -> dict[str, Any]:
 
 
 def _laws_of_run(laws: cli.Names, options: dict[str, Any]) -> list[Any]:
-    """The laws of a run: the laws that --law names, the laws of the required profiles, or all laws."""
+    """The laws to measure: those that --law names, those that the profiles of --require need, or by default all."""
     from sepv.verification import laws_of, requirements
 
     return laws_of(laws or None, requirements(options["require"]) if options["require"] else ())
@@ -203,7 +203,7 @@ def _verify(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any], 
 
 
 def _against(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any]) -> int:
-    """Run ``--against``: exit code 0 if all results are as reported, else 1."""
+    """Run ``--against``: measure a report's results again; exit code 0 if all agree with the report, else 1."""
     from rich.text import Text
 
     from sepv.console import console, print_sentence, showing
@@ -227,7 +227,7 @@ def _against(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any])
 
 
 def _one_target(targets: tuple[Any, ...], option: str) -> None:
-    """Raise a UsageError for several targets with an option that takes one target."""
+    """Raise a UsageError if several targets are given with `option`, which takes one target."""
     if len(targets) > 1:
         raise UsageError(
             expected=f"one TARGET with {option}",
@@ -298,7 +298,7 @@ def _page(data: dict[str, Any]) -> str:
 
 
 def _no_longer_guarded(path: str, report: Any) -> list[str]:
-    """The laws that a file's pin claims and that do not hold in the report; empty if the file is no pin."""
+    """The laws that an old file of ``--pin`` claims and that no longer hold in the report; empty without a file."""
     from sepv.verification import LAWS, Verdict
     from sepv.verification import load_expectations as load
 
@@ -312,7 +312,7 @@ def _no_longer_guarded(path: str, report: Any) -> list[str]:
 
 
 def _replay(targets: tuple[Any, ...], laws: cli.Names, token: str, names: cli.Names, debug: bool) -> None:
-    """Run ``--replay``: measure one law on the case of a token, and exit with the code of its verdict."""
+    """Run ``--replay``: measure one law on the input that `token` encodes, and exit with the code of its verdict."""
     from sepv.console import console
     from sepv.verification import Verdict, replay, report
     from sepv.verification import cases as case

@@ -67,7 +67,7 @@ class _Heard:
                 self.over = True
 
     def crash(self, status: str) -> bool:
-        """Record that a process crashed; True if a new process can continue without the work that crashed it."""
+        """Record that a process crashed; True if it was in a measurement, which a new process can leave out."""
         self.rest = b""
         if self.begun is None:
             return False
@@ -77,7 +77,7 @@ class _Heard:
 
 
 def watched(work: Callable[[], Any]) -> int:
-    """Run the work in a watched process and return its exit code; if none can watch, run it in this process."""
+    """Run the work in a watched child process and return its exit code; if watching is impossible, run it here."""
     if not _can_watch():
         _unblock()
         work()
@@ -90,7 +90,7 @@ def watched(work: Callable[[], Any]) -> int:
 
 
 def _can_watch() -> bool:
-    """Test that this process can watch another: only its main thread runs, without a debugger or profiler."""
+    """True if this process can watch a child: it can fork, has one thread, and no debugger or profiler follows it."""
     alone = threading.current_thread() is threading.main_thread() and threading.active_count() == 1
     tools = getattr(sys, "monitoring", None)
     looked_at = sys.gettrace() or sys.getprofile() or (tools and any(map(tools.get_tool, range(6))))
@@ -103,7 +103,7 @@ def _unblock() -> None:
 
 
 def _attend(work: Callable[[], Any], heard: _Heard) -> int | None:
-    """Run one process to its end and return the exit code of the run; None if a new process must continue."""
+    """Run one child process to its end and return the exit code of the run; None if a new child must continue it."""
     for stream in (sys.stdout, sys.stderr):
         stream.flush()
     taken = [n for n in ENDED if signal.getsignal(n) in (signal.SIG_DFL, signal.default_int_handler)]
@@ -148,7 +148,7 @@ class _Attendance:
         self.again = 0.0
 
     def end(self) -> int | None:
-        """Wait for the process to end and return the exit code of the run; None if a new process must continue."""
+        """Wait for the child to end and return the exit code of the run; None if a new child must continue the run."""
         while True:
             select.select([self.ear, self.bell], [], [], None if self.since is None else AGAIN_LOST / 2)
             if self._bell():
@@ -169,7 +169,7 @@ class _Attendance:
                     self.heard.lost, self.again = False, waited + AGAIN_LOST
 
     def _bell(self) -> bool:
-        """Forward the received signals to the child; True if the second Ctrl-C is among them."""
+        """Forward the received signals to the child; return True if a second Ctrl-C is among them."""
         try:
             numbers = os.read(self.bell, 64)
         except BlockingIOError:
@@ -223,7 +223,7 @@ class _Attendance:
 
 
 def _speaker(pipe: int) -> Callable[[bytes, bytes], None]:
-    """Make the function that sends a message, a kind and a text, through a pipe."""
+    """Make the function send(kind, text) that sends a message to the watcher through this pipe."""
 
     def send(kind: bytes, text: bytes) -> None:
         data = memoryview(kind + len(text).to_bytes(_HEAD - 1, "big") + text)
@@ -239,7 +239,7 @@ def _speaker(pipe: int) -> Callable[[bytes, bytes], None]:
 
 
 def _be_watched(work: Callable[[], Any], journal: Journal, alive: int, heeds: bool) -> NoReturn:
-    """Run the work in the watched process, and end it without running any of the caller's code."""
+    """Run the work in the child process, and then end the process: this function never returns to its caller."""
     deaf_until = 0.0
 
     def interrupt(*_: Any) -> None:
@@ -282,7 +282,7 @@ def _be_watched(work: Callable[[], Any], journal: Journal, alive: int, heeds: bo
 
 
 def _finished(code: int) -> int:
-    """Run the exit functions and flush the output; the exit code, or 141 as for SIGPIPE if nobody reads the output."""
+    """Run the functions registered with atexit and flush the output; return `code`, or 141 if nobody reads it."""
     atexit._run_exitfuncs()
     try:
         sys.stdout.flush()

@@ -48,5 +48,5 @@ def print_sentence(out: Console, text: Text) -> None:
 
 
 def plain_console(file: TextIO) -> Console:
-    """A console of 100 columns without colour, for a text that is stored."""
+    """A console of 100 columns without colour, for text that is stored in a file."""
     return _Console(file=file, highlight=False, markup=False, width=100, color_system=None)

@@ -1,6 +1,6 @@
-"""Progress on stderr: a bar with the seconds left on a terminal, else a line from time to time.
+"""Progress on stderr: a bar with the seconds left on a terminal, elsewhere a line at most every 20 seconds.
 
-Work of more than two seconds is never silent, piped or not; shorter work prints nothing.
+Work of less than two seconds prints nothing.
 """
 
 from __future__ import annotations

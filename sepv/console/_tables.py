@@ -23,7 +23,7 @@ WORDS = 24
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table. Columns with the same heading are dropped together, and all get the width of the widest."""
+    """A column of a table. Columns with the same heading get one width, the widest, and are left out together."""
 
     heading: str
     right: bool = False  # numbers are aligned at the right
@@ -49,7 +49,7 @@ class Table:
 def columns(
     left: Iterable[str], right: Iterable[str] = (), *, goes: Sequence[str] = (), **more: Any
 ) -> tuple[Column, ...]:
-    """Make columns of words, then of numbers, from their headings; `goes` lists the headings to drop, in order."""
+    """Make columns of words, then of numbers, from headings; if they do not fit, those in `goes` go, in its order."""
     order = {heading: place for place, heading in enumerate(goes, 1)}
     listed = [*(Column(h, **more) for h in left), *(Column(h, right=True) for h in right)]
     return tuple(replace(c, goes=order.get(c.heading, 0)) for c in listed)
@@ -105,7 +105,7 @@ def print_table(table: Table, out: Console) -> None:
 
 
 def fits(table: Table, out: Console) -> bool:
-    """True if all columns of the table are shown whole."""
+    """True if the console is wide enough for all columns of the table, so that none is left out."""
     needed, between = _laid(table, out.width)
     return sum(needed[c.heading] + between for c in table.columns) <= out.width - _edges(table, out.width)
 
@@ -133,7 +133,7 @@ def _laid(table: Table, width: int) -> tuple[dict[str, int], int]:
 
 
 def _with_cells(table: Table, change: Callable[[Any], Any]) -> Table:
-    """Apply a function to each text of a table, before it is laid out, because in ASCII an arrow has two characters."""
+    """Apply a function to each text of a table, before the layout, because in ASCII a text may have more characters."""
     return replace(
         table,
         columns=tuple(replace(c, heading=change(c.heading)) for c in table.columns),

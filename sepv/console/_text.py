@@ -73,7 +73,7 @@ def _replace(error: UnicodeError) -> tuple[str, int]:
 
 
 def cannot_show(stream: Any) -> bool:
-    """True if the stream's encoding lacks signs of sepv's tables, such as Δ: it is no form of UTF."""
+    """True if the stream's encoding is not Unicode, so that it may lack signs of sepv's tables such as Δ."""
     return not (getattr(stream, "encoding", None) or "utf-8").lower().replace("_", "-").startswith("utf")
 
 

@@ -30,7 +30,7 @@ def oscillator(_: Parameters, y0: Array, theta: Array) -> Result:
 def pendulum(_: Parameters, y0: Array, theta: Array) -> Result:
     """The exact flow of the pendulum by elliptic functions, with k² = sin²(q/2) + p²/4 = (H + 1)/2.
 
-    Libration, k < 1: sin(q/2) = k sn(u, k²), p/2 = k cn, cos(q/2) = dn, u = θ + u0.
+    u0 fits y0. Libration, k < 1: sin(q/2) = k sn, p/2 = k cn, cos(q/2) = dn of (θ + u0, k²).
     Rotation, k > 1, with s the sign of p: q/2 = s am(kθ + u0, 1/k²), p/2 = s k dn.
     """
     p, q = y0

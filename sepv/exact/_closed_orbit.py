@@ -1,4 +1,4 @@
-"""The closed orbit of a flow through a state, with its period."""
+"""The closed orbit of the flow y′ = B(y)∇H(y) through a given state, with its period."""
 
 from __future__ import annotations
 
@@ -53,8 +53,8 @@ def closed_orbit(problem: Problem, y0: Array) -> Orbit | None:
 def _return(problem: Problem, start: Array, y0: Array, f: Array, longest: float) -> float:
     """The time in [0, longest] at which the flow from `start` crosses the plane through y0 with the normal f.
 
-    Newton's method needs few steps, because near y0 the distance f·(y − y0) rises at the rate f·f(y) > 0. It stops when
-    a time occurs for the second time.
+    Newton's method needs few steps, because near y0 the distance f·(y − y0) rises at the rate f·f(y) > 0. It stops at a
+    time that an earlier iterate had.
     """
     time, seen = 0.0, set()
     while time not in seen:

@@ -23,9 +23,9 @@ _PICARD = 60
 
 @dataclass(frozen=True)
 class DenseSolution:
-    """A solution of y′ = f(y) as a function of time: P panels in the order of time, with series for f of s terms.
+    """A solution of y′ = f(y) as a function of time: a Legendre series of f with s terms on each of P intervals.
 
-    The panels have edges (P+1,), states at their left ends (d, P), and Legendre coefficients (d, s, P).
+    These panels have edges (P+1,), states at their left ends (d, P), and Legendre coefficients of f (d, s, P).
     """
 
     edges: Array
@@ -47,14 +47,14 @@ class DenseSolution:
 
 
 class FlowFailure(SepvError, ArithmeticError):
-    """The flow cannot be followed to the given time: it leaves the domain, or blows up."""
+    """The flow cannot be followed to the given time, because the solution leaves the domain or blows up."""
 
 
 @lru_cache(maxsize=8)
 def _tables(stages: int) -> tuple[Array, Array, Array]:
-    """The matrix of integrals (s, s) and the weights (s,) of Gauss collocation with s stages, and one more matrix.
+    """Three arrays for s Gauss nodes on [0, 1]: integrals of Lagrange polynomials, weights (s,), and a transform.
 
-    The third matrix (s, s) maps values at nodes to Legendre coefficients.
+    The last array, the transform (s, s), maps values at the nodes to Legendre coefficients.
     """
     c, w = gauss_legendre(stages)
     P = np.stack(legendre_values(2 * c - 1, stages))
@@ -72,10 +72,10 @@ def solve_dense(
     ----------
     f : (d, s) -> (d, s)
     stages : int
-        The number of Gauss nodes of a panel. A panel is halved until its series decays to rounding, and the next one is
-        longer if the series decays faster. The first has the length min(½, ½(1 + |y|)/|f|).
+        The number s of Gauss nodes on a panel, one interval of time. A panel is halved until its Legendre series decays
+        to rounding; the next is longer if it decays faster. The first has the length shrink · min(½, ½(1 + |y|)/|f|).
     shrink : float
-        A factor of panel lengths, so that two solutions for a comparison have different panels.
+        A factor of the first panel's length: two solutions that are compared should have different panels.
 
     Raises
     ------
@@ -115,7 +115,7 @@ def solve_dense(
 
 
 def _panel(f: Callable[[Array], Array], y: Array, H: float, A: Array, to_series: Array) -> tuple[Array, int]:
-    """The values of f at the nodes of a panel of length H from y, (d, s), by Picard iteration, and a grade.
+    """The values f(y) at the nodes of a panel of length H that starts in y, (d, s), by Picard iteration, and a grade.
 
     The grade is 0 if the iteration failed or the panel is too long, 1 if the panel is short enough, and 2 if the next
     panel may be longer.
@@ -146,7 +146,7 @@ def _panel(f: Callable[[Array], Array], y: Array, H: float, A: Array, to_series:
 
 
 def _oriented(edges: Array, starts: Array, series: Array, end_state: Array, sign: float) -> DenseSolution:
-    """The solution with panels in the order of time; a solution towards negative times is reversed."""
+    """The solution with panels in increasing time; panels computed towards negative times are reversed."""
     if sign > 0:
         return DenseSolution(edges, starts, series)
     lefts = np.concatenate([starts[:, 1:], end_state[:, None]], axis=1)

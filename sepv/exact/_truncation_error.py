@@ -1,4 +1,4 @@
-"""The error of the clipped increments of Remark 2.1: a part of the rms error that ordinary samples do not show.
+"""The rms error from clipping the normal increments at √h A_h (Remark 2.1), which ordinary samples do not show.
 
 A step with ζ = clip(ξ, ±A_h) in place of a normal ξ ends on the exact flow at the time θ + c√h(ζ − ξ). Over a path
 these shifts have the mean 0 and the variance T|c|²E(ξ − ζ)², with Q(A) = P(ξ > A) and the normal density φ,
@@ -6,9 +6,9 @@ these shifts have the mean 0 and the variance T|c|²E(ξ − ζ)², with Q(A) = 
     E(ξ − ζ)² = 2∫_A^∞ (x − A)² φ(x) dx = 2((1 + A²)Q(A) − Aφ(A)) ≈ 4φ(A)/A³ = O(h^k |ln h|^(−3/2)),
 
 so that clipping has an rms error of |f| |c| √(T E(ξ − ζ)²) = O(h^{k/2}|ln h|^(−3/4)). Its square is added to that of
-the scheme's error on unclipped paths. For k = 2p both errors have the order p, and for collocation with three or more
-stages clipping has the larger one. For k = 4p the error of clipping is O(h^{2p}), a few per cent of the scheme's from
-h = ¼ on (`sepv.schemes._scheme.truncation_for`).
+the scheme's error on unclipped paths. For a scheme of order p and k = 2p both errors have the order p, and for
+collocation with three or more stages clipping has the larger one. For k = 4p clipping has O(h^{2p}), a few per cent of
+the scheme's error for h ≤ ¼ (`sepv.schemes._scheme.truncation_for`).
 
 A path of N steps has a clipped increment with probability 2NQ(A_h), below 10⁻⁶ for k ≥ 4 and N = 64. A sample therefore
 shows the error of unclipped paths, to which the error of clipping must be added.
@@ -32,7 +32,7 @@ NODES, REACH = 49, 6.0
 def lost_mean_square(A: float) -> float:
     """The mean square E(ξ − clip(ξ, ±A))² that clipping cuts off, for ξ ~ N(0, 1) and A ≥ 0.
 
-    The result has an error of A⁴ roundings, because its terms cancel.
+    Its terms cancel, so that the relative error is about A⁴ eps.
     """
     from scipy.special import erfcx
 
@@ -44,9 +44,9 @@ def lost_mean_square(A: float) -> float:
 def clipping_error(
     problem: Problem, *, T: float, steps: int, k: int | None, y0: ArrayLike | None = None
 ) -> float:
-    """The rms error at T that clipping alone causes, √E|y(θ̂) − y(θ)|², to first order in the part that is cut off.
+    """The rms error √E|y(θ̂) − y(θ)|² at T, if θ̂ has clipped increments and θ normal ones, to first order in θ̂ − θ.
 
-    The mean E|f(y(T))|² is taken over paths with one increment at ±√h A_h, and the others normal.
+    The factor E|f(y(T))|² of the result is a mean over paths with one increment at ±√h A_h, and the others normal.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def clipping_error(
 
 
 def _speed(problem: Problem, mean: float, deviation: float, y0: ArrayLike | None) -> float:
-    """The mean E|f(y)|² over states y of the exact flow at normal times with this mean and standard deviation."""
+    """The mean E|f(y)|², where y is the exact flow at a random time ~ N(`mean`, `deviation`²)."""
     x = np.linspace(-REACH, REACH, NODES)
     weights = np.exp(-0.5 * x * x)
     y = exact_flow(problem, mean + deviation * x, y0).y

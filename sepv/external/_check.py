@@ -31,7 +31,7 @@ def check_protocol(
     start_timeout: float = 60.0,
     laws: Iterable[str] | None = None,
 ) -> list[Check]:
-    """Talk to a program as `load_program` does, and report every line as right or wrong.
+    """Send messages to a program, which is started as by `load_program`, and report each answer as right or wrong.
 
     The check stops after a failed start or hello, because no later answer means anything.
 
@@ -93,7 +93,7 @@ def _try_hello(program: Program, laws: set[str] | None) -> str:
 
 
 def _sample_trials(greeting: Hello) -> Iterator[Callable[[Program], str]]:
-    """Yield trials that send a step twice, and several in one message, for problems that the program takes."""
+    """Yield tests for each problem of the program: a step sent twice, and several steps in one message."""
     from sepv import problems
     from sepv.record import polynomial
 

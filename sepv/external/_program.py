@@ -60,7 +60,7 @@ class Program:
             return self.said
 
     def ask(self, body: str) -> tuple[str, Any]:
-        """Send a message with an id and the members `body`; return ("y_next" | "skip" | "error", value)."""
+        """Send a message with a new id and the JSON text `body`; return the kind of answer ("y_next", …) and value."""
         with self.lock:
             child = self._running()
             answer = self._exchange(child, body, self.call_timeout)
