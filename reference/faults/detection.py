@@ -1,4 +1,4 @@
-"""Fault detection: run laws on saboteurs (schemes broken on purpose), and count the examples to the first failure.
+"""Fault detection: run laws on saboteurs (schemes broken on purpose), and count inputs to the first violation.
 
 A law kills a saboteur with a seed if the saboteur claims the law and the verdict is `violated`. A fault of the
 interface is also killed by the verdict `error`, which no reader takes for a pass.
@@ -49,7 +49,7 @@ class Detection:
 
     @property
     def kills(self) -> bool:
-        """True if the law finds the fault: the saboteur claims the law, and the verdict is `violated`.
+        """True if this law finds this fault: the saboteur claims the law, and the verdict is `violated`.
 
         A fault of the family "interface" is also found by the verdict `error`.
         """
@@ -79,7 +79,7 @@ def run(
 
     `progress` is called in this process after each saboteur and seed. The default effort is that of `sepv verify`, but
     without the stored counterexamples, many of which come from saboteurs and would not test the search. If `first` is
-    true, a saboteur is done at the first law that finds its fault, with the expected laws first.
+    true, a saboteur's laws stop once one finds the fault; those expected by theory to find it run first.
     """
     chosen = [find(name) for name in (SABOTEURS if names is None else names)]
     law_names = [law.name for law in load_laws(laws)]
@@ -103,7 +103,7 @@ def detect(
     name: str, seed: int, laws: Sequence[str], examples: int = 100, paths: int = 4096, first: bool = False,
     corpus: bool = False,
 ) -> list[Detection]:  # fmt: skip
-    """Run laws on a new copy of one saboteur, with one seed and in this process."""
+    """Run laws on a newly made saboteur, with one seed and in this process."""
     saboteur = find(name)
     scheme, run = saboteur.scheme, Run(Effort(examples, paths, seed, _NO_SHRINKING, corpus=corpus))
     if first:
@@ -130,7 +130,7 @@ def find(name: str) -> Saboteur:
 
 
 def survivors(detections: Sequence[Detection]) -> dict[str, list[int]]:
-    """Map each saboteur to the seeds with which no claimed law found its fault; leave out those without such a seed."""
+    """Map each saboteur to the seeds with which no law that it claims found its fault; others are left out."""
     killed = {(b.saboteur, b.seed) for b in detections if b.kills}
     by_saboteur: dict[str, list[int]] = {}
     for name, seed in sorted({(b.saboteur, b.seed) for b in detections} - killed):
@@ -139,7 +139,7 @@ def survivors(detections: Sequence[Detection]) -> dict[str, list[int]]:
 
 
 def found_by_one_law(detections: Sequence[Detection]) -> dict[str, list[str]]:
-    """Map each law to the saboteurs whose faults no other law found with any seed."""
+    """Map each law to the saboteurs whose faults only this law found, with any seed."""
     kills = dict.fromkeys((b.saboteur, b.law) for b in detections if b.kills)
     laws = Counter(name for name, _ in kills)
     by_law: dict[str, list[str]] = {}
@@ -150,13 +150,13 @@ def found_by_one_law(detections: Sequence[Detection]) -> dict[str, list[str]]:
 
 
 def missed(detections: Sequence[Detection]) -> list[tuple[str, str]]:
-    """Pairs (saboteur, law) in which the law should find the fault by theory, but did not with any seed."""
+    """Pairs (saboteur, law) where theory says that the law finds the fault, but it did so with no seed."""
     seen = {(b.saboteur, b.law) for b in detections if b.kills}
     return [p for p in dict.fromkeys((b.saboteur, b.law) for b in detections if b.expected) if p not in seen]
 
 
 def examples_to_kill(detections: Sequence[Detection]) -> dict[tuple[str, int], int]:
-    """Map (saboteur, seed) to the fewest examples in which a law found the fault; leave out faults not found."""
+    """Map (saboteur, seed) to the fewest inputs after which a law found the fault; faults not found are left out."""
     fewest: dict[tuple[str, int], int] = {}
     for b in detections:
         if b.kills:
@@ -188,7 +188,7 @@ def show(detections: Sequence[Detection], out: Console) -> None:
 
 
 def matrix(detections: Sequence[Detection]) -> Table:
-    """A table of saboteurs and laws, and for each saboteur the number of seeds with which a law found its fault."""
+    """A table of saboteurs and laws; the last column counts the seeds with which a law found the fault."""
     laws = list(dict.fromkeys(b.law for b in detections))
     heads = columns(["saboteur"], [*map(abbreviation, laws), "killed"])
     rows = _rows(detections)
@@ -198,7 +198,7 @@ def matrix(detections: Sequence[Detection]) -> Table:
 
 
 def listing(detections: Sequence[Detection]) -> Table:
-    """A list for terminals too narrow for the matrix: the laws that do not hold, for each saboteur."""
+    """A table for narrow terminals: for each saboteur, the laws that do not hold for it."""
     rows: list[tuple[str, Text, Text]] = []
     for name, killed, cells in _rows(detections):
         killers = ((law, cell) for law, cell in cells.items() if cell.plain.strip("*") not in ("·", "n/a"))
@@ -207,7 +207,7 @@ def listing(detections: Sequence[Detection]) -> Table:
 
 
 def _rows(detections: Sequence[Detection]) -> Iterator[tuple[str, Text, dict[str, Text]]]:
-    """For each saboteur its name, the number of seeds that killed it, and the cell of each law that was run on it."""
+    """For each saboteur its name, the number of seeds with which it was found, and a table cell for each law."""
     alive, by_law = survivors(detections), dict[str, dict[str, list[Detection]]]()
     for b in detections:
         by_law.setdefault(b.saboteur, {}).setdefault(b.law, []).append(b)
@@ -219,7 +219,7 @@ def _rows(detections: Sequence[Detection]) -> Iterator[tuple[str, Text, dict[str
 
 
 def summary(detections: Sequence[Detection]) -> Text:
-    """The last line of the report: the saboteurs found with every seed, and the examples that this took."""
+    """The last line of the report: how many saboteurs were found with every seed, and after how many examples."""
     names, alive = {b.saboteur for b in detections}, survivors(detections)
     fewest = examples_to_kill(detections)
     seeds = len({b.seed for b in detections})

@@ -1,4 +1,4 @@
-"""Hard cases: steps at which schemes, solvers and suites break, each with its reason and the expected behaviour.
+"""Hard cases: steps at which schemes and solvers break, each with the reason and the behaviour of a right solver.
 
 `CATALOGUE` lists them all; `sepv hard` runs a scheme on them.
 """

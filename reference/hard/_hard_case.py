@@ -1,4 +1,4 @@
-"""The record of a hard case (a family of steps that are hard to solve), and helpers that draw its random steps."""
+"""The record of a hard case, which is a family of steps that are hard to solve, and helpers to draw such steps."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ REFUSALS = ("NO_CONVERGENCE", "LEFT_DOMAIN", "OVERFLOW", "SINGULAR")
 
 
 class Sample(NamedTuple):
-    """Random steps of a hard case: states y (d, M), one h for all of them, and increments dW (m, M)."""
+    """Random steps of a hard case: M states y (d, M), a step size h for all, and increments dW (m, M)."""
 
     y: Array
     h: float
@@ -61,7 +61,7 @@ class HardCase:
 
     @cached_property
     def problem(self) -> Problem:
-        """The problem of every step of the family."""
+        """The problem on which all steps of the hard case are taken."""
         from sepv.problems import build
 
         problem = build(self.data)
@@ -71,7 +71,7 @@ class HardCase:
 
 
 def sizes(rng: np.random.Generator, low: float, high: float, shape: int | tuple[int, ...]) -> Array:
-    """Random numbers of either sign, whose absolute values are spread evenly over the decades from `low` to `high`."""
+    """Random numbers of either sign, whose absolute values have a uniform logarithm between `low` and `high`."""
     exponents = rng.uniform(np.log10(low), np.log10(high), shape)
     values: Array = rng.choice([-1.0, 1.0], shape) * 10.0**exponents
     return values
@@ -80,9 +80,9 @@ def sizes(rng: np.random.Generator, low: float, high: float, shape: int | tuple[
 def split(
     rng: np.random.Generator, low: float, high: float, lanes: int, c: float = 1.0
 ) -> tuple[float, Array]:
-    """A step size h and increments dW (1, lanes) for random steps Δ = h + c dW of given size.
+    """A step size h and increments dW (1, lanes) that give random steps Δ = h + c dW with `low` ≤ |Δ| ≤ `high`.
 
-    Δ has either sign and a size between `low` and `high`. h is `low`/2, so that dW is far out in the tail of the noise.
+    Δ has either sign. As h = `low`/2, a large |Δ| needs an increment dW far in the tail of the normal distribution.
     """
     h = 0.5 * low
     return h, (sizes(rng, low, high, (1, lanes)) - h) / c
@@ -94,10 +94,10 @@ Sampler = Callable[[np.random.Generator, int], Sample]
 def steps(
     low: float, high: float, states: Callable[[np.random.Generator, int], Array], c: float = 1.0
 ) -> Sampler:
-    """The sampler of a hard case that takes random states (d, lanes), and random steps Δ as in `split`."""
+    """Make a sampler: it draws `lanes` states (d, lanes) by `states`, and Δ with `low` ≤ |Δ| ≤ `high` by `split`."""
     return lambda rng, lanes: Sample(states(rng, lanes), *split(rng, low, high, lanes, c))
 
 
 def box(d: int, low: float, high: float) -> Sampler:
-    """The sampler of a hard case that takes states with components in ±1.5, and random steps Δ as in `split`."""
+    """Make a sampler: states with components between −1.5 and 1.5, and Δ with `low` ≤ |Δ| ≤ `high` by `split`."""
     return steps(low, high, lambda rng, lanes: rng.uniform(-1.5, 1.5, (d, lanes)))

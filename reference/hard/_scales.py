@@ -1,4 +1,4 @@
-"""Hard cases of scale: cancelling coefficients, huge constants, mixed and extreme scales, stiffness."""
+"""Hard cases of scale: coefficients that cancel, huge constants, mixed or extreme magnitudes, stiffness."""
 
 from __future__ import annotations
 

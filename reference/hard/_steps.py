@@ -17,7 +17,7 @@ def _about_one(rng: np.random.Generator, d: int, lanes: int) -> np.ndarray:
 
 
 def _tiny(rng: np.random.Generator, lanes: int) -> Sample:
-    """Tiny steps: half of them with |Δ| down to 1e-300, half with Δ = h + √h ξ for tiny h and ξ ~ N(0, 1)."""
+    """Tiny steps: half with |Δ| from 1e-12 down to 1e-300, half with Δ = h + √h ξ, a tiny h and ξ ~ N(0, 1)."""
     h = 10.0 ** rng.uniform(-300, -12)
     dW = np.sqrt(h) * rng.standard_normal((1, lanes))
     extreme = rng.random(lanes) < 0.5
@@ -36,7 +36,7 @@ def _cancelling(rng: np.random.Generator, lanes: int) -> Sample:
 
 
 def _truncated(rng: np.random.Generator, lanes: int) -> Sample:
-    """Increments ΔW = ±t √h A_h with the truncation bound A_h of Remark 2.1: t = 1 on it, and 1 < t ≤ 4 beyond it."""
+    """Increments ΔW = ±t √h A_h, with Remark 2.1's bound A_h = √(4|ln h|): half have t = 1, half 1 < t ≤ 4."""
     h = 2.0 ** -rng.integers(1, 12)
     bound = np.sqrt(h) * np.sqrt(4 * abs(np.log(h)))
     factor = np.where(rng.random((1, lanes)) < 0.5, 1.0, rng.uniform(1, 4, (1, lanes)))

@@ -22,7 +22,7 @@ T, STEPS = 1.0, (16, 32, 64, 128)
 
 
 def errors(scheme: str, problem: str) -> list[float]:
-    """The errors |y_N − y(T)| of a scheme without noise, c = 0, for each number of steps in STEPS."""
+    """The errors |y_N − y(T)| of a scheme without noise (c = 0), for each number N of steps in STEPS."""
     method, system = schemes.PAPER[scheme], SYSTEMS[problem](noise=())
     start, sizes = np.array(system.initial), []
     exact = exact_flow(system, T).y
@@ -47,7 +47,7 @@ def jobs(_size: Size) -> list[Job]:
 
 
 def panels(results: Results) -> list[Panel]:
-    """The panel of errors against h, with the slope of (2.1) between the finest two steps beside the coarser slopes."""
+    """The panel of errors against h without noise, with slopes between neighbouring step sizes."""
     h, measured, slopes, statements = T / np.array(STEPS), [], {}, []
     for s, p in ((s, p) for s in SHOWN for p in SYSTEMS):
         errors = np.array(results["theory", "deterministic", s, p])

@@ -2,8 +2,8 @@
 
 An entry quotes its sentence together with its neighbours, since a sentence may be completed by the next one. Formulas
 are between backticks and omissions are marked by "…"; the rest is the paper's text, word by word
-(``python -m benchmarks.errata --check TEXT`` compares). The verdict comes from the evidence alone: if the evidence
-of an entry does not refute the sentence, the entry is not shown as an erratum.
+(``python -m benchmarks.errata --check TEXT`` compares). An entry is
+shown as an erratum only if its evidence, a computation, refutes the sentence.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from .record import Statement
 
 
 class Evidence(NamedTuple):
-    """The evidence on a printed statement: flags that it holds and that it is refuted, and the numbers."""
+    """The result of a check of a printed statement: true if it holds, true if it is refuted, and numbers in words."""
 
     holds: bool
     refuted: bool
@@ -58,7 +58,7 @@ class Erratum:
     command: str = "sepv reproduce text"
 
     def statement(self) -> Statement:
-        """The printed part with the verdict of its evidence."""
+        """The printed part as a `Statement`, with a verdict from the evidence."""
         evidence = self.evidence()
         return Statement(
             text=self.printed,
@@ -76,13 +76,13 @@ def statements() -> list[Statement]:
 
 
 def errata() -> list[tuple[Erratum, str]]:
-    """The entries that their evidence refutes, in the order of the paper, each with what was measured."""
+    """The entries whose printed statement is refuted, in the order of the paper, each with what was measured."""
     decided = zip(ENTRIES, statements(), strict=True)
     return [(entry, evidence.measured) for entry, evidence in decided if evidence.verdict == "fails"]
 
 
 def moment_gap(A: float) -> float:
-    """The variance lost by ζ = clip(ξ, ±A): E[ξ² − ζ²] = 2 ∫_A^∞ (x² − A²) φ(x) dx = 2[(1 − A²) Q(A) + A φ(A)]."""
+    """The variance that ξ ~ N(0, 1) loses by ζ = clip(ξ, ±A): E[ξ² − ζ²] = 2[(1 − A²) Q(A) + A φ(A)]."""
     phi = math.exp(-A * A / 2) / math.sqrt(2 * math.pi)
     Q = 0.5 * math.erfc(A / math.sqrt(2))
     return 2 * ((1 - A * A) * Q + A * phi)
@@ -99,7 +99,7 @@ def _moments() -> Evidence:
 
 
 def _product() -> Evidence:
-    """Evidence that the printed product of B and a row is undefined, and that the column D(·) + e is meant."""
+    """Check the shapes of a printed product: B times a row is undefined, and B times the column D(·) + e is meant."""
     B = np.array([[0.0, -1.0], [1.0, 0.0]])
     D, e, y0, y1 = np.diag([1.0, 2.0]), np.array([0.5, -0.25]), np.array([1.0, 0.5]), np.array([0.75, 1.0])
     row = 0.5 * (y0 + y1)[None] @ D + e[None]
@@ -132,7 +132,7 @@ def _ball() -> Evidence:
 
 
 def _level() -> Evidence:
-    """Evidence by states with y1 → ∞ on the energy level of y0: y3 is fixed, and y2 + ln y2 = s gives y2 = W(e^s)."""
+    """Check f on the level H = H(y0) of Lotka-Volterra: y1 grows, y3 is fixed, and y2 + ln y2 = s gives y2 = W(e^s)."""
     from scipy.special import lambertw
 
     system = problems.lotka_volterra()
@@ -154,7 +154,7 @@ def _level() -> Evidence:
 
 
 def _comparison() -> Evidence:
-    """Evidence by H = ½p² + ¼q⁴, B = J⁻¹, c = 1, whose levels are bounded and convex while ∇H is unbounded on ℝ²."""
+    """Compare H along (2.1) and the midpoint scheme for H = ½p² + ¼q⁴: its levels are bounded, ∇H is not on ℝ²."""
     system = Problem(
         dimension=2, structure=structure, hamiltonian=lambda y: 0.5 * y[0] ** 2 + 0.25 * y[1] ** 4, noise=(1.0,),
         initial=(0.5, 1.0), degree=4,

@@ -1,4 +1,4 @@
-"""§1 and §5, questions that the paper leaves open: Lévy areas for noises that do not commute, stages, weak order."""
+"""Questions that §1 and §5 leave open: Lévy areas for noises that do not commute, several stages, weak order."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ POINTS = (
 
 
 def areas(fine: Array, steps: int) -> Array:
-    """Lévy areas ½∫(W_i dW_j − W_j dW_i) over each of `steps` steps, (N, m, m, M), for the polygon of `fine`."""
+    """Lévy areas ½∫(W_i dW_j − W_j dW_i) over each of `steps` steps, (N, m, m, M), for W linear between fine steps."""
     parts = fine.reshape(steps, -1, *fine.shape[1:])
     before = np.cumsum(parts, axis=1) - parts
     product = np.einsum("nkim,nkjm->nijm", before, parts)
@@ -38,7 +38,7 @@ def areas(fine: Array, steps: int) -> Array:
 
 
 def errors(samples: int, seed: int) -> dict[str, list[float]]:
-    """Rms errors at T without and with Lévy areas, against Heun's method on the fine grid, and energy defects."""
+    """Rms errors at T of schemes without and with Lévy areas, against Heun's method with fine steps; energy errors."""
     problem = problems.by_name(TOPS)
     start = np.array(problem.initial)
     fine = wiener.increments(seed, T=T, steps=FINE, noises=problem.noises, paths=range(samples))
@@ -58,7 +58,7 @@ def errors(samples: int, seed: int) -> dict[str, list[float]]:
 
 
 def staged(stages: int, samples: int, seed: int) -> list[float]:
-    """Rms errors at T of the method with s stages on a problem whose flows commute, against the closed form."""
+    """Rms errors at T of the s-stage collocation method for noises whose flows commute, against the closed form."""
     problem = problems.commuting_rotations()
     start = np.array(problem.initial)
     fine = wiener.increments(seed, T=T, steps=STAGED[-1], noises=problem.noises, paths=range(samples))
@@ -73,14 +73,14 @@ def staged(stages: int, samples: int, seed: int) -> list[float]:
 
 
 def weak(scheme: str, increments: str | None = None) -> dict[str, list[float]]:
-    """For each h the largest error of E g after a step of the pendulum over polynomials g and states, by quadrature."""
+    """The largest error of E g(y1) over polynomials g and states, for one step of the pendulum with each h."""
     method = weakly(schemes.by_name(scheme), increments)
     local = local_errors(method, problems.by_name("pendulum"), Run())
     return {"h": local.h.tolist(), "weak": local.weak.tolist()}
 
 
 def jobs(size: Size) -> list[Job]:
-    """The jobs: errors of paths with and without Lévy areas and for several stages, and weak errors of one step."""
+    """The jobs: errors at T with and without Lévy areas, errors at T for several stages, weak errors of one step."""
     arguments, few = {"samples": size.samples(SAMPLES), "seed": size.seed}, {"samples": STAGED_SAMPLES}
     return [
         Job(("theory", "areas"), errors, arguments, 6.0),

@@ -37,7 +37,7 @@ _PARAMETERS = {
 
 
 def jobs(size: Size) -> list[Job]:
-    """The jobs: runs and the errors at T of the paper's six schemes and of splitting."""
+    """The jobs: paths, and errors at time T, of the paper's six schemes and of splitting."""
     return [*order.jobs(ORDER, size), *order.fine_jobs(FINE, size), *RUNS.jobs(size)]
 
 
@@ -56,7 +56,7 @@ def panels(results: Results) -> list[Panel]:
 
 
 def _domain(run: runs.Run) -> Statement:
-    """The statement that splitting stays in y > 0 and keeps the Casimir, which is not quadratic."""
+    """The statement that splitting, a composition of exact flows, stays in y > 0 and keeps the Casimir."""
     system = problems.by_name(PROBLEM)
     assert system.nambu is not None
     smallest = float(np.min(run.y))

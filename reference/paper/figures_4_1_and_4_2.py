@@ -41,7 +41,7 @@ WINDOW = 0.9
 
 
 def jobs(size: Size) -> list[Job]:
-    """The jobs of both figures: four long runs, and the errors of six schemes at T."""
+    """The jobs of both figures: four long runs, and the errors of six schemes at the end time T."""
     return [*order.jobs(ORDER, size), *order.fine_jobs(FINE, size), *RUNS.jobs(size)]
 
 
@@ -53,7 +53,7 @@ def long_time(results: Results) -> list[Panel]:
 
 
 def convergence(results: Results) -> list[Panel]:
-    """The panels of Figure 4.2: strong errors of the oscillator, and strong errors against a fine-step reference."""
+    """The panels of Figure 4.2: strong errors against the exact solution, and against a scheme with a fine step."""
     return [order.panel(ORDER, results), order.fine_panel(FINE, results)]
 
 
@@ -138,7 +138,7 @@ def _position(by_scheme: dict[str, runs.Run], parameters: dict[str, Any]) -> Pan
 
 
 def _cayley() -> Statement:
-    """Compare the explicit formula of §4.1 with a step of the energy-preserving scheme."""
+    """The statement that the explicit formula of §4.1 gives the same step as the energy-preserving scheme."""
     problem = problems.by_name(PROBLEM)
     dW = bounded.truncate(wiener.increments(1, T=H, steps=1, noises=1, paths=256)[0], H)
     start = p, x = np.repeat(np.array(problem.initial)[:, None], 256, axis=1)
@@ -155,7 +155,7 @@ def _cayley() -> Statement:
 
 
 def growth_per_step(name: str, h: float) -> tuple[float, float]:
-    """Mean and variance of ln(H_n+1/H_n), which do not depend on the state y_n, because the problem is linear.
+    """Mean and variance of ln(H(y_{n+1})/H(y_n)) for the oscillator, where they do not depend on y_n.
 
     With S = ΔŴ, H_n+1/H_n is (1 − h/2)² + (h + S)² for Euler-Maruyama, (1 − S²/2)² + (h + S)² for Milstein and
     (1 − (hS + S²)/2)² + (h + S)² for Euler-Heun.
@@ -169,7 +169,7 @@ def growth_per_step(name: str, h: float) -> tuple[float, float]:
 
 
 def _growth(run: runs.Run) -> Statement:
-    """Compare the mean of ln H over all samples with E[ln H], computed from the formula of the scheme."""
+    """The statement on the growth of energy: the mean of ln H over samples against E[ln H] by the scheme's formula."""
     mean, variance = growth_per_step(run.scheme, run.h)
     logs: Array = np.log(run.energies[-1] / run.energy[0])
     expected, spread = mean * run.steps, np.sqrt(variance * run.steps / logs.size)
@@ -195,7 +195,7 @@ def _not_suited(by_scheme: dict[str, runs.Run]) -> Statement:
 
 
 def _inside(y: Array, points: int = 250) -> Array:
-    """The states (d, M) in the window, thinned to at most `points`."""
+    """The states (d, M) that lie in the panel's window, thinned to at most `points`."""
     seen = y[:, np.max(np.abs(y), axis=0) <= WINDOW]
     return seen[:, :: max(1, -(-seen.shape[1] // points))]
 

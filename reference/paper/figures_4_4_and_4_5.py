@@ -44,7 +44,7 @@ _PARAMETERS = {"p0": 0.2, "q0": 1.0, "c": [1.0, 0.5], "h": H}
 
 
 def jobs(size: Size) -> list[Job]:
-    """The jobs: six long runs, mean energies of the midpoint scheme, errors at T, errors of fine-step references."""
+    """The jobs: long runs, mean energies of the midpoint scheme, errors at T, and errors of a fine-step reference."""
     # The number of steps is a power of two, so that the times are halves of each other.
     T = max(MEAN_H) * 2 ** (size.steps(MEAN_STEPS).bit_length() - 1)
     given = {"T": T, "paths": size.samples(MEAN_PATHS), **size.given}
@@ -55,7 +55,7 @@ def jobs(size: Size) -> list[Job]:
 
 
 def long_time(results: Results) -> list[Panel]:
-    """The panels of Figure 4.4: energy, energy enlarged, mean energy and position."""
+    """The panels of Figure 4.4: energy of all schemes, energy of two schemes enlarged, mean energy, and position."""
     by_scheme = RUNS.by_scheme(results)
     parameters = _PARAMETERS | {"T": by_scheme["midpoint"].steps * H}
     mean = _mean({h: results["4.4", "mean", str(h)] for h in MEAN_H})
@@ -68,7 +68,7 @@ def long_time(results: Results) -> list[Panel]:
 
 
 def convergence(results: Results) -> list[Panel]:
-    """The panels of Figure 4.5, and of the bias of a reference with a fine step."""
+    """The panels of Figure 4.5: errors against the exact solution, and what a fine-step reference hides of them."""
     return [order.panel(ORDER, results), order.fine_panel(FINE, results)]
 
 
@@ -112,7 +112,7 @@ def _zoom(by_scheme: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel:
 
 
 def _walk(run: runs.Run) -> Statement:
-    """The statement that the midpoint scheme's energy error walks like √t, decided by its rms over samples.
+    """The statement that the midpoint scheme's energy error grows like √t, decided by its rms over samples.
 
     Only times after the first period count, because a bounded error also grows in that time, from 0 to its bound.
     """
@@ -139,12 +139,12 @@ def _walk(run: runs.Run) -> Statement:
 
 
 def mean_energy(h: float, T: float, paths: int, seed: int, engine: str) -> Growth:
-    """The midpoint scheme's energy error over `paths` paths."""
+    """The midpoint scheme's mean energy error against time, over `paths` paths up to time T."""
     return growth(schemes.midpoint, problems.pendulum(), h=h, T=T, paths=paths, seed=seed, engine=engine)
 
 
 def _mean(growth_by_step: dict[float, Growth]) -> Panel:
-    """The panel of E[H] along the midpoint scheme, whose small drift is compared with theory for a symplectic map."""
+    """The panel of E[H] along the midpoint scheme, whose small drift is compared with theory for symplectic maps."""
     curves, rates, agree, ends = [], [], [], []
     for h, row in growth_by_step.items():
         name, theory = f"h = 2^{np.log2(h):.0f}", row.derived

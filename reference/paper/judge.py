@@ -23,38 +23,38 @@ def slope(x: ArrayLike, y: ArrayLike) -> float:
 
 
 def finest_slope(h: Sequence[float], errors: Sequence[float]) -> float:
-    """The slope between the two finest steps at which the error exceeds 10⁴ roundings of a state with |y| ≈ 1."""
+    """The slope of ln error between the two finest h with errors above 10⁴ roundings of a state with |y| ≈ 1."""
     first, last = [n for n, e in enumerate(errors) if e > 1e4 * EPS][-2:]
     return float(np.log(errors[first] / errors[last]) / np.log(h[first] / h[last]))
 
 
 def decide(true: bool, false: bool) -> Verdict:
-    """The verdict on a statement from two criteria that exclude each other; it is open if neither is met."""
+    """The verdict on a statement: holds if `true`, fails if `false`, open if neither; both cannot be."""
     assert not (true and false)
     return "holds" if true else "fails" if false else "open"
 
 
 def at_most(value: float, limit: float, refuted: float) -> Verdict:
-    """The verdict on "the value is at most the limit"; it is refuted beyond a second, larger limit."""
+    """The verdict on "the value is at most the limit"; it fails above `refuted`, a larger limit."""
     return decide(bool(value <= limit), bool(value > refuted))
 
 
 def above(value: float, limit: float, refuted: float) -> Verdict:
-    """The verdict on "the value is above the limit"; it is refuted below a second, smaller limit."""
+    """The verdict on "the value is above the limit"; it fails below `refuted`, a smaller limit."""
     return decide(bool(value > limit), bool(value < refuted))
 
 
 def near(value: float, target: float, within: float, refuted: float) -> Verdict:
-    """The verdict on "the value is within a distance of its target"; it is refuted beyond the distance `refuted`."""
+    """The verdict on "the value is at most `within` from `target`"; it fails beyond the distance `refuted`."""
     return decide(bool(abs(value - target) < within), bool(abs(value - target) > refuted))
 
 
 def interval_near(low: float, high: float, target: float, within: float) -> Verdict:
-    """The verdict on "the interval lies inside target ± within"; it is refuted if the interval lies outside."""
+    """The verdict on "the interval [low, high] lies in target ± within"; it fails if they are disjoint."""
     inside = target - within < low and high < target + within
     return decide(inside, high < target - within or low > target + within)
 
 
 def every(*verdicts: Verdict) -> Verdict:
-    """The verdict on a statement of several parts: it holds if all hold, and fails if one fails."""
+    """The verdict on a statement of several parts: it holds if all parts hold, and fails if one part fails."""
     return decide(set(verdicts) <= {"holds"}, "fails" in verdicts)

@@ -37,7 +37,7 @@ AGREES = 1e-10
 
 
 def coefficients(problem: Problem, y: Array) -> tuple[Array, Array]:
-    """The coefficients c(y) and c̃(y) of Δ³, (d, M), by the formulas of the module's docstring at states y (d, M)."""
+    """The coefficients of Δ³ in y1, c(y) of (2.1) and c̃(y) of the midpoint scheme, by formulas at states y (d, M)."""
     f = vector_field(problem, y)
     g, B = problem.gradient(y), problem.structure(y)
     half = 0.5 * matvec(structure_curvature(problem, y, f), g) * 0.25
@@ -50,15 +50,15 @@ def coefficients(problem: Problem, y: Array) -> tuple[Array, Array]:
 
 
 def _slope(problem: Problem, y: Array, w: Array) -> Array:
-    """The derivative g′(y)w = H″(y)w of the gradient g = ∇H at states y, (d, M)."""
+    """The derivative g′(y)w = H″(y)w of the gradient g = ∇H in directions w, at states y (d, M)."""
     assert problem.hessian is not None
     return matvec(problem.hessian(y), w)
 
 
 def expanded(scheme: str, data: NamedProblem, y: Array) -> Array:
-    """The coefficient of Δ³ in one step of a scheme, from steps ±Δ and ±Δ/2 with 60 digits.
+    """The coefficient c of Δ³ in y1(Δ) of a scheme, from steps ±Δ and ±Δ/2 with 60 digits.
 
-    D(Δ) − 2D(Δ/2) = 3/2 cΔ³ + O(Δ⁵) for D(Δ) = y1(Δ) − y1(−Δ).
+    With D(Δ) = y1(Δ) − y1(−Δ), D(Δ) − 2D(Δ/2) = (3/2) cΔ³ + O(Δ⁵).
     """
     from ..steps import reference_step
 
@@ -73,7 +73,7 @@ def expanded(scheme: str, data: NamedProblem, y: Array) -> Array:
 
 
 def measured(problem: str) -> dict[str, dict[str, Any]]:
-    """The coefficients of Δ³ at a state, by formula and by expansion, and moments of the remainder by quadrature."""
+    """The coefficients of Δ³ in y1 at one state, by formula and by small steps, and the moments of the remainder."""
     system = problems.by_name(problem)
     assert isinstance(system.data, NamedProblem)
     y = (1.1 * np.array(system.initial) + 0.05)[:, None]
@@ -102,12 +102,12 @@ def measured(problem: str) -> dict[str, dict[str, Any]]:
 
 
 def jobs(_size: Size) -> list[Job]:
-    """The jobs: one for each problem, and nothing is random."""
+    """The jobs: one for each problem. No job is random, so that none depends on the size of the reproduction."""
     return [Job(("theory", "lemma", name), measured, {"problem": name}, 1.0) for name in NAMES]
 
 
 def panels(results: Results) -> list[Panel]:
-    """The panel of moments of the remainders R_n and R̃_n against h."""
+    """The panel of moments of R_n and R̃_n, the remainders after Δ³ of (2.1) and the midpoint scheme, against h."""
     moments = {name: results["theory", "lemma", name] for name in NAMES}
     return [Panel(
         key="theory-lemma-3.2", title="What the expansions (3.1) and (3.5) leave", source="Lemma 3.2, (3.2), (3.5)",
@@ -123,7 +123,7 @@ def panels(results: Results) -> list[Panel]:
 
 
 def _statements(name: str, moments: dict[str, dict[str, Any]]) -> Iterator[Statement]:
-    """Statements on the coefficients of Δ³ by formula and by expansion, and on the orders of the remainders."""
+    """Statements on the coefficients of Δ³ in y1, by formula and by small steps, and on the remainder's orders."""
     values = {kind: [np.array(moments[n][kind]) for n in SCHEMES] for kind in ("formula", "expansion")}
     size = max(np.max(np.abs(one)) for one in values["expansion"])
     ours, theirs = (a - b for a, b in zip(*values.values(), strict=True))

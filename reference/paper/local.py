@@ -1,4 +1,4 @@
-"""(3.8) and (3.9): the mean and the mean-square difference of one step, by quadrature over the increments.
+"""Checks of (3.8) and (3.9): mean and rms of the difference of two schemes after one step, by quadrature over ΔŴ.
 
 The paper compares (2.1) with the midpoint scheme. Milstein's Lemma 2.1 of [16] has the same conditions for a scheme and
 the exact solution. Given y_n, both differences are integrals over ΔŴ, and no sampling is needed.
@@ -25,7 +25,7 @@ MARGIN = 0.25
 
 
 def difference() -> dict[str, list[float]]:
-    """The differences ‖E[y1 − ỹ1]‖ and (E‖y1 − ỹ1‖²)^½ of (2.1) and the midpoint scheme from the initial state."""
+    """The sizes ‖E[y1 − ỹ1]‖ and (E‖y1 − ỹ1‖²)^½, for y1 by (2.1) and ỹ1 by the midpoint scheme from one state."""
     system = problems.by_name(PROBLEM)
     y = np.array(system.initial)
     mean, rms = [], []
@@ -41,19 +41,19 @@ def difference() -> dict[str, list[float]]:
 
 
 def against_exact(scheme: str) -> dict[str, list[float]]:
-    """Mean and mean-square error of one step of a scheme against the exact solution, the largest over a few states."""
+    """Mean and rms error of one step of a scheme against the exact solution, the largest over a few states."""
     errors = local_errors(schemes.PAPER[scheme], problems.by_name(PROBLEM), Run())
     return {"h": errors.h.tolist(), "mean": errors.mean.tolist(), "rms": errors.rms.tolist()}
 
 
 def jobs(_size: Size) -> list[Job]:
-    """The jobs: one for each scheme, and nothing is random."""
+    """The jobs: one for each scheme. No job is random, so that none depends on the size of the reproduction."""
     listed = [Job(("theory", "local", name), against_exact, {"scheme": name}, 0.5) for name in STATED]
     return [*listed, Job(("theory", "local", ""), difference, {}, 0.2)]
 
 
 def _of_the_paper(pair: dict[str, list[float]]) -> tuple[Statement, ...]:
-    """Statements (3.8), (3.9) on (2.1) and the midpoint scheme, and the moment that the proof of Theorem 3.3 needs."""
+    """Statements (3.8) and (3.9), on (2.1) against the midpoint scheme, and a moment from the proof of Theorem 3.3."""
     mean, rms = (judge.finest_slope(pair["h"], pair[kind]) for kind in ("mean", "rms"))
     # (E[(h + cΔŴ)¹²])^¼ with c = 1, which the proof takes out of (3.6) by Cauchy and Schwarz.
     moments = []
@@ -76,7 +76,7 @@ def _of_the_paper(pair: dict[str, list[float]]) -> tuple[Statement, ...]:
 
 
 def _of_a_scheme(name: str, mean: float, rms: float) -> Statement:
-    """The statement that a scheme of order p meets Lemma 2.1 of [16]: exponents p2 = p + ½ and p1 ≥ p2 + ½."""
+    """The statement that a scheme of order p meets Lemma 2.1 of [16]: mean error O(h^(p+1)), rms error O(h^(p+½))."""
     p = STATED[name]
     p1, p2 = p + 1 - MARGIN, p + 0.5 - MARGIN
     return Statement(

@@ -29,7 +29,7 @@ def show(reproduction: Reproduction, out: Console) -> None:
 
 
 class Row(NamedTuple):
-    """A paragraph of the report with its verdict, which is empty if the paragraph has none."""
+    """A paragraph of the report, beside the verdict on its statement; the verdict is empty if it makes none."""
 
     verdict: str
     text: str

@@ -23,11 +23,11 @@ COST = {"energy-preserving": 3.0, "midpoint": 2.5, "discrete-gradient": 5.0}
 
 @dataclass(frozen=True)
 class Setting:
-    """A convergence experiment with step sizes h = T/steps over `samples` paths, and the texts of its panel.
+    """A convergence experiment with step sizes h = T/steps over `samples` paths, and the texts of its plot.
 
-    source : the plot of the paper that the experiment repeats
+    source : the plot of the paper that this repeats
     place : where the paper states the order of (2.1), or names a reference with a fine step
-    same : pairs of schemes that are one integrator on this problem, each with the place that says so and the reason
+    same : pairs of schemes with equal steps on this problem, each with the paper's place that says so and the reason
     """
 
     figure: str
@@ -48,7 +48,7 @@ class Setting:
         return {"problem": self.problem, "T": self.T, "steps": self.steps}
 
     def job(self, key: tuple[str, ...], scheme: str, samples: int, size: Size, cost: float) -> Job:
-        """The job that measures the errors of one scheme on this number of samples.
+        """The job that measures the errors of one scheme on `samples` paths.
 
         `cost` is the expected time of one step of one sample, in microseconds.
         """
@@ -79,7 +79,7 @@ def order_statement(name: str, errors: StrongErrors, source: str) -> Statement:
 def same_statement(
     one: str, other: str, errors: dict[str, StrongErrors], source: str, reason: str
 ) -> Statement:
-    """The statement that two schemes are one integrator on this problem: their states at T differ by rounding only."""
+    """The statement that the schemes `one` and `other` are equal on this problem: their y at T differ by rounding."""
     a, b = errors[one], errors[other]
     difference = float(np.max(np.abs(a.errors - b.errors)))
     # Each step adds a rounding error, which the flow multiplies by its Lipschitz constant, e^2 or less here.
@@ -122,9 +122,9 @@ def panel(setting: Setting, results: Results, extra: Sequence[Statement] = ()) -
 
 
 def fine_jobs(setting: Setting, size: Size) -> list[Job]:
-    """The jobs that show the bias of a reference with a fine step, for two schemes on the same paths.
+    """The jobs that show how errors change if a scheme with a fine step stands for the exact solution.
 
-    The first scheme with the last of `steps` is the reference; errors are measured down to this number of steps.
+    This reference is the first scheme with steps[-1] steps; errors are measured for each number in `steps`.
     """
     samples = size.samples(setting.samples)
     counting = {**setting.given, "samples": samples, "seed": size.seed}
@@ -135,10 +135,10 @@ def fine_jobs(setting: Setting, size: Size) -> list[Job]:
 
 
 def fine_panel(setting: Setting, results: Results) -> Panel:
-    """The panel of true errors beside errors against a fine-step reference, which is the paper's kind of reference.
+    """The panel of errors against the exact solution beside errors against a scheme with a fine step, as in the paper.
 
-    Errors against a scheme with a fine step are differences of two errors. If the tested scheme is the reference's own,
-    or h comes near the reference's step, the difference is too small and the slope too steep; at that step it is zero.
+    An error against a scheme with a fine step is the difference of two errors. If it is the tested scheme, and h comes
+    near the fine step, the difference is too small and the slope too steep; at h = the fine step it is zero.
     """
     errors: dict[str, StrongErrors] = {n: results[setting.figure, "fine", n] for n in setting.schemes}
     reference = setting.schemes[0]

@@ -1,4 +1,4 @@
-"""The records of a reproduction: jobs that it computes, panels as data, and statements with a verdict each.
+"""The records of a reproduction of the paper: jobs to compute, panels (plots as data), and statements with verdicts.
 
 A panel holds everything that is drawn, so that the figures, the page and a reader's own program all
 start from the same numbers. Jobs run in any order and any process.
@@ -56,7 +56,7 @@ class Job:
     seconds: float
 
     def expected(self) -> float:
-        """The expected seconds of the job with the chosen engine, which order the queue and give the time left."""
+        """The expected seconds of the job on this machine's engine, by which jobs are ordered and progress is shown."""
         compiled = self.arguments.get("engine") == "auto" and self.arguments.get("scheme") in COMPILED
         return 0.1 + 0.02 * self.seconds if compiled and find_spec("numba") else self.seconds
 
@@ -75,11 +75,11 @@ class Size:
         return {"seed": self.seed, "engine": self.engine}
 
     def steps(self, full: int) -> int:
-        """The number of steps of a long run that has `full` steps in the paper."""
+        """The number of steps of this reproduction for a run of the paper with `full` steps."""
         return max(128, round(full * self.share))
 
     def samples(self, full: int) -> int:
-        """The number of samples of a convergence plot that has `full` samples in the paper."""
+        """The number of samples of this reproduction for a convergence plot of the paper with `full` samples."""
         return max(128, round(full * self.share))
 
 
@@ -106,7 +106,7 @@ class Statement:
 
 @dataclass(frozen=True, kw_only=True)
 class Panel:
-    """One panel of one figure.
+    """One plot of one figure, as data.
 
     key : names the panel and its files, such as "4.1-phase-space": the figure, or "theory", and what is shown
     parameters : the parameters of the paper, and those of the computation
@@ -156,12 +156,12 @@ def series(name: str, x: ArrayLike, y: ArrayLike, scheme: str = "", style: Any =
 
 
 def points(name: str, x: ArrayLike, y: ArrayLike, scheme: str = "") -> Series:
-    """A `Series` of few points, marked and joined, such as errors against step sizes."""
+    """A `Series` of few points, drawn with markers and joined by lines, such as errors against step sizes."""
     return series(name, x, y, scheme, "both")
 
 
 def counts(statements: Iterable[Statement]) -> dict[str, int]:
-    """The number of statements that hold, fail and stay open."""
+    """The numbers of statements with each verdict: holds, fails, open."""
     verdicts = [s.verdict for s in statements]
     return {kind: verdicts.count(kind) for kind in ("holds", "fails", "open")}
 
@@ -176,12 +176,12 @@ def in_words(counts: Mapping[str, int]) -> str:
 
 
 def stated_in(name: str, place: str) -> str:
-    """The place where the paper speaks of a scheme: `place`, or §1 for a scheme that its figures do not show."""
+    """The paper's place about a scheme: `place`, or §1 for the splitting, which its figures do not show."""
     return "[23] in §1" if name in OURS else place
 
 
 def sentence(name: str) -> str:
-    """The start of a sentence about a scheme, marked by "(ours)" if the paper's figures do not show the scheme."""
+    """The name that starts a sentence about a scheme, with "(ours)" if the paper's figures do not show it."""
     return f"{'(ours) ' if name in OURS else ''}{SENTENCE[name]}"
 
 
@@ -195,7 +195,7 @@ _STYLE = {
 
 
 def draw(panel: Panel, folder: Path) -> tuple[Path, Path]:
-    """Write folder/KEY.svg and folder/KEY.png (300 dpi), one column of a journal wide, and return both paths."""
+    """Write the plot to folder/KEY.svg and folder/KEY.png (300 dpi), with the panel's key, and return both paths."""
     # Two columns of longer labels are wider than the figure. A legend of many rows makes the figure higher.
     columns = 2 if max(len(s.name) for s in panel.series) <= 22 else 1
     more = max(0, math.ceil(len(panel.series) / columns) - 3)

@@ -58,13 +58,13 @@ def sublinear() -> Problem:
 
 
 def sublinear_errors(samples: int, seed: int) -> StrongErrors:
-    """The errors at T = 1 on the sublinear problem; all step sizes have the same Wiener paths."""
+    """The errors at T = 1 of (2.1) on the problem `sublinear`; all step sizes have the same Wiener paths."""
     scheme = replace(SCHEME, truncation=UNCLIPPED)
     return errors(scheme, sublinear(), T=1.0, steps=STEPS, samples=samples, seed=seed)
 
 
 def sublinear_step() -> list[float]:
-    """The slopes against h of |E[y1 − φ]| and (E|y1 − φ|²)^½ after one step, by quadrature; φ is the exact solution."""
+    """The slopes against h of |E[y1 − φ]| and (E|y1 − φ|²)^½ after one step of (2.1), where φ is the exact solution."""
     errors = local_errors(SCHEME, sublinear(), Run())
     # The three smallest steps with errors well above rounding; these errors are 1e-6 and less.
     usable = [n for n, e in enumerate(errors.mean) if e > 1e4 * EPS][-3:]
@@ -72,7 +72,7 @@ def sublinear_step() -> list[float]:
 
 
 def casimir_loss(h: float, steps: int, paths: int, seed: int, engine: str) -> dict[str, Any]:
-    """Measure the loss of the Casimir C along paths of Lotka-Volterra, and the refused steps.
+    """Measure by how much (2.1) changes the Casimir C along paths of Lotka-Volterra, and which steps it refuses.
 
     The result has the mean of C(y) − C(y0) at `TIMES` over the paths without a refused step so far, the times of the
     refused steps, and the number of refused steps for which `sepv.schemes.continued` finds a solution.
@@ -97,7 +97,7 @@ def casimir_loss(h: float, steps: int, paths: int, seed: int, engine: str) -> di
 
 
 def _solvable(sample: Ensemble, problem: Problem, h: float, steps: int, seed: int) -> int:
-    """The number of steps that the solver refused, but that continuation from Δ = 0 solves."""
+    """The number of steps that the solver refused, but that it solves if the solution is followed from Δ = 0."""
     count, follow = 0, continued(SCHEME).solve
     assert follow is not None
     for path in np.flatnonzero(sample.failed_step >= 0):
@@ -108,7 +108,7 @@ def _solvable(sample: Ensemble, problem: Problem, h: float, steps: int, seed: in
 
 
 def furthest(problem: str, seed: int, engine: str) -> dict[str, float]:
-    """The largest |p|/√(p0² + 4) or √(H(y)/H(y0)) along paths; it is 1 on the boundary of the set of Remark 3.5.
+    """The largest |p|/√(p0² + 4) (pendulum) or √(H(y)/H(y0)) along paths: 1 is the boundary of Remark 3.5's set.
 
     The result has this number for paths of (2.1), and for exact solutions with the same noise.
     """
@@ -130,7 +130,7 @@ def furthest(problem: str, seed: int, engine: str) -> dict[str, float]:
 
 
 def failing(problem: str, truncated: bool, samples: int, seed: int, engine: str) -> list[float]:
-    """The fraction of samples with a failed step up to T = 1, for each number of steps."""
+    """The fraction of samples with a step that is not solved up to T = 1, with or without truncation of the noise."""
     system, k, shares = problems.by_name(problem), 2 if truncated else None, []
     fine = wiener.increments(seed, T=CLIP_T, steps=CLIP_STEPS[-1], noises=system.noises, paths=range(samples))
     for count, raw in coarsened(fine, CLIP_STEPS):

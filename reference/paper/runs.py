@@ -1,4 +1,4 @@
-"""The computations behind the panels: one long path of a scheme, its invariants, and errors against the exact flow.
+"""The computations behind the plots: a long path of a scheme, its invariants, and errors against the exact flow.
 
 Each computation is a plain function of names and numbers, so that it can run in any process. Each calls the
 scheme's own step; no formula of a scheme is repeated.
@@ -69,11 +69,11 @@ EXPLICIT = 110e-6
 
 @dataclass(frozen=True)
 class LongRuns:
-    """The long runs of a figure: all its schemes on the same Wiener path.
+    """The long runs of a figure, in which each scheme named in `shown` follows the same Wiener path.
 
     If `shared` is true, a quick reproduction takes only a fraction of the steps.
 
-    samples : the number of samples of single schemes; that of all other schemes is `others`
+    samples, others : the number of samples for the schemes in this mapping, and for all other schemes
     """
 
     figure: str
@@ -129,7 +129,7 @@ def long_run(
 def _follow(
     method: Scheme, system: Problem, h: float, raw: Array, checkpoints: np.ndarray, engine: str
 ) -> tuple[Array, Array, int]:
-    """The first sample at every step (d, N+1), all energies at the checkpoints, and the first sample's failed step."""
+    """Take all steps: the first sample at every step (d, N+1), H of all samples at `checkpoints`, first failed step."""
     steps, _, samples = raw.shape
     compiled, _ = choose(engine, method, system, compensated=False)
     start = np.array(system.initial, dtype=np.float64)
@@ -147,7 +147,7 @@ def errors(
     scheme: str | Scheme, problem: str | Problem, *, T: float, steps: Sequence[int], samples: int, seed: int,
     engine: str = "auto",
 ) -> StrongErrors:  # fmt: skip
-    """The errors at T of the first `samples` paths against the exact flow; all step sizes share the Wiener paths."""
+    """The errors at T against the exact flow, for paths 0 to `samples` − 1; all step sizes share their Wiener paths."""
     method = schemes.by_name(scheme) if isinstance(scheme, str) else scheme
     system = problems.by_name(problem) if isinstance(problem, str) else problem
     fine = wiener.increments(seed, T=T, steps=steps[-1], noises=system.noises, paths=range(samples))
@@ -164,39 +164,39 @@ def errors(
 
 
 def truncated(problem: str, *, T: float, steps: Sequence[int], samples: int, seed: int) -> list[int]:
-    """The number of increments that Remark 2.1 truncates with k = 2, for each number of steps."""
+    """The number of increments that Remark 2.1's truncation with k = 2 changes, for each number of steps."""
     noises = problems.by_name(problem).noises
     fine = wiener.increments(seed, T=T, steps=steps[-1], noises=noises, paths=range(samples))
     return [int(np.sum(bounded.truncate(raw, T / n) != raw)) for n, raw in coarsened(fine, steps)]
 
 
 def coarsened(fine: Array, steps: Sequence[int]) -> Iterator[tuple[int, Array]]:
-    """Pairs of a number N of steps and its increments (N, m, M).
+    """For each number N of steps, the pair of N and the increments (N, m, M) over these steps.
 
-    The increments are sums of `fine`, those of the finest grid, whose number of steps is the last of `steps`.
+    They are sums of the increments `fine` over the finest grid, which has steps[-1] steps.
     """
     return ((count, wiener.coarsen(fine, steps[-1] // count)) for count in steps)
 
 
 def rounding_bound(steps: int) -> float:
-    """A bound of the relative change by rounding of an exactly preserved invariant in `steps` steps.
+    """A bound on the relative change of an invariant, in `steps` steps, of a scheme that keeps it except for rounding.
 
-    Rounding in one step moves a quadratic invariant by at most 2 eps times its value; `rounding_walk` is the case of H.
+    For a quadratic invariant, which rounding moves by at most 2 eps of its value in a step; for H see `rounding_walk`.
     """
     return 8 * EPS * float(np.sqrt(steps))
 
 
 def curve(run: Run, values: Array) -> Series:
-    """The curve of an invariant along the first sample, thinned to about 600 steps and with the last step."""
+    """The curve of an invariant along the first sample of a run, thinned to about 600 steps; the last step is kept."""
     kept = np.unique(np.append(np.arange(0, values.size, max(1, values.size // 600)), values.size - 1))
     return series(run.scheme, kept * run.h, values[kept], scheme=run.scheme)
 
 
 def bound(run: Run, what: str, *, constant: bool = True) -> float:
-    """A bound of the rounding of the invariant `what` along a run, relative to its value at the start.
+    """A bound on the change of the invariant `what` by rounding along a run, relative to its value at the start.
 
-    Rounding moves y_i by eps |y_i|, hence H by eps Σ|∂_iH y_i|. If the scheme is said to keep H, the largest sum along
-    the path is taken, else the sum at the start.
+    Rounding moves y_i by eps |y_i|, hence H by eps Σ|∂_iH y_i|. If `constant` (the paper says that H is kept), the
+    largest sum along the path is taken, else the sum at the start.
     """
     system = problems.by_name(run.problem)
     if what == "Casimir":
@@ -206,7 +206,7 @@ def bound(run: Run, what: str, *, constant: bool = True) -> float:
 
 
 def drift(values: Array) -> float:
-    """The largest distance of the values from the first value, relative to the first value."""
+    """The largest change of an invariant's `values` from the first value, relative to the first value."""
     with np.errstate(over="ignore", invalid="ignore"):
         return float(np.nanmax(np.abs(values - values[0])) / abs(values[0]))
 
@@ -214,9 +214,9 @@ def drift(values: Array) -> float:
 def statements(
     by_scheme: Mapping[str, Run], what: str, keep: Collection[str], place: str, **places: str
 ) -> list[Statement]:
-    """The statements of all runs on the invariant `what`: the schemes in `keep` keep it, and the others do not.
+    """The statements of all runs on the invariant `what`: the schemes in `keep` keep it, the others do not.
 
-    `place` is the place in the paper that says so; `places` has other places for single schemes.
+    `place` is where the paper says this; `places` has other places in the paper for single schemes.
     """
     return [
         statement(r, what, constant=n in keep, source=stated_in(n, places.get(n, place)))

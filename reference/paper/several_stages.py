@@ -1,4 +1,4 @@
-"""Collocation with s stages for several structures: order s if all flows commute.
+"""Collocation with s stages for several structures G_j: mean-square order s if all fields commute.
 
 With the increments of a step fixed, dy = B∇H dt + Σ c_j G_j∇H ∘dW_j becomes y′ = P(y)∇H, P = h B + Σ c_jΔW_j G_j,
 over a unit of time. If all fields commute, the flow of y′ = P(y)∇H is the exact step. The s-stage method of Cohen and
@@ -21,7 +21,7 @@ from sepv.schemes import as_lanes, collocation
 def step_with_stages(problem: Problem, stages: int, y: Array, h: float, dW: Array) -> Array:
     """The state y1 after one step with s = 1 … 6 stages, for y (d,) or (d, M) and dW (m,) or (m, M).
 
-    Paths are solved one after the other, because each has its own structure P.
+    Paths are solved in turn, because the increments of each give it another matrix P.
 
     Raises StepFailure if the implicit equation of a path is not solved.
     """
@@ -34,9 +34,9 @@ def step_with_stages(problem: Problem, stages: int, y: Array, h: float, dW: Arra
 
 
 def problem_of_step(problem: Problem, parts: Array) -> Problem:
-    """The problem y′ = P(y)∇H without noise, where P = h B + Σ c_jΔW_j G_j and `parts` are h and the c_jΔW_j.
+    """The problem y′ = P(y)∇H without noise, P = h B + Σ c_jΔW_j G_j, for `parts` = (h, c_1ΔW_1, …).
 
-    One step of length 1 of a method on this problem is the method's step with noise.
+    A step of a method, over a unit of time, on this problem is the method's step with noise.
     """
     slope: Any = partial(combined_slope, problem, parts=parts)
     given = combined_slope(problem, np.array(problem.initial)[:, None], parts[:, None]) is not None

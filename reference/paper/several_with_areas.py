@@ -1,4 +1,4 @@
-"""The scheme for several structures with Lévy areas: mean-square order 1 even if the noises do not commute.
+"""A scheme for several structures G_j with Lévy areas: mean-square order 1 even if the noises do not commute.
 
 y1 = y0 + [h B(ȳ) + Σ_j c_j ΔW_j G_j(ȳ) + Σ_{i<j} c_i c_j A_ij K_ij(ȳ)] ∫₀¹ ∇H(y0 + τ(y1 − y0)) dτ
 
@@ -37,7 +37,7 @@ from sepv.solve import Increment
 
 
 def commutator(problem: StructuresProblem, i: int, j: int, y: Array, mean: Array) -> Array:
-    """The skew matrix K_ij of the module's docstring, (d, d, M), at states y and with g = `mean`."""
+    """The skew matrix K_ij, (d, d, M), by the formula of the module's docstring with ∇H = `mean` at states y."""
     Gi, Gj = (problem.noise_structures[n](y) for n in (i, j))
     assert problem.noise_structure_derivatives is not None
     Di, Dj = (problem.noise_structure_derivatives[n](y) for n in (i, j))
@@ -49,7 +49,7 @@ def commutator(problem: StructuresProblem, i: int, j: int, y: Array, mean: Array
 
 
 def require_derivatives(problem: Problem) -> None:
-    """Raise a UsageError for a problem with one structure, or without the derivatives of its noise structures."""
+    """Raise a UsageError unless the problem has structures G_j for the noises, with their derivatives."""
     if not isinstance(problem, StructuresProblem) or not problem.noise_structure_derivatives:
         raise UsageError(
             expected="a problem with several structures that gives their derivatives",
@@ -59,9 +59,9 @@ def require_derivatives(problem: Problem) -> None:
 
 
 def increment(problem: Problem, y0: Array, y1: Array, known: Array) -> Increment:
-    """The increment R of the step y1 = y0 + R; `known` (k, M) holds h, all c_j ΔW_j, and all c_i c_j A_ij with i < j.
+    """The increment R = y1 − y0 of the step; `known` (k, M) holds h, all c_j ΔW_j, and all c_i c_j A_ij with i < j.
 
-    B and all G_j count as one evaluation.
+    An evaluation of B with all G_j is counted as one.
     """
     assert isinstance(problem, StructuresProblem)
     mean, middle, first = average_gradient(problem, y0, y1), y0 + 0.5 * (y1 - y0), 1 + problem.noises

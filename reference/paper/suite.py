@@ -1,4 +1,4 @@
-"""Compute all figures of the paper: run their jobs in processes, and collect the results in a record."""
+"""Compute all figures of the paper: run their jobs in processes, and collect the results in one record."""
 
 from __future__ import annotations
 
@@ -55,11 +55,11 @@ class Reproduction:
 
     @property
     def statements(self) -> tuple[Statement, ...]:
-        """The statements of the panels, then those of the text."""
+        """The statements about the panels, and then those about formulas and arguments in the text."""
         return (*(s for p in self.panels for s in p.statements), *self.text)
 
     def to_json(self) -> dict[str, Any]:
-        """The record as JSON, as sepv/schemas/reproduction.schema.json describes it."""
+        """The record as JSON, in the form that sepv/schemas/reproduction.schema.json describes."""
         import numpy
         import scipy
 
@@ -136,7 +136,7 @@ def _panels(section: Any, results: Results, wanted: tuple[str, ...]) -> list[Pan
 
 
 def _run(jobs: list[Job], workers: Any, progress: ShareProgress) -> Results:
-    """The results of all jobs by key. The longest jobs start first, so that none is waited for at the end."""
+    """Compute all jobs; the results are found by the jobs' keys. Long jobs start first, so that none is last alone."""
     jobs = sorted(jobs, key=lambda j: -j.seconds)
     done, total = 0.0, sum(j.seconds for j in jobs)
     results: Results = {("seconds",): {}}
@@ -169,6 +169,6 @@ def _run(jobs: list[Job], workers: Any, progress: ShareProgress) -> Results:
 
 
 def _timed(job: Job) -> tuple[Any, float]:
-    """The result of one job and its processor time, which does not depend on how busy the machine is."""
+    """The result of one job, and the processor time that it took."""
     started = time.process_time()
     return job.function(**job.arguments), time.process_time() - started

@@ -1,7 +1,7 @@
-"""Solvers of other libraries: one file a library, with one record (`peer.Peer`).
+"""Solvers of other libraries, which are compared with sepv's schemes: each library has one file and one `peer.Peer`.
 
 `posing` turns a problem into arrays of a library. `diffrax`, `torchsde` and `sdeint` take single steps, for the
-laws, and whole paths in the library's own loop, for `sepv compare`. The others are integrators of mechanical
-systems (`_integrator`; start with `mici`). Each needs its library. Another package may offer a peer of its own
-(`peer`). `benchmarks.peers` measures and records released versions.
+laws, and whole paths in the library's own loop, for `sepv compare`. The other files are integrators of mechanical
+systems (`_integrator`; start with `mici`). A file can be imported if its library is installed. Another package may add
+a library (`peer`). `benchmarks.peers` measures and records released versions.
 """

@@ -1,4 +1,4 @@
-"""diffrax's solvers of ordinary differential equations over one step of a mechanical system: general rivals."""
+"""diffrax's solvers of ordinary differential equations, one step for mechanical systems: they preserve no structure."""
 
 from __future__ import annotations
 

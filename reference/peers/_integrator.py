@@ -63,5 +63,5 @@ def masses(system: Mechanics) -> Array:
 
 
 def on_axis(values: Any) -> Array:
-    """The coordinates (n,) as points (n, 3) in space, each on the x-axis."""
+    """The coordinates (n,) as n points (n, 3) in space, all on the x-axis."""
     return np.pad(np.asarray(values, dtype=np.float64)[:, None], ((0, 0), (0, 2)))

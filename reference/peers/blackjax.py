@@ -1,6 +1,6 @@
 """blackjax's integrators of Hamiltonian trajectories. Needs the extra ``samplers``.
 
-The isokinetic ones have other equations, with a momentum of length one.
+blackjax's isokinetic integrators are left out: their equations keep a momentum of length one.
 """
 
 from __future__ import annotations

@@ -1,19 +1,18 @@
 """diffrax's Stratonovich solvers for general noise, one step at a time and over whole paths. Needs the extra ``peers``.
 
-A step is the solver's own `init` and `step`, compiled by JAX, with the increment given by a control path. Polynomial
-problems are data to the compiled code: a new random problem compiles nothing.
+A step is the solver's own `init` and `step`, compiled by JAX, on a driving path with the given increment. Polynomial
+problems are data to the compiled code, so that a new random problem compiles nothing.
 
 JAX computes in float64 only where its switch is on. JAX's own context manager turns it on around each call, for one
 thread; importing this module changes nothing in JAX.
 
-ShARK, SRA1 and SEA need additive noise, which (1.1) has not; ALIGN, ShOULD and QUICSORT are for Langevin dynamics.
+ShARK, SRA1 and SEA need additive noise, but the noise of (1.1) is not; ALIGN, ShOULD and QUICSORT are for Langevin
+dynamics. Older releases have fewer solvers: a missing one is None here, and its name is in `PEER.absent`.
 
-Older releases have fewer solvers: a missing one is None here, and its name is in `PEER.absent`.
-
-In a comparison all paths are one state (d, M) and one compiled loop over the given increments, which are on the device
-beforehand. All noises drive one field, so a solver that needs only products of a field with an increment is
-given the equation dy = f(y)∘dθ with θ = t + Σ c_j W_j: half the evaluations of a drift and a noise posed
-apart. Names with vmap are the driver of diffrax's own examples, one path at a time, drift and noise apart.
+In a comparison all paths are one state (d, M) and one compiled loop over given increments. All noises drive one field,
+so that most solvers can be given dy = f(y)∘dθ with θ = t + Σ c_j W_j, which halves the evaluations of f. The other
+solvers get a drift term and a noise term. Names with vmap solve as diffrax's own examples do: paths
+separately, joined by jax.vmap, with a drift term and a noise term.
 """
 
 from __future__ import annotations
@@ -57,10 +56,10 @@ class _Given(diffrax.AbstractPath):
 
 
 def _space_time_area(h: Any, dW: Any) -> Any:
-    """H ~ N(0, h/12), independent of dW, from a stream whose key is the bits of dW.
+    """The space-time Lévy area H ~ N(0, h/12) of a step, independent of dW, drawn with the bits of dW as the seed.
 
-    Solvers with stochastic Runge-Kutta tableaux need it beside dW. A step must be a function of its arguments, so it
-    cannot be drawn anew: equal increments get equal areas.
+    Stochastic Runge-Kutta methods need it beside dW. A step must be a function of its arguments, so that equal
+    increments must get equal areas.
     """
     key = jax.random.key(0)
     for word in jax.lax.bitcast_convert_type(dW, jnp.uint32).reshape(-1):
@@ -69,7 +68,7 @@ def _space_time_area(h: Any, dW: Any) -> Any:
 
 
 def _terms(formulas: Formulas, arrays: Any, c: Any, control: _Given) -> Any:
-    """The terms of diffrax for one step: the drift f = B∇H and the noise fields c_j f, of shape (d, m)."""
+    """The right side of a step in diffrax's form: the drift f = B∇H, and noise fields c_j f as columns (d, m)."""
 
     def drift(_t: Any, y: Any, _args: Any) -> Any:
         return formulas.field(jnp, arrays, y)
@@ -83,7 +82,7 @@ def _terms(formulas: Formulas, arrays: Any, c: Any, control: _Given) -> Any:
 def _one_step(
     solver: Any, formulas: Formulas, arrays: Any, c: Any, h: Any, y: Any, dW: Any, state: Any
 ) -> Any:
-    """One step of a solver: y_next and the solver's state after it. A state of None starts the solver afresh."""
+    """One step of a solver: y_next and the solver's state after it. If `state` is None, the solver starts anew."""
     levy = isinstance(solver, getattr(diffrax, "AbstractSRK", ()))
     terms = _terms(formulas, arrays, c, _Given(dW, _space_time_area(h, dW) if levy else dW))
     t0 = jnp.zeros_like(h)
@@ -95,7 +94,7 @@ def _one_step(
 
 @partial(jax.jit, static_argnames=("solver", "formulas"))
 def _steps(solver: Any, formulas: Formulas, arrays: Any, c: Any, h: Any, y: Any, dW: Any) -> Any:
-    """One step of each lane: y (d, L), dW (m, L)."""
+    """One step from each of L states: y (d, L) with increments dW (m, L)."""
 
     def lane(y: Any, dW: Any) -> Any:
         return _one_step(solver, formulas, arrays, c, h, y, dW, None)[0]
@@ -107,7 +106,7 @@ def _steps(solver: Any, formulas: Formulas, arrays: Any, c: Any, h: Any, y: Any,
 def _paths(
     solver: Any, formulas: Formulas, arrays: Any, c: Any, h: Any, y: Any, dW: Any, keep: bool = True
 ) -> Any:
-    """Whole paths with the solver's state handed on: y (d, L), dW (N, m, L) -> (N, d, L), or the last states (d, L)."""
+    """L whole paths, in which the solver keeps its state: y (d, L), dW (N, m, L) -> (N, d, L), or the last states."""
 
     def lane(y: Any, dW: Any) -> Any:
         def advance(carry: Any, dW: Any) -> Any:
@@ -126,7 +125,7 @@ _next = jax.jit(_one_step, static_argnames=("solver", "formulas"))
 
 @lru_cache(maxsize=256)
 def _padded(problem: Problem) -> tuple[Formulas, Any]:
-    """Pose a problem with polynomials of at least six variables, so that their programs serve all problems."""
+    """A polynomial problem's formulas, padded to 6, 12, … variables, so that few programs serve all problems."""
     formulas, numbers = pose(problem)
     if formulas.kind != "polynomial":
         return formulas, numbers
@@ -140,7 +139,7 @@ def _padded(problem: Problem) -> tuple[Formulas, Any]:
 
 
 def _wide(rows: Array, count: int) -> Array:
-    """The array (…, n, L) or (n,), filled up with components that are zero to `count` of them."""
+    """Pad an array (…, n, L) or (n,) with zeros, so that n becomes `count`."""
     axis = max(rows.ndim - 2, 0)
     missing = (*rows.shape[:axis], count - rows.shape[axis], *rows.shape[axis + 1 :])
     return np.concatenate([rows, np.zeros(missing)], axis=axis)
@@ -149,7 +148,7 @@ def _wide(rows: Array, count: int) -> Array:
 def _call(
     program: Any, solver: Any, problem: Problem, y: Array, h: float, dW: Array, *state: Any
 ) -> tuple[Any, Any]:
-    """A compiled program on y (d, L) and dW (m, L), or (d,) and (m,), in float64: y_next, and the solver's state."""
+    """Run a compiled `program` in float64 on y (d, L) and dW (m, L), or (d,) and (m,): y_next and solver state."""
     formulas, numbers = _padded(problem)
     d, m = problem.dimension, problem.noises
     if formulas.kind == "polynomial":
@@ -170,7 +169,7 @@ def _step_by(solver: Any) -> Callable[[Problem, Array, float, Array], Array]:
 
 
 def _stateful(solver: Any) -> StatefulStep:
-    """The step of a solver of which `_next` hands the state on, one path at a time."""
+    """The step, on one path at a time, of a solver with a state of its own, which is kept from step to step."""
 
     def step(problem: Problem, state: tuple[Array, Any], h: float, dW: Array) -> tuple[Array, Any]:
         return _call(_next, solver, problem, state[0], h, dW, state[1])
@@ -182,7 +181,7 @@ _absent: list[str] = []
 
 
 def _scheme(name: str, order: float, weak: float = 1.0, batched: bool = True) -> Any:
-    """The solver of that name as a `Scheme`; None where this release has none."""
+    """The diffrax solver called `name` as a `Scheme` of strong order `order`; None if this release does not have it."""
     make = getattr(diffrax, name, None)
     if make is None:
         _absent.append(name)
@@ -207,7 +206,7 @@ reversible_heun = _scheme("ReversibleHeun", 1.0, batched=False)
 
 
 class _Field(diffrax.AbstractTerm):
-    """f(y) for a batch (d, M), multiplied by an increment (M,) of its clock."""
+    """The field f(y) for a batch (d, M), to be multiplied by an increment of time or of a Wiener process, (M,)."""
 
     vector: Any
     increment: Any
@@ -225,7 +224,7 @@ class _Field(diffrax.AbstractTerm):
 
 
 class _Noise(_Field):
-    """The field under a Wiener process (M,) beside a drift term, with its space-time Lévy area."""
+    """A noise term for the field f: it gives the Wiener increment (M,), and its space-time Lévy area if asked."""
 
     area: Any
 
@@ -236,7 +235,7 @@ class _Noise(_Field):
 
 
 def _batched(solver: Any, terms: Any, h: Any, y: Any, more: Any, keep: bool) -> Any:
-    """Loop over increments; `terms` makes the terms of a step from its slice of `more`."""
+    """Loop over the steps of a path; `terms` makes the right side of one step from its slice of `more`."""
     t0 = jnp.zeros_like(h)
     state = solver.init(terms(jax.tree.map(lambda a: a[0], more)), t0, h, y, None)
 
@@ -254,7 +253,7 @@ def _batched(solver: Any, terms: Any, h: Any, y: Any, more: Any, keep: bool) -> 
 def _on_the_clock(
     solver: Any, formulas: Formulas, keep: bool, arrays: Any, c: Any, h: Any, y: Any, dW: Any, _H: Any
 ) -> Any:
-    """A driver that solves dy = f(y)∘dθ in the random time θ by solvers of ordinary differential equations."""
+    """Paths of dy = f(y)∘dθ in the random time θ = t + Σ c_j W_j, by a solver of ordinary differential equations."""
 
     def vector(y: Any) -> Any:
         return formulas.field(jnp, arrays, y)
@@ -268,7 +267,7 @@ def _on_the_clock(
 def _apart(
     solver: Any, formulas: Formulas, keep: bool, arrays: Any, c: Any, h: Any, y: Any, dW: Any, H: Any
 ) -> Any:
-    """A driver with separate drift and noise, in one batch; the m noises are replaced by the one that they equal."""
+    """Paths with a drift term and a noise term, in one batch; the one noise is Σ c_j W_j, which drives f."""
 
     def vector(y: Any) -> Any:
         return formulas.field(jnp, arrays, y)
@@ -284,7 +283,7 @@ def _apart(
 
 
 def _vmapped(solver: Any, formulas: Formulas, keep: bool, *given: Any) -> Any:
-    """A driver that solves path by path under vmap, as diffrax's examples do."""
+    """Paths with a drift term and a noise term, each solved alone and joined by jax.vmap, as in diffrax's examples."""
     return _paths(solver, formulas, *given[:-1], keep=keep)
 
 

@@ -1,8 +1,7 @@
 """OpenMM's Verlet integrator on its Reference platform, which computes in binary64. Needs the extra ``simulators``.
 
-It is the leapfrog form: its velocities are those half a step before the positions. A step is told them half a step
-earlier, v − (h/2)M⁻¹F(q), and half a step later they are brought to the time of the positions, as OpenMM's own kinetic
-energies are.
+OpenMM takes the velocity half a step before the position (leapfrog). A step therefore sets it to v − (h/2)M⁻¹F(q), and
+afterwards moves it by half a step to the time of the new position, as OpenMM does for its kinetic energies.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The record of a library whose solvers take part, and the search for it: here, or in a package that offers its own.
+"""The record of a library with solvers to compare, and how it is found: in this folder, or in another package.
 
 A peer is one file with one record, `PEER`. Those of sepv are the modules of this folder. Another package offers one by
 an entry point of the group ``sepv.peers``, under the library's name:
@@ -31,7 +31,7 @@ _Kind = TypeVar("_Kind")
 
 @dataclass(frozen=True)
 class Peer:
-    """A library, and its solvers that take part.
+    """The record of a library, with those of its solvers that sepv can run.
 
     Attributes
     ----------
@@ -40,9 +40,9 @@ class Peer:
     schemes : dict of str to Scheme
         Its solvers, one step at a time, for the laws. Keys are the names after "library-".
     methods : dict of str to Method
-        Its solvers under the best driver known, for `sepv compare`.
+        Its solvers over whole paths in the library's fastest known loop, for `sepv compare`.
     drawing : tuple of Scheme
-        Solvers that draw an area beside the increment: a mean over ΔW alone is not the mean of their step.
+        Solvers that draw a Lévy area too: averaging y1 over ΔW alone does not give its mean.
     absent : tuple of str
         Solvers that the installed release lacks.
     integrators : dict of str to Scheme
@@ -63,7 +63,7 @@ class Peer:
 
 
 def names() -> list[str]:
-    """The libraries that have a peer, installed or not."""
+    """The names of libraries that have a record here or in another package, installed or not."""
     own_names = sorted(
         p.stem for p in Path(__file__).parent.glob("*.py") if p.stem not in _NO_PEERS and p.stem[0] != "_"
     )
@@ -98,7 +98,7 @@ def load(library: str) -> Peer:
 
 
 def library_of(target: str) -> str:
-    """The library that a name such as ``sdeint-strat-heun`` begins with; empty where none does."""
+    """The library that a name such as ``sdeint-strat-heun`` begins with; an empty text if it begins with none."""
     return next((name for name in names() if target.startswith(f"{name}-")), "")
 
 
@@ -113,7 +113,7 @@ def scheme(target: str) -> Scheme:
 
 
 def method(target: str) -> Method | None:
-    """The solver of that name under the best driver known; None for an integrator, which is compared step by step.
+    """The solver called `target` for whole paths, as `sepv compare` runs it; None for an integrator without noise.
 
     Raises TargetError as `scheme`.
     """

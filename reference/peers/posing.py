@@ -1,9 +1,9 @@
-"""A problem for a library with arrays of its own, such as JAX or torch: B, H, ∇H and f = B∇H as formulas and numbers.
+"""B, H, ∇H and f = B∇H of a problem as formulas and numbers, for libraries with their own arrays, such as JAX or torch.
 
 A problem's own functions are NumPy's, which a compiler cannot trace (`TracerArrayConversionError`) and an automatic
-derivative does not see through. A problem given as data is posed again: `pose` returns formulas, which are hashable and
-few, and numbers, which are arrays. A compiled step takes the formulas as a static argument and the numbers as data:
-one program serves every problem of a size. No library is imported here: a formula takes the namespace.
+derivative does not see through. From a problem given as data, `pose` makes formulas (hashable) and numbers (arrays). A
+compiled step takes the formulas as a static argument and the numbers as data, so that one program serves all polynomial
+problems of a size. No library is imported here: a formula gets the library's functions as `xp`.
 """
 
 from __future__ import annotations
@@ -34,18 +34,18 @@ Path = Callable[[Problem, Array, float, Array], Array]
 
 @dataclass(frozen=True)
 class Formulas:
-    """The functions of a problem in any namespace: `xp` is jax.numpy, torch or numpy, `y` has shape (d,) or (d, M).
+    """The functions B, ∇H, H and f of a problem, for arrays y, (d,) or (d, M), of `xp`: jax.numpy, torch or numpy.
 
-    `numbers` are those of `pose`, or the same as arrays of the namespace: torch wants tensors, JAX takes both.
+    Their argument `numbers` is the result of `pose`, converted to tensors for torch; JAX takes NumPy arrays.
 
     Attributes
     ----------
     kind : str
         A problem's name, or "polynomial".
     powers : int
-        At least the largest exponent of a polynomial problem.
+        For polynomials, the largest exponent, rounded up if padded.
     texts : tuple of str
-        Otherwise the records of B, ∇H, H and f as code.
+        For a problem by name, generated code of B, ∇H, H and f; empty for polynomials.
     """
 
     kind: str
@@ -73,7 +73,7 @@ class Formulas:
         return self.values(xp, numbers, y, d * d + d, d * d + d + 1)[0]
 
     def field(self, xp: Any, numbers: Any, y: Any) -> Any:
-        """f(y) = B(y)∇H(y), of shape (d, ...); entries of B that vanish everywhere cost nothing."""
+        """The field f(y) = B(y)∇H(y), of shape (d, ...), computed without the entries of B that vanish everywhere."""
         if self.texts:
             return self._recorded(3, xp, numbers, y)
         d = y.shape[0]
@@ -82,12 +82,12 @@ class Formulas:
         return xp.einsum("ij...,j...->i...", B, both[d * d :])
 
     def _recorded(self, which: int, xp: Any, numbers: Any, y: Any) -> Any:
-        """The components of one of the records, with a value for each state also where they are constant."""
+        """The components of B, ∇H, H or f (`which` = 0 to 3) by generated code; constants are repeated for every y."""
         values, zero = _compiled(xp, self.texts[which])(y, numbers[which]), xp.zeros_like(y[0])
         return xp.stack([v if getattr(v, "shape", None) == zero.shape else zero + v for v in values])
 
     def values(self, xp: Any, numbers: Any, y: Any, first: int, last: int) -> Any:
-        """Rows of the table of polynomials at y."""
+        """The values at y of the rows `first` to `last` − 1 of a table of polynomials, given by `numbers`."""
         exponents, coefficients = numbers
         # Products, not y**e: both libraries differentiate 0**0 to NaN.
         one, top = xp.ones_like(y), xp.amax(exponents, 1).reshape((-1, *[1] * (y.ndim - 1)))
@@ -116,8 +116,8 @@ def pose(problem: str | Problem, *, padded: bool = True) -> tuple[Formulas, tupl
     Raises
     ------
     Skipped
-        For a problem that is not given as data, or has a structure for each noise: no other library can run its NumPy
-        functions. A step that lets this pass is asked about problems given as data instead.
+        For a problem given by NumPy functions, which no other library can run, or with a structure matrix for each
+        noise. If a step does not catch this error, the laws take problems given as data instead.
 
     Examples
     --------
@@ -139,7 +139,7 @@ def pose(problem: str | Problem, *, padded: bool = True) -> tuple[Formulas, tupl
 
 
 def field_in(xp: Any, problem: str | Problem) -> Callable[[Any], Any]:
-    """y (d,) or (d, M) -> f(y) = B(y)∇H(y) of one problem, in the arrays of the namespace `xp`.
+    """The function y -> f(y) = B(y)∇H(y) of one problem, for y (d,) or (d, M), in arrays of `xp`, such as jax.numpy.
 
     Use float64: ``jax.config.update("jax_enable_x64", True)`` before any JAX array is made.
 
@@ -179,7 +179,7 @@ def _pose(data: PolynomialSystem | NamedProblem, padded: bool) -> tuple[Formulas
 
 @lru_cache(maxsize=64)
 def _compiled(xp: Any, text: str) -> Callable[..., tuple[Any, ...]]:
-    """Compile a record to a function of (y, parameters) in the namespace."""
+    """Compile generated code of a formula to a function of (y, parameters) in the library `xp`, such as jax.numpy."""
     namespace: dict[str, Any] = {n: getattr(xp, n, None) for n in (*FUNCTIONS, "where", "logical_not")}
     namespace |= {"power": pow, "inf": math.inf}
     exec(compile(text, "<record>", "exec"), namespace)
@@ -195,9 +195,9 @@ def size(needed: int, least: int) -> int:
 
 
 def table(dimension: int, rows: list[Polynomial], padded: bool) -> tuple[int, tuple[Any, Array]]:
-    """The table of polynomials: largest exponent, exponents (d, T) of monomials, coefficients (R, T) of rows.
+    """A table of R polynomials in T monomials: largest exponent, exponents (d, T), and coefficients (R, T).
 
-    If `padded`, both have one of a few sizes, filled up with zeros.
+    If `padded`, exponents and coefficients are filled up with zeros to T = 32, 64, ….
     """
     monomials = sorted({e for p in rows for e, _ in p.terms}) or [(0,) * dimension]
     powers, count = max(map(max, monomials)), len(monomials)
@@ -214,9 +214,9 @@ def table(dimension: int, rows: list[Polynomial], padded: bool) -> tuple[int, tu
 
 
 def in_blocks(step: Callable[[Array, Array], Any], y: Array, dW: Array, lanes: int) -> Array:
-    """Call step(y (d, lanes), dW (m, lanes)) on any number of lanes, or on one state (d,) with dW (m,).
+    """Call step(y (d, lanes), dW (m, lanes)) for any number of states, or one state (d,), in blocks of `lanes` states.
 
-    Blocks have one size: compiled code and the order of its operations then do not depend on the number of lanes.
+    As all blocks have one size, compiled code and its roundings do not depend on the number of states.
     """
     states = y.reshape(y.shape[0], -1)
     count = states.shape[1]

@@ -1,4 +1,4 @@
-"""Several Hamiltonians for a library with arrays of its own: the drift and the m noise fields as one table of numbers.
+"""A system with several Hamiltonians H_j for libraries such as JAX: drift and noise fields in one table of numbers.
 
 dy = F_0 dt + Σ_j F_j ∘dW_j with F_0 = B∇H_0 and F_j = c_j B∇H_j, or the same in Itô's form, whose drift is
 F_0 + ½ Σ_j F_j′F_j: products and derivatives of polynomials, made once for each system.
@@ -21,14 +21,14 @@ from sepv.record import Polynomial, poly
 
 @dataclass(frozen=True)
 class PosedFields:
-    """Drift and noise of a system in any namespace; hashable, so that a compiled step takes it as a static argument."""
+    """Drift and noise fields of a system for arrays of any library `xp`; hashable, so that JAX can compile for it."""
 
     dimension: int
     noises: int
     powers: int
 
     def drift(self, xp: Any, numbers: Any, y: Any) -> Any:
-        """The drift F_0 at y (d, ...), of the same shape; with `ito` that of Itô's form."""
+        """The drift at y (d, ...), of the same shape: F_0 = B∇H_0, or Itô's drift if `pose_fields` had `ito=True`."""
         return self._rows(xp, numbers, y, 0, 1)[0]
 
     def noise(self, xp: Any, numbers: Any, y: Any) -> Any:
@@ -42,7 +42,7 @@ class PosedFields:
 
 
 def pose_fields(problem: Problem, *, ito: bool = False) -> tuple[PosedFields, tuple[Array, ...]]:
-    """The formulas of a system with several Hamiltonians given as data, and its numbers as NumPy arrays.
+    """The formulas of a system with several Hamiltonians (polynomials), and its numbers as NumPy arrays.
 
     >>> import numpy as np
     >>> from sepv import problems
@@ -69,7 +69,7 @@ def _posed(data: PolynomialSystem, ito: bool) -> tuple[PosedFields, tuple[Array,
 
 
 def _field(B: Sequence[Sequence[Polynomial]], H: Polynomial, c: float) -> list[Polynomial]:
-    """The components of the field c B∇H as formulas."""
+    """The components of the field c B∇H, as polynomials."""
     slope = poly.gradient(H)
     return [
         poly.scale(c, poly.add(*(poly.multiply(b, g) for b, g in zip(row, slope, strict=True)))) for row in B

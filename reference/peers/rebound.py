@@ -1,7 +1,7 @@
-"""REBOUND's integrators under forces of the problem's own, and those of planetary systems under its own gravity.
+"""REBOUND's integrators: some for any mechanical problem's forces, and those for planets, under REBOUND's gravity.
 
-Needs the extra ``simulators``. The second kind splits the motion into Kepler's and the rest, so that it takes bodies
-under gravity alone, V = −G Σ m_im_j/|q_i − q_j| in the plane or in space, heaviest first, such as
+Needs the extra ``simulators``. Those for planets split the motion into Kepler's and the rest, so that they take
+gravity alone, V = −G Σ m_im_j/|q_i − q_j| in the plane or in space, heaviest first, such as
 `sepv.problems.planets`. A step is one of REBOUND's with `safe_mode=1`, its default: synchronized at the end.
 
 JANUS computes on integers of 64 bits, x/scale and v/scale: its documentation asks for the scale of the problem.
@@ -67,7 +67,7 @@ def _scale(values: Array, changes: Array) -> float:
 def _gravitate(
     name: str, options: dict[str, Any], system: Mechanics, q: Array, p: Array, h: float
 ) -> tuple[Array, Array]:
-    """One step of bodies under REBOUND's own gravity."""
+    """One step of planets under REBOUND's own gravity, by the integrator `name` with `options`."""
     gravity, mass, space = _gravity(system)
     simulation = rebound.Simulation()
     simulation.G, simulation.integrator, simulation.dt = gravity, name, h
@@ -90,7 +90,7 @@ def _in_space(values: Array, space: int) -> Array:
 
 @lru_cache(maxsize=64)
 def _gravity(system: Mechanics) -> tuple[float, Array, int]:
-    """G, the masses of the bodies, and 2 or 3 for the plane or space. Raises Skipped for other systems."""
+    """G, the masses of the bodies, and the dimension 2 or 3. Raises Skipped for a system without Newton's gravity."""
     mass, places = masses(system), [system.split(y)[0] for y in sample_states(system.problem)]
     for space in (2, 3):
         bodies = mass[::space]

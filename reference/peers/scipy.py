@@ -1,4 +1,4 @@
-"""SciPy's solvers of ordinary differential equations over one step, at their default tolerances: general rivals."""
+"""SciPy's ODE solvers over one step, at their default tolerances: they preserve no structure, and serve to compare."""
 
 from __future__ import annotations
 

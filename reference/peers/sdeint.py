@@ -22,7 +22,7 @@ from sepv.studies import from_states
 def _integrate(
     integrator: Callable[..., Any], problem: Problem, y: Array, h: float, dW: Array, **more: Any
 ) -> Array:
-    """sdeint's integrator from y (d,) with increments dW (N, m): states (N + 1, d), noise fields c_j f."""
+    """Call an integrator of sdeint from y (d,) with increments dW (N, m) and noise fields c_j f; states (N + 1, d)."""
 
     def drift(state: Array, _time: float) -> Array:
         return vector_field(problem, state)
@@ -35,7 +35,7 @@ def _integrate(
 
 
 def _step_by(integrator: Callable[..., Any], integrals: bool) -> Step:
-    """Make a step from sdeint's integrator over tspan = (0, h); some also take the repeated integrals J_ij."""
+    """Make a step from sdeint's integrator over (0, h); with `integrals` it is also given the J_ij = ∫∫∘dW_i∘dW_j."""
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         row = dW.reshape(1, -1)
@@ -51,7 +51,7 @@ def _repeated_integrals(dW: Array) -> Array:
 
 
 def _kp2is_path(problem: Problem, y0: Array, h: float, dW: Array) -> Array:
-    """The states (N + 1, d, 1) of one path. Raises StepFailure where sdeint reports a step that is not solved."""
+    """The states (N + 1, d, 1) of one path by sdeint's KP2iS. Raises StepFailure if sdeint reports an unsolved step."""
     increments = dW[:, :, 0]
     try:
         # scipy warns before sdeint raises.

@@ -3,9 +3,9 @@
 torchsde has no public step, so that a step is `torchsde.sdeint` over (0, h) with dt = h and a Brownian motion
 that returns the given increment.
 
-With one noise the system is posed with noise type "scalar", with several with "general". Milstein does not take
-the general type; there the m noises are posed as the one that they are, c·W/|c|, which is a Wiener process.
-Lévy areas are given as zero: all noises drive one field, so that the brackets that the areas multiply vanish.
+torchsde's noise type is "scalar" for one noise and "general" for several. Milstein does not take the general type: it
+gets the one Wiener process c·W/|c|, which drives the same equation.
+Lévy areas are given as zero: all noises drive one field, so that the commutators which areas multiply vanish.
 In a comparison all paths are one batch of `torchsde.sdeint` over the whole interval.
 """
 
@@ -28,7 +28,7 @@ from sepv.studies import Method, from_states
 
 
 class _System(torch.nn.Module):
-    """The system dy = f dt + Σ_j weights_j f ∘dW_j as torchsde takes it, for states (L, d)."""
+    """The system dy = f dt + Σ_j weights_j f ∘dW_j in torchsde's interface, for L states, (L, d)."""
 
     sde_type = "stratonovich"
 
@@ -63,7 +63,7 @@ class Given(torchsde.BaseBrownian):
         return f"given increments of shape {tuple(self.increments.shape)}"
 
     def __call__(self, ta: Any, tb: Any = None, return_U: bool = False, return_A: bool = False) -> Any:
-        """The increment of the step at time ta, with Lévy areas of zero where they are wanted."""
+        """The increment of the step that starts at time ta; if `return_A`, also Lévy areas, which are zero."""
         del tb, return_U
         dW = self.increments[round(float(ta) / self.h)]
         return (dW, dW.new_zeros((*dW.shape, dW.shape[-1]))) if return_A else dW
@@ -72,7 +72,7 @@ class Given(torchsde.BaseBrownian):
 def _solved(
     method: str, options: dict[str, Any], problem: Problem, y: Array, h: float, dW: Array, **more: Any
 ) -> Any:
-    """Call torchsde.sdeint from y (d, L) with the increments dW (N, m, L): states (N + 1, L, d) as a tensor."""
+    """Call torchsde.sdeint from y (d, L) with increments dW (N, m, L); the result is a tensor (N + 1, L, d)."""
     weights, noise_type = problem.c, "scalar" if problem.noises == 1 else "general"
     if problem.noises != 1 and method == "milstein":
         size = float(np.linalg.norm(weights))
@@ -104,7 +104,7 @@ def _step_by(method: str, options: dict[str, Any]) -> Callable[[Problem, Array, 
 
 
 def _handed_on(problem: Problem, state: tuple[Array, Any], h: float, dW: Array) -> tuple[Array, Any]:
-    """One step of reversible Heun on one path, from y (d,) and the solver's own state, which torchsde hands out."""
+    """One step of reversible Heun on one path, from `state`: y (d,), and the solver's state as torchsde returns it."""
     _positive(h)
     more = {"extra": True, "extra_solver_state": state[1]}
     states, own = _solved("reversible_heun", {}, problem, state[0][:, None], h, dW[None, :, None], **more)

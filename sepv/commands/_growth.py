@@ -35,8 +35,8 @@ def growth(
     decides. The mean drifts if such an interval excludes 0. For symplectic schemes with one degree of freedom, values
     by theory are shown too: with random steps, the energy error of such a scheme walks and drifts.
 
-    With --no-noise, or if a scheme or the problem has no noise, one path is computed with h and with h/2. Its energy
-    has a trend if the mean moves by more than the bound of the law long-time-energy.
+    With --no-noise, or if a scheme or the problem has no noise, one path is computed with h and with h/2. A trend
+    of its mean energy is judged as by the law long-time-energy.
 
     \b
     sepv growth                                           the paper's schemes

@@ -30,8 +30,8 @@ def oscillator(_: Parameters, y0: Array, theta: Array) -> Result:
 def pendulum(_: Parameters, y0: Array, theta: Array) -> Result:
     """The exact flow of the pendulum by elliptic functions, with k² = sin²(q/2) + p²/4 = (H + 1)/2.
 
-    u0 fits y0. Libration, k < 1: sin(q/2) = k sn, p/2 = k cn, cos(q/2) = dn of (θ + u0, k²).
-    Rotation, k > 1, with s the sign of p: q/2 = s am(kθ + u0, 1/k²), p/2 = s k dn.
+    Libration, k < 1: sin(q/2) = k sn, p/2 = k cn, cos(q/2) = dn at (θ + u0, k²), with u0 from y0 at θ = 0.
+    Rotation, k > 1, with s the sign of p: q/2 = s am, p/2 = s k dn at (kθ + u0, 1/k²).
     """
     p, q = y0
     turns = np.round(q / (2 * np.pi))
@@ -54,8 +54,8 @@ def rigid_body(parameters: Parameters, y0: Array, theta: Array) -> Result:
 
     y_a′ = −σA_a y_b y_c, y_b′ = σA_b y_a y_c, y_c′ = −σA_c y_a y_b with A_a = 1/I_b − 1/I_c, A_b = 1/I_a − 1/I_c,
     A_c = 1/I_a − 1/I_b and σ the sign of the permutation. K_a = y_a²/A_a + y_b²/A_b and K_c = y_c²/A_c + y_b²/A_b are
-    conserved. For K_a ≤ K_c: y_c = Y_c dn, y_a = Y_a cn, y_b = Y_b sn of (λθ + u0, m), λ² = A_aA_bA_cK_c, m = K_a/K_c.
-    For K_a > K_c, a and c are exchanged.
+    conserved. For K_a ≤ K_c: y_c = Y_c dn, y_a = Y_a cn, y_b = Y_b sn at (λθ + u0, m), λ² = A_aA_bA_cK_c, m = K_a/K_c.
+    y0 gives u0 and the amplitudes Y. For K_a > K_c, a and c are exchanged.
     """
     inertia = np.array(parameters["inertia"])
     a, b, c = np.argsort(inertia)

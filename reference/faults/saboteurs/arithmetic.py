@@ -1,4 +1,4 @@
-"""Faults of the arithmetic: the formula is right, and digits are lost on the way."""
+"""Faults of the arithmetic: the formula is right, but digits are lost in the computation."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def divided_by_the_step(step: Step, problem: Problem, y: Array, h: float, dW: Ar
 
 @SABOTEURS.around("in one step of twenty a component is moved by one ulp to where H is larger", ("rounding",))
 def one_signed_nudge(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Move one component of y1 by an ulp in one step of twenty, chosen by the last digits of y."""
+    """Move one component of y1 by an ulp, always upwards, in one step of twenty, chosen by the last digits of y."""
     y1 = step(problem, y, h, dW)
     slope = problem.gradient(y1)
     gain = np.abs(slope) * np.spacing(np.abs(y1))
@@ -107,7 +107,7 @@ def one_signed_nudge(step: Step, problem: Problem, y: Array, h: float, dW: Array
 
 @SABOTEURS.around("the last addition is rounded toward zero", ("rounding",))
 def toward_zero(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Add y0 + Δ B∇̄H with rounding toward zero."""
+    """Round the sum y1 = y0 + Δ B∇̄H, as in (2.1), toward zero and not to nearest."""
     move = right_side(problem, y, step(problem, y, h, dW), random_step(problem, h, dW))
     total = y + move
     # Knuth's two-sum: the exact rounding error of y + move.

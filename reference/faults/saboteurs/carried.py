@@ -1,4 +1,4 @@
-"""Faults of the state that a scheme keeps along a path: single steps are right or nearly right, but paths are wrong."""
+"""Faults of schemes that keep a state along a path: single steps are right or nearly so, but paths are wrong."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def _begun(_: Problem, y: Array) -> Any:
 
 
 def _shared(buffer: dict[Any, Array]) -> StatefulStep:
-    """A step that keeps the states y of all paths in one shared buffer."""
+    """A step that keeps the states y of all paths in one buffer, so that one path overwrites the other's state."""
 
     def init(_: Problem, y: Array) -> Array:
         state = buffer.setdefault(y.shape, np.empty(y.shape))
@@ -40,7 +40,7 @@ def _overwritten(problem: Problem, state: Any, h: float, dW: Array) -> Any:
 
 
 def _stale(problem: Problem, state: Any, h: float, dW: Array) -> Any:
-    """Move by the rate (y1 − y0)/Δ of the step before; the first step of a path moves by its own rate."""
+    """Move by the rate (y1 − y0)/Δ that the step before had, times Δ; the first step of a path takes its own rate."""
     y, *before = state
     delta = problem.random_step(h, dW)
     with np.errstate(all="ignore"):

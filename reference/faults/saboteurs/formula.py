@@ -1,4 +1,4 @@
-"""Faults of the formula: B or ∇H at the wrong place, another scheme, or the right one with a wrong claim."""
+"""Faults of the formula: B or ∇H at the wrong place, another scheme's formula, or (2.1) with a wrong claim."""
 
 from __future__ import annotations
 
@@ -33,17 +33,17 @@ _EXPLICIT = ("energy", *_TURNED, "reduction", "rounding")
 
 
 def with_structure(structure: Part) -> Formula:
-    """Scheme (2.1) with the matrix structure(fields, y, z) in place of B(ȳ), ȳ = y + z/2."""
+    """The right side of (2.1) with the matrix structure(fields, y, z) in place of B(y + z/2), where z = y1 − y."""
     return lambda fields, y, z, step: step[0] * matvec(structure(fields, y, z), fields.mean_gradient(y, z))
 
 
 def with_average(average: Part) -> Formula:
-    """Scheme (2.1) with the vector average(fields, y, z) in place of the averaged gradient."""
+    """The right side of (2.1) with the vector average(fields, y, z) in place of ∫∇H, where z = y1 − y."""
     return lambda fields, y, z, step: step[0] * matvec(fields.structure(middle(y, z)), average(fields, y, z))
 
 
 def quadrature(nodes: Callable[[Problem], int | None], digits: int = 17) -> Formula:
-    """Scheme (2.1) with nodes(problem) Gauss nodes of this many digits; with the right average if that is None."""
+    """(2.1) with ∫∇H by nodes(problem) Gauss nodes, rounded to `digits`; the right average if the number is None."""
 
     def average(fields: Fields, y: Any, z: Any) -> Any:
         count = nodes(fields.problem)
@@ -58,7 +58,7 @@ def quadrature(nodes: Callable[[Problem], int | None], digits: int = 17) -> Form
 
 
 def of_degree(nodes: Callable[[int], int]) -> Callable[[Problem], int | None]:
-    """Choose the number of quadrature nodes from the degree of H; None if H is not a polynomial."""
+    """Make the function from a problem to its number of quadrature nodes, by the degree of H; None if no polynomial."""
     return lambda problem: None if problem.degree is None else max(1, nodes(problem.degree))
 
 
@@ -76,7 +76,7 @@ def _constant_b_only(fields: Fields, y: Any, z: Any, step: Any) -> Any:
 
 
 def _first(y: Any, count: int) -> Any:
-    """Factors (d, 1, ...), 1 for each of the first `count` components and 0 for each further one."""
+    """The array (d, 1, ...) of ones for the first `count` components and zeros for the others, to multiply y by."""
     return (np.arange(len(y)) < count).reshape(-1, *(1,) * (np.ndim(y) - 1))
 
 
@@ -171,7 +171,7 @@ def runge_kutta(problem: Problem, y0: Array, step: Array) -> Array:
 
 
 def _projected(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Project the result of a step along ∇H, by Newton's method, to the energy at the start of the step."""
+    """Take a step, then project y1 along ∇H to the energy level of y by six iterations of Newton's method."""
     y1 = step(problem, y, h, dW)
     for _ in range(6):
         g, gap = problem.gradient(y1), problem.hamiltonian(y1) - problem.hamiltonian(y)

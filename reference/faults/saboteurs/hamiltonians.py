@@ -27,7 +27,7 @@ PUSH = 2.0**-30
     ("local-weak", "local-mean", "local-mean-square", "noise-sum", "expansion"),
 )
 def second_noise_louder(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Make the last increment a thousandth too large."""
+    """Make the increment of the last noise too large by a thousandth."""
     noise = np.array(dW)
     noise[-1] *= LOUDER
     return schemes.stochastic_midpoint.step(problem, y, h, noise)
@@ -52,7 +52,7 @@ def areas_of_other_sign(problem: Problem, y: Array, h: float, dW: Array, areas: 
     schemes.stochastic_splitting, "the flows are composed in turn, and not symmetrically", ("symmetry",)
 )
 def lie_and_trotter(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Compose all flows in one order (Lie and Trotter), and not symmetrically."""
+    """Compose the flows of all Hamiltonians once, in the order of a list (Lie and Trotter): this is not symmetric."""
     schemes.stochastic_splitting.step(problem, y, 0.0, 0 * dW)  # raises for problems that the scheme refuses
     state, noise = as_lanes(problem, y, h, dW)
     flows: tuple[Any, ...] = (*problem.flows, *problem.noise_flows)  # type: ignore[attr-defined]
@@ -68,7 +68,7 @@ def lie_and_trotter(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     ("poisson-map", "any-casimir"),
 )
 def midpoint_as_isospectral(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """The midpoint rule, y0 = x − ½f(x) and y1 = x + ½f(x), in place of the isospectral midpoint rule."""
+    """Take the midpoint rule, x = (y0 + y1)/2 and y1 − y0 = f(x), in place of the isospectral midpoint rule."""
     algebra_of(problem, as_lanes(problem, y, h, dW)[0])
     return schemes.stochastic_midpoint.step(problem, y, h, dW)
 
@@ -79,7 +79,7 @@ def midpoint_as_isospectral(problem: Problem, y: Array, h: float, dW: Array) -> 
     lambda increment: imitating(schemes.darboux_lie, Implicit(increment, parts=each_noise)),
 )
 def arithmetic_middle(problem: Problem, y0: Array, y1: Array, step: Array) -> Increment:
-    """The right side y0(exp(f(ȳ)/ȳ) − 1) with ȳ = (y0 + y1)/2, of an equation for y1."""
+    """The right side R = y0(exp(f(ȳ)/ȳ) − 1) of y1 = y0 + R, with the arithmetic mean ȳ = (y0 + y1)/2."""
     middle = y0 + 0.5 * (y1 - y0)
     return once(y0 * np.expm1(hamiltonian_field(problem, middle, step) / middle))
 
@@ -90,7 +90,7 @@ def arithmetic_middle(problem: Problem, y0: Array, y1: Array, step: Array) -> In
     ("energy-drift", "casimir-drift"),
 )
 def halves_alike(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array:
-    """Add half of the noise increment at both ends of the step, so that the two halves are equal."""
+    """Take dW/2 in both halves of the step, where the right scheme takes independent increments."""
     return schemes.drift_preserving.step(problem, y, h, dW, 0 * first + 0.5 * dW)
 
 
@@ -100,7 +100,7 @@ def halves_alike(problem: Problem, y: Array, h: float, dW: Array, first: Array) 
     ("energy-drift", "casimir-drift", "local-weak"),
 )
 def pushed_too_far(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array:
-    """Multiply all noise increments by 1 + 2⁻²⁰."""
+    """Multiply all noise increments dW by 1 + 2⁻²⁰, so that the noise is too large by this factor."""
     schemes.drift_preserving.step(
         problem, y, 0.0, 0 * dW, 0 * first
     )  # raises for problems that the scheme refuses
@@ -121,7 +121,7 @@ _explicit_structure = implicit(
     ("casimir-drift", "symmetry"),
 )
 def structure_before_the_step(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array:
-    """Take the step Y + hB(Y)∇̄H, with B at its start Y, between the two halves of the noise."""
+    """Take B at Y in Y + hB(Y)∇̄H, where Y is the state after the first half of the noise, and not at the midpoint."""
     schemes.drift_preserving.step(problem, y, 0.0, 0 * dW, 0 * first)  # raises for a refused problem
     state, noise = as_lanes(problem, y, h, dW)
     before = np.reshape(first, noise.shape)

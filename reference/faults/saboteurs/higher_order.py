@@ -1,4 +1,4 @@
-"""Faults of schemes beyond the paper: stages, their quadrature and truncation, more than one invariant.
+"""Faults of schemes beyond the paper: several stages, quadrature, truncation, more than one invariant.
 
 Each saboteur claims what the scheme that it imitates claims.
 """
@@ -33,7 +33,7 @@ Tables = Callable[[int, int], tuple[Array, Array]]
 
 
 def staged(stages: int, tables: Tables) -> Step:
-    """A collocation step with the weights W and integrals P that `tables` gives, solved by fixed-point iteration."""
+    """A collocation step with this number of stages, by fixed-point iteration; `tables` gives quadrature weights."""
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         y0, noise = as_lanes(problem, y, h, dW)
@@ -83,7 +83,7 @@ SABOTEURS.rows(
 
 
 def _as_both(step: Step) -> Step:
-    """Restrict a step to the problems that `both-invariants` takes."""
+    """Make a step refuse the problems that `both-invariants` does not take: those without a known Casimir."""
 
     def restricted(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         required(problem)
@@ -105,7 +105,7 @@ SABOTEURS.rows(
     lambda R: imitating(schemes.both_invariants, _as_both(implicit(R))),
 )
 def factor_at_start(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    """The right side Δ g(y0) (∇̄H × ∇̄C): it keeps both invariants, but is not symmetric."""
+    """The right side Δ g(y0) (∇̄H × ∇̄C), where f = g ∇H × ∇C: as g is taken at y0, the step is not symmetric."""
     return step[0] * fields.factor(y) * cross(fields.mean_gradient(y, z), fields.mean_casimir_gradient(y, z))
 
 
@@ -122,7 +122,7 @@ def _of_structures(formula: Formula) -> Callable[[], Scheme]:
     _of_structures,
 )
 def structures_at_start(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    """The right side [h B(ȳ) + Σ c_j ΔW_j G_j(y0)] ∇̄H."""
+    """The right side [h B(ȳ) + Σ c_j ΔW_j G_j(y0)] ∇̄H, whose noise structures G_j are taken at y0, not at ȳ."""
     drift = step[0] * fields.structure(middle(y, z))
     structures = noise_structures(fields.problem)
     noise = sum(part * G(y) for part, G in zip(step[1:], structures, strict=True))
@@ -145,7 +145,7 @@ def structures_exchanged(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     _of_structures,
 )
 def rests_where_undefined(fields: Fields, y: Any, z: Any, step: Any) -> Any:
-    """Set the structure S_j of a noise to 0 if ∇H_0 = 0, although B∇H_j ≠ 0, so that y1 = y0 solves the equation."""
+    """Take 0 for a noise structure S_j that is undefined because ∇H_0 = 0: y1 = y0, although B∇H_j ≠ 0."""
     return matvec(np.nan_to_num(fields.combined(middle(y, z), step)), fields.mean_gradient(y, z))
 
 
@@ -157,7 +157,7 @@ SABOTEURS.rows(
 
 
 def _classical(problem: Problem, y0: Array, delta: Array) -> Array:
-    """The classical Runge-Kutta method with the weights 0.16667 and 0.33333, whose sum is 1."""
+    """The classical Runge-Kutta method with weights rounded to 0.16667 and 0.33333; their sum over stages is 1."""
     k1 = vector_field(problem, y0)
     k2 = vector_field(problem, y0 + 0.5 * delta * k1)
     k3 = vector_field(problem, y0 + 0.5 * delta * k2)
@@ -177,7 +177,7 @@ SABOTEURS.rows(
     ("deterministic-order", "symmetry", "symplecticity", "long-time-energy"),
 )
 def force_of_first_kick(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """The leapfrog p + ½ΔF(q), q + ΔM⁻¹p, p + ½ΔF(q), whose second kick also takes the force at the old q."""
+    """The leapfrog p + ½ΔF(q), q + ΔM⁻¹p, p + ½ΔF(q), with the force at the old q in the second kick too."""
     system, (state, noise) = mechanics(problem), as_lanes(problem, y, h, dW)
     delta = problem.random_step(h, noise)
     q, p = system.split(state)
@@ -186,7 +186,7 @@ def force_of_first_kick(problem: Problem, y: Array, h: float, dW: Array) -> Arra
 
 
 def _with(increments: str | PointLaw) -> Callable[[], Scheme]:
-    """Give other increments to a scheme whose weak order is 2 with three-point increments, and keep its claims."""
+    """Make the scheme modified-weak-2, which has weak order 2, take these increments in place of three-point ones."""
     return lambda: weakly(schemes.modified_weak_two, increments)
 
 

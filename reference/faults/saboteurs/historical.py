@@ -1,7 +1,7 @@
 """Faults that real programs had, each with the public report (thread) in which it was found.
 
-Each fault is put into a method, which keeps its claims; `RIGHT` has the method without the fault. A saboteur repeats
-the reported fault for (1.1), where all noises drive the field f = B∇H: dy = f dt + Σ_j c_j f ∘dW_j.
+Each fault is put into a right method (in `RIGHT`), whose claims are kept. The reported fault is repeated for the
+equation (1.1), where all noises drive the field f = B∇H: dy = f dt + Σ_j c_j f ∘dW_j.
 """
 
 from __future__ import annotations
@@ -42,12 +42,12 @@ def _moving(move: Move) -> Any:
 
 
 def _like(scheme: Scheme, move: Move) -> Scheme:
-    """A copy of `scheme` with the step y1 = y + move and unchanged claims."""
+    """A copy of `scheme` with unchanged claims and the step y1 = y + move(problem, y, h, dW)."""
     return replace(scheme, step=_moving(move), solve=None)
 
 
 def _in(right: Scheme, *rows: Row) -> None:
-    """Add rows of a `Family`: moves of a method with a fault each, and the thread where it was found."""
+    """Add saboteurs: each row has the method `right` with a fault in y1 − y, and the public report of this fault."""
     RIGHT.update((name, right) for name, *_ in rows)
     SABOTEURS.rows(*rows, by=lambda move: partial(_like, right, move))
 
@@ -58,7 +58,7 @@ def _noise(problem: Problem, dW: Array) -> Array:
 
 
 def _by_taylor(problem: Problem, y: Array, h: float, dW: Array, *, wrong: bool = False) -> Array:
-    """The move Δf + ½Δ²f′f of a Taylor method; if `wrong`, f′ is applied to y + Δf in place of f."""
+    """The move y1 − y = Δf + ½Δ²f′f of a Taylor method; if `wrong`, ½Δ²f′(y + Δf) replaces the last term."""
     delta = problem.random_step(h, dW)
     temporary = vector_field(problem, y)
     moved = delta * temporary
@@ -70,7 +70,7 @@ def _by_taylor(problem: Problem, y: Array, h: float, dW: Array, *, wrong: bool =
 def _by_difference(
     problem: Problem, y: Array, h: float, dW: Array, *, sides: int = 2, drift: bool = False
 ) -> Array:
-    """Milstein's move with f′f from a difference of width √h: (h + S)f + ½S² (f(y + √h f) − …)/√h, S = Σ c_jΔW_j."""
+    """Milstein's move (h + S)f + ½S²f′f, S = Σ c_jΔW_j; f′f is a difference of width √h, with one or two `sides`."""
     S, f, width = _noise(problem, dW), vector_field(problem, y), math.sqrt(abs(h))
     if not width:
         return S * f + 0.5 * S**2 * derivative_along(problem, y, f)
@@ -86,19 +86,19 @@ DIFFERENCE = replace(_like(milstein, _by_difference), name="milstein by differen
 
 
 def _heun(problem: Problem, y: Array, h: float, noise: Array) -> Array:
-    """Heun's move hf + ½(f(ŷ) + f)·noise with ŷ = y + hf + f·noise; `noise` is (M,), or (d, M) by components."""
+    """Heun's move y1 − y = hf + ½(f(ŷ) + f)·noise, ŷ = y + hf + f·noise; `noise` is (M,), or (d, M) by component."""
     f = vector_field(problem, y)
     return h * f + 0.5 * (vector_field(problem, y + h * f + f * noise) + f) * noise
 
 
 def _milstein(problem: Problem, y: Array, h: float, S: Array, square: Array) -> Array:
-    """Milstein's move (h + S)f + ½ square f′f, with S and `square` in place of Σ c_jΔW_j and its square."""
+    """Milstein's move y1 − y = (h + S)f + ½ `square` f′f; the right method has S = Σ c_jΔW_j and `square` = S²."""
     f = vector_field(problem, y)
     return (h + S) * f + 0.5 * square * derivative_along(problem, y, f)
 
 
 def _matrix_as_diagonal(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Give component i noise i alone: the diagonal of the (d, m) matrix with columns c_j f."""
+    """Let noise i drive component i only, as if the (d, m) matrix with columns c_j f were diagonal."""
     diagonal = np.zeros_like(y)
     shared = min(len(y), len(dW))
     diagonal[:shared] = (problem.c[:, None] * dW)[:shared]
@@ -116,7 +116,7 @@ def _noises_crossed(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 
 
 def _index_repeated(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Use Σ_ij c_i c_j (ΔW_i² − h) in place of Σ_ij c_i c_j (ΔW_iΔW_j − δ_ij h), on the Itô form."""
+    """Use ΔW_i² − h in place of ΔW_iΔW_j − δ_ij h in the double sum Σ_ij c_i c_j of Milstein's Itô form."""
     c = problem.c[:, None]
     square = np.sum(c * (dW**2 - h), axis=0) * np.sum(c) + np.sum(c**2) * h
     return _milstein(problem, y, h, _noise(problem, dW), square)

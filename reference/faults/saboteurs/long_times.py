@@ -25,7 +25,7 @@ SABOTEURS = Family("long times")
     ("long-time-energy", "symplecticity", "deterministic-order"),
 )
 def kick_of_another_mass(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Kick the velocities v = M⁻¹p by ½Δ diag(M)⁻¹F in place of ½ΔM⁻¹F."""
+    """Take ½Δ D⁻¹F in place of ½ΔM⁻¹F in the leapfrog's kicks of the velocity, where D is the diagonal of M."""
     system, (state, noise) = mechanics(problem), as_lanes(problem, y, h, dW)
     delta, inverse = problem.random_step(h, noise), 1 / np.diag(system.mass)[:, None]
     q, p = system.split(state)
@@ -41,7 +41,7 @@ def kick_of_another_mass(problem: Problem, y: Array, h: float, dW: Array) -> Arr
     ("long-time-energy", "deterministic-order", "random-step"),
 )
 def drift_of_a_rounded_step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Drift by q + Δ′M⁻¹p, where Δ′ is Δ rounded to two digits."""
+    """In the leapfrog, drift by q + Δ′M⁻¹p, where Δ′ is Δ rounded to two digits, and kick with Δ."""
     system, (state, noise) = mechanics(problem), as_lanes(problem, y, h, dW)
     delta = problem.random_step(h, noise)
     rounded = np.array([float(f"{step:.1e}") for step in np.atleast_1d(delta)])
@@ -67,7 +67,7 @@ def single_precision_step_size(problem: Problem, y: Array, h: float, dW: Array) 
     ("long-time-energy", "symplecticity", "volume", "identity"),
 )
 def a_little_friction(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Multiply the momenta p by 0.9999 after the step."""
+    """Multiply the momenta p by 0.9999 after each leapfrog step."""
     system = mechanics(problem)
     q, p = system.split(leapfrog.step(problem, y, h, dW))
     return system.join(q, 0.9999 * p)
@@ -79,7 +79,7 @@ def a_little_friction(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     ("long-time-energy", "symplecticity", "symmetry", "identity"),
 )
 def stored_in_single_precision(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Round the result to 24 bits, toward zero."""
+    """Round the result of each step to 24 bits, toward zero."""
     result = blanes_moan.step(problem, y, h, dW)
     near = result.astype(np.float32)
     beyond = np.abs(near) > np.abs(result)
@@ -92,7 +92,7 @@ def stored_in_single_precision(problem: Problem, y: Array, h: float, dW: Array) 
     ("long-time-energy", "symmetry", "symplecticity"),
 )
 def three_sweeps(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Iterate y1 ← y0 + Δ f((y0 + y1)/2) three times from y1 = y0."""
+    """Iterate the midpoint rule, y1 ← y0 + Δ f((y0 + y1)/2), three times from y1 = y0, and stop unsolved."""
     y0, noise = as_lanes(problem, y, h, dW)
     delta, y1 = problem.random_step(h, noise), y0
     for _ in range(3):

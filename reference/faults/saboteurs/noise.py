@@ -34,7 +34,7 @@ _SIZES = (
 
 
 def _with(delta: Callable[[Any, Any, Any], Any]) -> Callable[[], Scheme]:
-    """Scheme (2.1), as `Saboteur.make`, with Δ = delta(c, h, w), (M,), for c (m, 1), h and increments w (m, M)."""
+    """Make (2.1) with another random step Δ = delta(c, h, w), of shape (M,), where c is (m, 1) and w = dW is (m, M)."""
     return implicit(formula, lambda problem, h, noise: delta(problem.c[:, None], h, noise)[None])
 
 

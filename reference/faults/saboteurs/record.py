@@ -1,4 +1,4 @@
-"""The record of a saboteur (a scheme broken on purpose), and functions that make saboteurs, most of them from (2.1)."""
+"""Saboteurs, which are schemes broken on purpose: their record, and functions that make them, mostly from (2.1)."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ By = Callable[[Any], Callable[[], Scheme]]
 
 @dataclass(frozen=True)
 class Saboteur:
-    """A scheme with one fault that claims all that (2.1), or the scheme that it imitates, claims."""
+    """A scheme with one fault, which still claims all that the right scheme claims: (2.1), or whichever it imitates."""
 
     name: str
     family: str
@@ -45,7 +45,7 @@ class Saboteur:
 
 
 def claiming(step: Step, **changes: Any) -> Scheme:
-    """A scheme with this step and the claims of (2.1); `solve` is removed, so that only `step` is called."""
+    """A scheme with this step and the claims of (2.1). Its `solve` is None, so that nothing bypasses `step`."""
     return replace(original, step=step, solve=None, **changes)
 
 
@@ -55,14 +55,14 @@ def middle(y: Any, z: Any) -> Any:
 
 
 def right_side(problem: Problem, y0: Array, y1: Array, step: Array) -> Array:
-    """The right side Δ B(ȳ) ∇̄H of (2.1), for y0 and y1 (d,) or (d, M) and `step` holding Δ."""
+    """The right side Δ B(ȳ) ∇̄H of (2.1), with ∇̄H = ∫∇H and Δ = `step`, for y0 and y1 of shape (d,) or (d, M)."""
     lanes = (len(y0), -1)
     increment = counted(formula, problem, y0.reshape(lanes), y1.reshape(lanes), step.reshape(1, -1))
     return increment.value.reshape(y0.shape)
 
 
 def explicit_step(update: Update) -> Step:
-    """The step y1 = update(problem, y0, Δ), for formulas that need no solver or bring their own."""
+    """The step y1 = update(problem, y0, Δ), for formulas that are explicit or contain their own solver."""
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         y0, noise = as_lanes(problem, y, h, dW)
@@ -72,42 +72,42 @@ def explicit_step(update: Update) -> Step:
 
 
 def implicit(R: Formula, parts: Parts = random_step, **more: Any) -> Callable[[], Scheme]:
-    """Scheme (2.1), as `Saboteur.make`, with the right side R and the data of a step by `parts`."""
+    """Make a function that returns (2.1) with y1 = y0 + R(…); `parts` computes the data of a step (Δ) for R."""
     return lambda: claiming(one_step.implicit(R, parts=parts, **more))
 
 
 def explicit(update: Update) -> Callable[[], Scheme]:
-    """Scheme (2.1), as `Saboteur.make`, with the explicit step y1 = update(problem, y0, Δ)."""
+    """Make a function that returns a scheme with the claims of (2.1) and the step y1 = update(problem, y0, Δ)."""
     return lambda: claiming(explicit_step(update))
 
 
 def around(change: Callable[..., Array], memory: Callable[[], Any] | None = None) -> Callable[[], Scheme]:
-    """Scheme (2.1), as `Saboteur.make`, with the step change(step of (2.1), problem, y, h, dW).
+    """Make a function that returns (2.1) with its step replaced by change(old step, problem, y, h, dW).
 
-    If `memory` is given, memory() is the first argument of `change`, made anew for each scheme.
+    If `memory` is given, `change` takes first an object memory(), which is made anew for each scheme.
     """
     return lambda: claiming(partial(change, *([memory()] if memory else []), original.step))
 
 
 def imitating(original: Scheme, step: Step, **changes: Any) -> Callable[[], Scheme]:
-    """The scheme `original`, as `Saboteur.make`, with another step and unchanged claims."""
+    """Make a function that returns the scheme `original` with another step and unchanged claims."""
     return lambda: replace(original, step=step, solve=None, **changes)
 
 
 def answering(change: Callable[[Array, Array], Any]) -> Callable[[], Scheme]:
-    """Scheme (2.1), as `Saboteur.make`, with the result change(y, y1) in place of its result y1."""
+    """Make a function that returns (2.1) with the result of each step replaced by change(y, y1)."""
     return around(lambda step, problem, y, h, dW: change(y, step(problem, y, h, dW)))
 
 
 def unchanged(make: Callable[[], Scheme]) -> Callable[[], Scheme]:
-    """Return the function `make` itself, for faults that are whole schemes."""
+    """Return `make` itself, for rows that contain a function which makes a whole broken scheme."""
     return make
 
 
 class Family(list[Saboteur]):
-    """Saboteurs in the order of their definition, as rows or as decorated functions.
+    """A list of saboteurs in the order of their definition, added by rows of a table or by decorated functions.
 
-    `by` turns the broken part of a row, or a decorated function, into `Saboteur.make`. A function names its saboteur.
+    `by` makes the whole scheme from the broken part. A decorated function's name is its saboteur's, with hyphens.
     """
 
     def __init__(self, name: str) -> None:
@@ -115,12 +115,12 @@ class Family(list[Saboteur]):
         self.name = name
 
     def rows(self, *rows: Row, by: By = unchanged) -> None:
-        """Add saboteurs as rows: name, fault, the laws, the broken part, and the thread if there is one."""
+        """Add saboteurs by rows: name, fault in words, laws that find it, broken part, and the report if real."""
         for name, broken, laws, fault, *thread in rows:
             self.append(Saboteur(name, self.name, broken, by(fault), laws, *thread))
 
     def made(self, broken: str, laws: Laws, by: By) -> Callable[[Fault], Fault]:
-        """Decorate a function that `by` turns into `Saboteur.make`."""
+        """Decorate the broken part of a saboteur, a function, from which `by` makes the scheme."""
 
         def added(fault: Fault) -> Fault:
             self.rows((fault.__name__.replace("_", "-"), broken, laws, fault), by=by)
@@ -129,11 +129,11 @@ class Family(list[Saboteur]):
         return added
 
     def like(self, right: Scheme, broken: str, laws: Laws) -> Callable[[Fault], Fault]:
-        """Decorate a function that replaces the step of the scheme `right`, whose claims are kept."""
+        """Decorate a broken step: the saboteur is the scheme `right` with this step. `broken` is the fault in words."""
         return self.made(broken, laws, partial(imitating, right))
 
     def formula(self, broken: str, laws: Laws, **more: Any) -> Callable[[Fault], Fault]:
-        """Decorate a function that replaces the right side of (2.1)."""
+        """Decorate a broken right side R: the saboteur is (2.1) with y1 = y0 + R. `broken` is the fault in words."""
         return self.made(broken, laws, partial(implicit, **more))
 
     def around(self, broken: str, laws: Laws, memory: Any = None) -> Callable[[Fault], Fault]:

@@ -1,4 +1,4 @@
-"""Faults of the solver: the equation is (2.1), but the result does not solve it to rounding, and no error says so."""
+"""Faults of the solver: the equation is (2.1), but y1 does not solve it to rounding, and StepFailure is not raised."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def _fixed_point(problem: Problem, y0: Array, z: Array, step: Array) -> Array:
 
 
 def _slope(problem: Problem, y0: Array, z: Array, step: Array) -> Array:
-    """The derivative ∂R/∂z of the right side, analytic if known, else by differences."""
+    """The derivative ∂R/∂z of the right side R of (2.1), by formulas if the problem has them, else by differences."""
     y1 = y0 + z
     known = jacobian(problem, y0, y1, step)
     if known is not None:
@@ -51,9 +51,9 @@ def _frozen_newton(problem: Problem, y0: Array, z: Array, step: Array) -> Array:
 def _iterated(
     correction: Correction, most: int, tolerance: float = 0.0, *, together: bool = False
 ) -> Callable[[], Scheme]:
-    """A saboteur that iterates z ← z + correction, at most `most` times, until the correction is within the tolerance.
+    """A saboteur that iterates z ← z + correction from 0, at most `most` times or until |correction| ≤ tolerance |y|.
 
-    If `together` is true, all paths of a batch stop with the first one.
+    If `together` is true, all paths of a batch stop as soon as one of them has converged.
     """
 
     def update(problem: Problem, y0: Array, step: Array) -> Array:
@@ -107,7 +107,7 @@ SABOTEURS.rows(
     ("reference",),
 )
 def one_evaluation_more(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Evaluate y0 + R(y0, y1) at the solved y1; the result has the error of y1 times ∂R/∂y1."""
+    """Replace the solved y1 by y0 + R(y0, y1), with the right side R: its error is that of y1 times ∂R/∂y1."""
     return y + right_side(problem, y, step(problem, y, h, dW), random_step(problem, h, dW))
 
 

@@ -37,7 +37,7 @@ SABOTEURS.rows(
 
 
 def _split(problem: Problem, y: Array, delta: Array) -> Array:
-    """A step of the splitting with the random steps Δ (M,)."""
+    """A step of the splitting scheme, which composes exact flows, over the random steps `delta` = Δ (M,)."""
     # With h = 0 and one noise of size 1, the random step is the given increment.
     return splitting.step(replace(problem, noise=(1.0,), check=False), y, 0.0, delta[None])
 
@@ -52,7 +52,7 @@ def _like_splitting(update: Update) -> Callable[[], Scheme]:
     _like_splitting,
 )
 def time_of_place(problem: Problem, y: Array, step: Array) -> Array:
-    """Take the splitting over the time Δ(1 + Δ⁴ y_1/64), whose error is beyond every claimed order."""
+    """Take the splitting step over Δ(1 + Δ⁴ y_1/64): as Δ depends on y, the step is no Poisson map."""
     delta = step[0]
     return _split(problem, y, delta * (1 + delta**4 * y[0] / 64))
 
@@ -63,7 +63,7 @@ def time_of_place(problem: Problem, y: Array, step: Array) -> Array:
     _like_splitting,
 )
 def tangent_of_first(problem: Problem, y: Array, step: Array) -> Array:
-    """Replace the first flow by an Euler step, which keeps linear functions as that flow does, and nothing else."""
+    """Replace the first exact flow of the splitting by an Euler step, which keeps only its linear invariants."""
     if not problem.flows:
         return _split(problem, y, step[0])
     first, *others = problem.flows

@@ -1,4 +1,4 @@
-"""Faults that show only for some h, for some noise, or if B(y) varies and H is not quadratic."""
+"""Faults that show only for some step sizes h, some noises, or problems with varying B and H not quadratic."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def second_clipped_in_a_window(step: Step, problem: Problem, y: Array, h: float,
 
 
 def _euler(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Euler's step, whose mean-square error has order 1 in h, while (3.9) needs order 3/2."""
+    """Euler's step, whose rms error in one step is O(h), where a scheme of order 1 needs O(h^(3/2)), as in (3.9)."""
     return np.asarray(y + problem.random_step(h, dW) * vector_field(problem, y))
 
 
@@ -96,7 +96,7 @@ def _begun(problem: Problem, y: Array) -> Any:
 
 
 def _stale(problem: Problem, state: Any, h: float, dW: Array) -> Any:
-    """Take B from the step before in each second step, unless H is quadratic."""
+    """In each second step, take B from the step before, unless H is quadratic."""
     y, before, number = state
     y1 = energy_preserving.step(problem, y, h, dW)
     B, g = problem.structure(middle(y, y1 - y)), problem.gradient(middle(y, y1 - y))
