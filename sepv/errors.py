@@ -88,7 +88,7 @@ class ChunkFailure(SepvError, RuntimeError):
 
 
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C interrupted an ensemble; the error holds the finished paths.
+    """Ctrl-C interrupted `sepv.ensemble`; the error holds the paths that are finished, P in number.
 
     Attributes
     ----------

@@ -130,7 +130,7 @@ def find(name: str) -> Saboteur:
 
 
 def survivors(detections: Sequence[Detection]) -> dict[str, list[int]]:
-    """Map each saboteur to the seeds with which no law that it claims found its fault; others are left out."""
+    """Map each saboteur to the seeds with which no claimed law found its fault; those always found are left out."""
     killed = {(b.saboteur, b.seed) for b in detections if b.kills}
     by_saboteur: dict[str, list[int]] = {}
     for name, seed in sorted({(b.saboteur, b.seed) for b in detections} - killed):
@@ -166,7 +166,7 @@ def examples_to_kill(detections: Sequence[Detection]) -> dict[tuple[str, int], i
 
 
 def show(detections: Sequence[Detection], out: Console) -> None:
-    """Print the matrix of saboteurs and laws, its legend, the warnings, and the count."""
+    """Print the matrix of saboteurs and laws, its legend, pairs that theory expects but are missing, and a count."""
     laws, table = list(dict.fromkeys(b.law for b in detections)), matrix(detections)
     wide = not fits(table, out)
     print_table(listing(detections) if wide else table, out)
@@ -238,7 +238,7 @@ def summary(detections: Sequence[Detection]) -> Text:
 
 
 def abbreviation(law: str) -> str:
-    """Abbreviate a law's name by its initials, or for one word by the first letters, at least 3, that are unique."""
+    """Abbreviate a law's name of several words by their initials, and of one word by its first letters, at least 3."""
     words = law.split("-")
     if len(words) > 1:
         return "".join(w[0] for w in words)

@@ -6,7 +6,7 @@ The proof ends with "an explicit expression of c(y_n)", which is not printed. Wi
 
     c = ⅛ B″(f, f)g + ¼ B′(f)g′f + ⅙ B g″(f, f) + ¼ f′f′f.
 
-The midpoint scheme (3.4), f at y + δ/2, has c̃ = ⅛f″(f, f) + ¼f′f′f, and f″(f, f) = B″(f, f)g + 2B′(f)g′f + Bg″(f, f):
+The midpoint scheme, δ = Δ f(y + δ/2), has c̃ = ⅛f″(f, f) + ¼f′f′f, and f″(f, f) = B″(f, f)g + 2B′(f)g′f + Bg″(f, f):
 
     c − c̃ = (1/24) B g″(f, f).
 """

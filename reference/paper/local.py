@@ -88,7 +88,7 @@ def _of_a_scheme(name: str, mean: float, rms: float) -> Statement:
 
 
 def panels(results: Results) -> list[Panel]:
-    """The panel with the local errors in the mean and in mean square of every scheme, and their slopes against h."""
+    """The panel of the mean and rms error of one step of every scheme, with their slopes against h."""
     errors = {name: results["theory", "local", name] for name in STATED}
     pair = results["theory", "local", ""]
     slopes = {n: [judge.finest_slope(e["h"], e[kind]) for kind in ("mean", "rms")] for n, e in errors.items()}

@@ -137,8 +137,8 @@ def fine_jobs(setting: Setting, size: Size) -> list[Job]:
 def fine_panel(setting: Setting, results: Results) -> Panel:
     """The panel of errors against the exact solution beside errors against a scheme with a fine step, as in the paper.
 
-    An error against a scheme with a fine step is the difference of two errors. If it is the tested scheme, and h comes
-    near the fine step, the difference is too small and the slope too steep; at h = the fine step it is zero.
+    An error against a scheme with a fine step is the difference of two errors. If this scheme is the tested one,
+    the difference is too small, and the slope too steep, as h comes near the fine step, where it is zero.
     """
     errors: dict[str, StrongErrors] = {n: results[setting.figure, "fine", n] for n in setting.schemes}
     reference = setting.schemes[0]

@@ -48,7 +48,7 @@ COMPILED = frozenset(("energy-preserving", "midpoint", "euler-heun", "milstein")
 
 @dataclass(frozen=True)
 class Job:
-    """One call of a function of `runs`, with the seconds that NumPy is expected to take (for progress only)."""
+    """One call of a function, with the seconds that NumPy should take for it: they order the jobs and show progress."""
 
     key: tuple[str, ...]
     function: Callable[..., Any]
@@ -88,11 +88,11 @@ Results = dict[tuple[str, ...], Any]
 
 @dataclass(frozen=True)
 class Statement:
-    """A statement of the paper about a computed quantity, and the result of the computation.
+    """A statement of the paper about a quantity that can be computed, and the verdict of the computation.
 
     text, source : the statement, in the paper's words or close to them, and its place in the paper
     measured : what was measured, and the result
-    criterion : when the statement counts as true, by a derived bound or by a choice that is stated as ours
+    criterion : the condition for "holds", by a derived bound or by our own choice, which it then names
     correction : the right statement, if the paper's does not hold as printed
     """
 

@@ -140,7 +140,7 @@ def failing(problem: str, truncated: bool, samples: int, seed: int, engine: str)
 
 
 def jobs(size: Size) -> list[Job]:
-    """The jobs: the order without a bounded H, Lotka-Volterra's Casimir, and failures with and without truncation."""
+    """The jobs: order if H is unbounded, Casimir of Lotka-Volterra, failed steps with and without truncation."""
     samples, sublinear = size.samples(SAMPLES), {"samples": size.samples(SAMPLES), "seed": size.seed}
     lost = {
         h: {"h": h, "steps": size.steps(round(LOST / h)), "paths": LOST_PATHS, **size.given} for h in LOST_H

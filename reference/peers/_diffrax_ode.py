@@ -1,4 +1,4 @@
-"""diffrax's solvers of ordinary differential equations, one step for mechanical systems: they preserve no structure."""
+"""diffrax's solvers of ordinary differential equations, one step at a time, for mechanical systems."""
 
 from __future__ import annotations
 

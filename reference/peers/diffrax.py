@@ -37,7 +37,7 @@ from sepv.studies import Method, from_states
 
 
 class _Given(diffrax.AbstractPath):
-    """A control path with a given increment over the step, and its space-time Lévy area H."""
+    """The driving path of one step: the given increment dW, and its space-time Lévy area H."""
 
     dW: Any
     H: Any

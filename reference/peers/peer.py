@@ -113,7 +113,7 @@ def scheme(target: str) -> Scheme:
 
 
 def method(target: str) -> Method | None:
-    """The solver called `target` for whole paths, as `sepv compare` runs it; None for an integrator without noise.
+    """The solver called `target` for whole paths, as in `sepv compare`; None for a peer without noise, which has steps.
 
     Raises TargetError as `scheme`.
     """

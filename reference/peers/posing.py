@@ -108,7 +108,7 @@ def pose(problem: str | Problem, *, padded: bool = True) -> tuple[Formulas, tupl
     Parameters
     ----------
     problem : str or Problem
-        A name, a file, ``module:attribute``, or the record that a step is given.
+        A name, a file, ``module:attribute``, or the `Problem` that a step gets.
     padded : bool
         Fill up the tables of a polynomial problem with zeros to one of a few sizes, so that a compiled step is
         compiled a few times and not once for each random problem.

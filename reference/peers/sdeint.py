@@ -46,7 +46,7 @@ def _step_by(integrator: Callable[..., Any], integrals: bool) -> Step:
 
 
 def _repeated_integrals(dW: Array) -> Array:
-    """J_ij = ½ΔW_iΔW_j, (N, m, m): Lévy areas are zero, because all noises drive one field and brackets vanish."""
+    """The integrals J_ij = ½ΔW_iΔW_j, (N, m, m), without Lévy areas, which drop out for one common field f."""
     return 0.5 * dW[:, :, None] * dW[:, None, :]
 
 

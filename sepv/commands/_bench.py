@@ -41,7 +41,7 @@ def bench(
     targets: cli.Names, programs: cli.Names, problems: cli.Names, save: str | None, against: str | None,
     against_ref: str | None, names: cli.Names, portable: bool, batches: int, quiet: bool,
 ) -> None:  # fmt: skip
-    """Work, error and invariant defects of TARGETs in fixed cases, against a file or another checkout.
+    """Work, error and invariant defects of TARGETs on fixed problems, against a file or another checkout.
 
     Counters of work are exact integers, and an increase by one is a regression. Errors are compared over the same
     paths, with an interval of their ratio. Time is compared only with another checkout, in runs that take turns.

@@ -58,11 +58,11 @@ def compare(
 
     A SCHEME is a built-in name, module:attribute, exact-flow (the exact solution at θ), or a peer, a solver of another
     library, such as diffrax-heun. The compiled engine (extra fast) runs the schemes that it supports; numpy/SCHEME is
-    the NumPy batch of a scheme. The reference is the exact solution at the random time. For timing, methods take turns
-    on one core and get the same increments; compilation is shown apart.
+    the NumPy batch of a scheme. Errors are against the exact solution, at the random time θ = t + Σ c_j W_j. For
+    timing, methods take turns on one core and get the same increments; compilation is shown apart.
 
-    With --no-noise, or if a scheme is only for systems without noise, the problem has c = (): one trajectory, with the
-    time to an error at T and to an energy error.
+    With --no-noise, or if a scheme is only for systems without noise, one path is computed without noise, and the
+    table has the time to an error at T and to an energy error.
 
     \b
     sepv compare energy-preserving midpoint euler-heun exact-flow

@@ -149,7 +149,7 @@ def _show(regions: Map, furthest: float, k: int | None, out: Any) -> None:
 
 
 def _table(regions: Map, k: int | None) -> Table:
-    """The probability, for each step size h, that Δ lies beyond the solutions of the step's equation that join y0."""
+    """The table, by step size h, of the probability that a step's Δ has no solution connected to y0."""
     rows = []
     for h in STEPS:
         p = float(regions.chances(h, k).mean())

@@ -157,7 +157,7 @@ def _effort(**options: Any) -> Any:
 def _verify(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any], shown: str = "") -> int:
     """Measure the laws on each target, print and write the reports, and return the exit code.
 
-    For a program, which has no name of its own, `shown` is the name in the output.
+    `shown` is the name in the output of a program (--exec), which has no name of its own.
     """
     from sepv.console import console, print_sentence
     from sepv.verification import report as page

@@ -23,7 +23,7 @@ WORDS = 24
 
 @dataclass(frozen=True)
 class Column:
-    """A column of a table. Columns with the same heading get one width, the widest, and are left out together."""
+    """A column of a table. Columns with the same heading have one width, and are left out together."""
 
     heading: str
     right: bool = False  # numbers are aligned at the right
@@ -49,7 +49,7 @@ class Table:
 def columns(
     left: Iterable[str], right: Iterable[str] = (), *, goes: Sequence[str] = (), **more: Any
 ) -> tuple[Column, ...]:
-    """Make columns of words, then of numbers, from headings; if they do not fit, those in `goes` go, in its order."""
+    """Make columns of words, then of numbers, from headings; those in `goes` are left out in turn if space is short."""
     order = {heading: place for place, heading in enumerate(goes, 1)}
     listed = [*(Column(h, **more) for h in left), *(Column(h, right=True) for h in right)]
     return tuple(replace(c, goes=order.get(c.heading, 0)) for c in listed)

@@ -25,9 +25,9 @@ class Orbit:
 
 
 def closed_orbit(problem: Problem, y0: Array) -> Orbit | None:
-    """The closed orbit of a problem's flow through y0; None if it does not close within `LONGEST` times |y0|/|f|.
+    """The closed orbit of a problem's flow through y0; None if it does not close up to the time LONGEST |y0|/|f|.
 
-    The orbit closes when it crosses the plane through y0 that is normal to f, in the direction of f and close to y0.
+    It closes when it crosses the plane through y0 normal to f = f(y0), in the direction of f and close to y0.
     """
     f = vector_field(problem, y0)
     speed, size = float(np.linalg.norm(f)), float(np.linalg.norm(y0))

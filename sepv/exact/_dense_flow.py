@@ -33,7 +33,7 @@ class DenseSolution:
     coefficients: Array
 
     def __call__(self, t: Array) -> Array:
-        """The states (d, M) at times t (M,) between the first and the last edge."""
+        """The states (d, M) at times t (M,) between edges[0] and edges[-1]."""
         panel = np.clip(np.searchsorted(self.edges, t, side="right") - 1, 0, self.edges.size - 2)
         width = self.edges[panel + 1] - self.edges[panel]
         x = 2 * (t - self.edges[panel]) / width - 1

@@ -60,7 +60,7 @@ def exact_flow(
     UsageError
         If θ is not finite, or there is no initial state.
     sepv.exact._dense_flow.FlowFailure
-        If the flow does not reach θ.
+        If the solution ends before the time θ.
 
     Examples
     --------

@@ -120,7 +120,7 @@ class Child:
         return f"signal {next((s.name for s in signal.Signals if s == -ended), -ended)}"
 
     def _exit_code(self) -> int | None:
-        """Return the exit code like `Popen.poll`, but leave the ended process unreaped if the system allows it."""
+        """Return the exit code like `Popen.poll`, without reaping the process (which frees its number) if possible."""
         if not hasattr(os, "waitid") or self.process.returncode is not None:
             return self.process.poll()
         try:

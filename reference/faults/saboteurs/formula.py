@@ -43,7 +43,7 @@ def with_average(average: Part) -> Formula:
 
 
 def quadrature(nodes: Callable[[Problem], int | None], digits: int = 17) -> Formula:
-    """(2.1) with ∫∇H by nodes(problem) Gauss nodes, rounded to `digits`; the right average if the number is None."""
+    """The right side of (2.1) with ∫∇H by nodes(problem) Gauss nodes, rounded to `digits`; exact ∫∇H if None."""
 
     def average(fields: Fields, y: Any, z: Any) -> Any:
         count = nodes(fields.problem)

@@ -32,7 +32,7 @@ _SCIML = "https://github.com/SciML"
 
 
 def _moving(move: Move) -> Any:
-    """Make the step y1 = y + move(problem, y, h, dW) for one state or a batch."""
+    """Make the step y1 = y + move(problem, y, h, dW), which takes one state (d,) or a batch (d, M)."""
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         state, noise = as_lanes(problem, y, h, dW)

@@ -137,5 +137,5 @@ class Family(list[Saboteur]):
         return self.made(broken, laws, partial(implicit, **more))
 
     def around(self, broken: str, laws: Laws, memory: Any = None) -> Callable[[Fault], Fault]:
-        """Decorate a function that wraps the step of (2.1)."""
+        """Decorate a function of (step of (2.1), problem, y, h, dW), a broken step. `broken` is the fault in words."""
         return self.made(broken, laws, partial(around, memory=memory))

@@ -52,7 +52,7 @@ def _like_splitting(update: Update) -> Callable[[], Scheme]:
     _like_splitting,
 )
 def time_of_place(problem: Problem, y: Array, step: Array) -> Array:
-    """Take the splitting step over Δ(1 + Δ⁴ y_1/64): as Δ depends on y, the step is no Poisson map."""
+    """Take the splitting over the time Δ(1 + Δ⁴ y_1/64): as it depends on y, the step is no Poisson map."""
     delta = step[0]
     return _split(problem, y, delta * (1 + delta**4 * y[0] / 64))
 
