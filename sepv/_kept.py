@@ -1,6 +1,6 @@
 """Results that no scheme influences, kept between runs in the user's cache: random test cases, reference solutions.
 
-Without them a run of all laws spends a fifth of its time on computing them. They are computed anew if a file of sepv,
+Without stored results a run of all laws spends a fifth of its time on computing them. They are computed anew if a file of sepv,
 or the version of Python or NumPy, has changed.
 """
 

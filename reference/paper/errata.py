@@ -2,8 +2,8 @@
 
 An entry quotes its sentence together with its neighbours, since a sentence may be completed by the next one. Formulas
 are between backticks and omissions are marked by "…"; the rest is the paper's text, word by word
-(``python -m benchmarks.errata --check TEXT`` compares). An entry is
-shown as an erratum only if its evidence, a computation, refutes the sentence.
+(``python -m benchmarks.errata --check TEXT`` compares). An entry is shown as an erratum only if its evidence, a
+computation, refutes the sentence.
 """
 
 from __future__ import annotations

@@ -7,8 +7,8 @@ these shifts have the mean 0 and the variance T|c|²E(ξ − ζ)², with Q(A) = 
 
 so that clipping has an rms error of |f| |c| √(T E(ξ − ζ)²) = O(h^{k/2}|ln h|^(−3/4)). Its square is added to that of
 the scheme's error on unclipped paths. For a scheme of order p and k = 2p both errors have the order p, and for
-collocation with three or more stages clipping has the larger one. For k = 4p clipping has O(h^{2p}), a few per cent of
-the scheme's error for h ≤ ¼ (`sepv.schemes._scheme.truncation_for`).
+collocation with three or more stages clipping has the larger one. For k = 4p clipping has O(h^{2p}), at most a few
+per cent of the scheme's error for h ≤ ¼ (`sepv.schemes._scheme.truncation_for`).
 
 A path of N steps has a clipped increment with probability 2NQ(A_h), below 10⁻⁶ for k ≥ 4 and N = 64. A sample therefore
 shows the error of unclipped paths, to which the error of clipping must be added.
