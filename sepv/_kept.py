@@ -1,7 +1,7 @@
 """Results that no scheme influences, kept between runs in the user's cache: random test cases, reference solutions.
 
-Without stored results a run of all laws spends a fifth of its time on computing them. They are computed anew if a file of sepv,
-or the version of Python or NumPy, has changed.
+Computing these results takes a fifth of the time of a run of all laws. They are computed anew if a file of sepv, or the
+version of Python or NumPy, has changed.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ class Kept:
 
 @cache
 def kept(kind: str, most: int | None = None) -> Kept:
-    """The store of results of one kind, which is the same object at each call in this process."""
+    """The store of results of one kind, of which the last `most` are written; the same object at each call."""
     _KINDS.append(found := Kept(kind, most))
     return found
 

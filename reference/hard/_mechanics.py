@@ -74,7 +74,7 @@ def _collision(rng: np.random.Generator, lanes: int) -> Array:
 
 
 def _steep(rng: np.random.Generator, lanes: int) -> Array:
-    """Toda lattice: forces exp(q_i − q_{i+1}) from e^−300 to e^300, and momenta for which Newton's first step fails."""
+    """Toda states: forces exp(q_i − q_{i+1}) from e^−300 to e^300, and momenta for which Newton's method overshoots."""
     y = np.zeros((6, lanes))
     y[:3] = sizes(rng, 1e-2, 1e3, (3, lanes))
     gaps = rng.uniform(-300, 10, (2, lanes))
