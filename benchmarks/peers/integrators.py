@@ -89,7 +89,7 @@ def rounding(rounded: Sequence[Deviation], command: str) -> str:
     """The page of integrators that keep an invariant to a tolerance or to larger roundings, in Markdown."""
     head = (
         "# Integrators that keep invariants, but not to rounding\n\n"
-        "Nothing here differs from a library's documentation. Each section quotes the library, and shows the output of "
+        "These integrators agree with their documentation. Each section quotes the library, and shows the output of "
         f"a script without sepv. Made by `{command}`."
     )
     return "\n\n".join([head, *(d.text.removeprefix("#") for d in rounded)]) + "\n"
@@ -127,24 +127,20 @@ def _reasons(found: Sequence[Row], marked: Collection[str]) -> Iterator[str]:
 
 INTRODUCTION = """\
 Each integrator runs through its own library's code, in float64, on random systems H = ½pᵀM⁻¹p + V(q) with up to three
-degrees of freedom. Only the options in its name are set. Libraries of particles have one mass for each particle, so
-they get no full matrix M. All integrators claim the law *contract*. The documentation or the method's name makes the
-other claims: *symplecticity* and *volume*, *symmetry* and *reversibility*, *deterministic-order*. A violated law that
-is not claimed is no fault.
+degrees of freedom. Only the options in its name are set. For libraries with one mass for each particle M is diagonal.
+All integrators claim the law *contract*. Their documentation, or the method's name, makes the other claims:
+*symplecticity* and *volume*, *symmetry* and *reversibility*, *deterministic-order*. A violated law that is not claimed
+is no fault.
 
-Step sizes lie inside a proved contraction radius. In such short steps the error of an explicit method of order 8 is
-only rounding, so laws hold that the method violates in longer steps. REBOUND's integrators of planetary systems,
+Steps are so short that an implicit step provably has one solution. In such steps an explicit method of order 8 has
+only rounding errors, so laws hold that it violates in longer steps. REBOUND's integrators of planetary systems,
 WHFAST to EOS, run on the problem `planets`."""
 
 
 # Issues: as far as a search of public threads finds them.
 READ = """\
-- ASE, diffrax, numpyro, PyMC, SciPy, TorchSim: docstrings and source of the integrators.
-- blackjax: source, the page of its integrators, three issues and five pull requests.
-- JAX MD: README, source and history of `simulate`, its tests, pull request 73.
-- mici: source and tests of integrators and solvers, their history since 2018, issue 5; there is no changelog.
-- OpenMM: source of the Reference platform, four issues.
-- REBOUND: documentation of each integrator, the changelog, two pull requests."""
+Docstrings and source of each integrator (for REBOUND documentation and changelog), the history of JAX MD's and mici's,
+and 16 issues and pull requests."""
 
 
 @click.command()

@@ -1,9 +1,9 @@
 """mici ImplicitMidpointIntegrator: reversible and symplectic to the tolerance of its solver, which is absolute.
 
-A step of h = 0.1 for V = q⁴/4 is followed by the step back. By default the fixed point is solved to max|x − f(x)| <
-1e-9, whatever the size of the state. So the step back misses the start by less than 1e-9, and with
-`convergence_tol=1e-15` by rounding. If a reverse step misses by more than 2e-8, mici raises an error, so
-non-convergence is not silent.
+The script makes a step of h = 0.1 for V = q⁴/4 and the step back. By default mici solves the step's equation x = f(x)
+to max|x − f(x)| < 1e-9, whatever the size of x. So the step back misses the start by up to 1e-9; with
+`convergence_tol=1e-15` it misses by rounding. If it misses by more than 2e-8, mici raises an error, so non-convergence
+is not silent.
 
 Exit code 1 while this is so, 0 where the way back misses by rounding.
 """

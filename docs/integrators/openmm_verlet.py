@@ -1,9 +1,9 @@
 """openmm VerletIntegrator: rounding of positions goes into velocities, divided by the step.
 
-No force acts on a free particle, so its velocity should not change. After one step the velocity is (x1 − x0)/h, as the
-source says (bonds of fixed length need that). This velocity is wrong by the rounding of x, divided by h. The error is
-far below what matters in a simulation, but makes one step symplectic to some 1e-10 only. At x = 0 it vanishes. All is
-in binary64, on the Reference platform.
+No force acts on a free particle, so its velocity should not change. OpenMM sets the velocity after a step to
+(x1 − x0)/h, because bonds of fixed length need that. So the rounding of x1, divided by h, is an error of the velocity.
+This error is far too small to matter in a simulation, but a step is symplectic only to about 1e-10. At x = 0 the error
+vanishes. The script computes in binary64, on the Reference platform.
 
 Exit code 1 while this is so, 0 where the velocity stays.
 """

@@ -1,8 +1,8 @@
 """gala LeapfrogIntegrator: a linear system's energy is not conserved exactly, but to a relative h²/4.
 
-The example in the docstring is H = (p² + q²)/2 from (1, 0) with dt = h = 0.1. The leapfrog keeps q²(1 − h²/4) + p² to
-rounding, and H oscillates by a relative h²/4. No energy is gained or lost over long times. Only the word "exactly" is
-inaccurate.
+The docstring's example solves H = (p² + q²)/2 from (1, 0) with h = dt = 0.1. The leapfrog keeps q²(1 − h²/4) + p² to
+rounding, so H oscillates by a relative h²/4, without a trend over long times. In the docstring only the word "exactly"
+is inaccurate.
 
 Exit code 1 while this is so, 0 where the energy is constant to rounding.
 """

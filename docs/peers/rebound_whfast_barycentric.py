@@ -1,10 +1,11 @@
 """rebound whfast, coordinates=barycentric: symplectic with one planet, but not with two.
 
-The script prints the largest entry of Φ′JΦ′ᵀ − J for one step Φ, by differences of order four. In barycentric
-coordinates this defect falls like h³ with two planets. In the three other coordinates it is the error of the
-differences. The reason: positions and velocities relative to the centre of mass have the brackets {Q_i, V_j} = δ_ij/m_i
-− 1/M. The Kepler step moves each planet by itself, which preserves the first term alone. Relative to 1/m the defect is
-the mass ratio, 1e-3 for Jupiter, times (h times the frequency)³. The step stays reversible, and of order 2.
+The script computes the derivative Φ′ of one step by differences of order four, and prints the largest entry of
+Φ′JΦ′ᵀ − J. With barycentric coordinates and two planets this defect falls like h³; otherwise it is the error of the
+differences. The reason: positions Q_i and velocities V_j relative to the centre of mass have the Poisson brackets
+{Q_i, V_j} = δ_ij/m_i − 1/M. The Kepler step moves each planet by itself, which preserves δ_ij/m_i alone. Relative to
+1/m the defect is the mass ratio (1e-3 for Jupiter) times (h times the frequency)³. The step stays reversible, and of
+order 2.
 
 Exit code 1 while this is so, 0 where the step with two planets is symplectic.
 """
