@@ -3,9 +3,8 @@
 The script computes the derivative Φ′ of one step by differences of order four, and prints the largest entry of
 Φ′JΦ′ᵀ − J. With barycentric coordinates and two planets this defect falls like h³; otherwise it is the error of the
 differences. The reason: positions Q_i and velocities V_j relative to the centre of mass have the Poisson brackets
-{Q_i, V_j} = δ_ij/m_i − 1/M. The Kepler step moves each planet by itself, which preserves δ_ij/m_i alone. Relative to
-1/m the defect is the mass ratio (1e-3 for Jupiter) times (h times the frequency)³. The step stays reversible, and of
-order 2.
+{Q_i, V_j} = δ_ij/m_i − 1/M. The Kepler step moves each planet by itself, which preserves δ_ij/m_i alone. The step
+stays reversible, and of order 2.
 
 Exit code 1 while this is so, 0 where the step with two planets is symplectic.
 """
