@@ -1,8 +1,8 @@
 """blackjax implicit_midpoint: if its solver does not converge, the state comes back unmarked.
 
 The script makes one step with h = 1 for H = p²/2 + q⁴/4 from q = 2, p = 0. The fixed-point iteration does not converge,
-and its last iterate is returned as the next state. This state has the energy 32 instead of 4, so a sampler rejects it.
-A caller of the integrator alone gets no warning.
+and its last iterate is returned as the next state. This state has the energy 32 instead of 4, so a sampler rejects it;
+the integrator alone gives no warning.
 
 Exit code 1 while the numbers are returned as a state, 0 where they are marked (an error, or not finite).
 """
