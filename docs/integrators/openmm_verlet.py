@@ -3,7 +3,7 @@
 No force acts on a free particle, so its velocity should not change. OpenMM's Reference platform,
 in binary64, sets the velocity after a step to (x1 − x0)/h, because bonds of fixed length need that. So the rounding of
 x1, divided by h, is an error of the velocity. This error is far too small to matter in a simulation, but a step is
-symplectic only to about 1e-10. 
+symplectic only to about 1e-10.
 
 Exit code 1 while this is so, 0 where the velocity stays.
 """
