@@ -55,7 +55,7 @@ def structure_defect(problem: Problem, y: Array, h: float) -> Array:
 def test_what_two_one_leaves_of_the_structure_of_the_rigid_body() -> None:
     printed(
         "laws/poisson-map.md",
-        "by 5.2e-3 of |B| at the initial state of the rigid body with |Δ| = ½, and by 0 to 8.9e-3",
+        "at the initial state of the rigid body with |Δ| = ½ the defect is 5.2e-3 of |B|, along its orbit 0 to 8.9e-3",
     )
     problem = problems.rigid_body()
     orbit = exact_flow(problem, np.linspace(0, 12, 400)).y
