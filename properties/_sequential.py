@@ -94,9 +94,9 @@ def setups(
 ) -> tuple[Setup, ...]:
     """Return the problems, end times and numbers of steps on which schemes for a class of systems are judged.
 
-    For (1.1) these are a non-constant B with one noise and a non-quadratic H with two, of which all large steps are
-    solvable. If increments are not truncated or are drawn by `sepv.properties._orders.tilting`, the coarsest step is
-    halved, because a random step may then be more than 1, far from any asymptotics.
+    For (1.1) one has a non-constant B and one noise, the other a non-quadratic H and two noises. All their large steps
+    have solutions. If increments are not truncated or are drawn by `sepv.properties._orders.tilting`, the coarsest step
+    is halved, because a random step may then be more than 1, far from any asymptotics.
     """
     names = {
         Systems.NAMBU: ("rigid-body", "lotka-volterra"),
@@ -121,7 +121,7 @@ def _setup(name: str, truncation: int | None, order: float | None) -> Setup:
 def setups_for(scheme: Scheme, effort: Effort | None = None) -> tuple[Setup, ...]:
     """Return the setups for a scheme: for its class and claims, or for the user's problems.
 
-    For class (1.1) a third problem has B(y), a quartic H and two noises. If steps are spared, it is the only problem.
+    For class (1.1) a third problem has B(y), a quartic H and two noises. A run that must spare steps has it alone.
     """
     facts = (scheme.truncation, scheme.mean_square_order)
     users = problems_of(scheme)
@@ -136,7 +136,7 @@ def setups_for(scheme: Scheme, effort: Effort | None = None) -> tuple[Setup, ...
 
 
 def _given(problem: Problem, truncation: int | None, order: float | None) -> Setup:
-    """Return the setup of a user's problem: that of the equal built-in problem, else a time that its slopes allow."""
+    """Return the setup of a user's problem: of an equal built-in one if any, else with T in its own unit of time."""
     if problem.data in [known.data for known in map(problems.by_name, problems.PAPER)]:
         assert isinstance(problem.data, NamedProblem)
         return replace(_setup(problem.data.name, truncation, order), given=problem)
@@ -160,7 +160,7 @@ def is_tilted(scheme: Scheme) -> bool:
 
 
 def hold_level(scheme: Scheme, run: Run) -> float:
-    """Return the level at which an order holds: HOLD if steps are spared, else 0, which means the run's own level."""
+    """Return the error probability of the interval by which an order holds: HOLD if steps are spared, or 0 for alpha."""
     return HOLD if sparing(scheme, run.effort) else 0.0
 
 
@@ -206,7 +206,7 @@ def judge(
     law: Law, scheme: Scheme, run: Run, assess: Assess, *,
     at_least: bool = True, setups: Sequence[Setup] | None = None,
 ) -> Finding:  # fmt: skip
-    """Return the worst verdict over the problems, with paths added as needed; `at_least` if bounds are lower bounds."""
+    """Return the worst verdict over the problems, with paths added as needed. If `at_least`, bounds are lower bounds."""
     setups = setups_for(scheme, run.effort) if setups is None else setups
     alpha = share(scheme, run.effort, len(setups))
     judged: list[tuple[Setup, StrongErrors, Assessment]] = []
@@ -286,11 +286,11 @@ def worst_path(problem: Problem, errors: StrongErrors, seed: int, *, drawn: bool
 def _judge_one(
     scheme: Scheme, setup: Setup, run: Run, assess: Assess, alpha: float, *, slope: bool
 ) -> tuple[Setup, StrongErrors, Assessment | None, str]:
-    """Judge one problem at its step sizes, or at halved ones if paths failed or steps are too long for the slope.
+    """Judge one problem at its step sizes, or at halved ones if paths failed or a `slope` is too near its bound.
 
-    The string says why step sizes were halved. If paths fail at the last ones too, there is no assessment. New looks at
-    halved steps increase the probability of false alarms: by their part of FALSE_ALARM times the probability that only
-    a later look has a failing path (a few per cent of it), or that the slope is near its bound.
+    The string says why step sizes were halved. If paths fail at the smallest sizes too, there is no assessment. Each
+    look (number of paths) at halved steps adds to the probability of a false alarm: its part of FALSE_ALARM times the
+    probability that a path fails only at a later look (a few per cent), or that a slope is near its bound.
     """
     why, halved = "", 0
     while True:
@@ -316,7 +316,7 @@ def _near(assessment: Assessment) -> bool:
 def _look(
     scheme: Scheme, setup: Setup, run: Run, assess: Assess, alpha: float, *, leave: bool = False
 ) -> tuple[StrongErrors, Assessment | None]:
-    """Draw more paths of one problem while the verdict is undecided, or `leave` a slope that is near its bound.
+    """Draw more paths of one problem while the verdict is undecided. If `leave`, stop at a slope near its bound too.
 
     If paths fail, the assessment is None.
     """

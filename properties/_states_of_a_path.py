@@ -19,15 +19,15 @@ from sepv.schemes import answer_of as answer
 
 
 def keeps_states(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, apart: float) -> None:
-    """Compare the bits of two steps from y (d,) or (d, M), computed alone and alternately with a path from y1.
+    """Make two steps from y (d,) or (d, M), alone and between steps of a second path, and compare the bits.
 
-    value(init(y)) may differ from y by the share `apart`, because a state may use other coordinates. A batch may differ
-    from a part of it by this share too. If the scheme has no `StatefulStep`, nothing is compared.
+    value(init(y)) may differ from y by `apart` times its size, because a state may use other coordinates. So may a
+    batch from a part of it stepped alone. If the scheme has no `StatefulStep`, nothing is compared.
 
     Raises
     ------
     SchemeFault
-        If a step changes its own state or that of another path, or if value(init(y)) differs from y.
+        If a step changes the state that it gets or another path's state, or if value(init(y)) differs from y.
     """
     rule = scheme.step
     if not isinstance(rule, StatefulStep):

@@ -84,14 +84,11 @@ def refuses_again(scheme: Scheme, case: Case) -> None:
 
 
 def tells_apart(y: Array, other: Array, answer: Array, to_other: Array, least: float) -> None:
-    """Check that two states have different results. Mere repetition does not find results cached by h and dW alone.
+    """Raise SchemeFault if `answer` and `to_other`, the results of steps from y and from `other`, are equal.
 
-    If the step's equation is a contraction with factor κ, the results of two states differ by at least (1 − κ)/(1 + κ)
-    of the states' distance. Distances below `least` of the result, which rounding may hide, are not judged.
-
-    Raises
-    ------
-    SchemeFault
+    Such steps reveal a cache with the key (h, dW), which repetition of one step cannot. If the step's equation is a
+    contraction with factor κ, two results differ by at least (1 − κ)/(1 + κ) of the distance between y and `other`.
+    Distances of at most `least` times the size of the result are not judged, because rounding may hide them.
     """
     apart = np.max(np.abs(other - y), axis=0)
     lane = np.all(answer == to_other, axis=0) & (apart > least * np.max(np.abs(answer), axis=0))
@@ -138,7 +135,7 @@ def forgets_problems(scheme: Scheme, problem: Problem, y: Array, h: float, dW: A
 
 
 def _as_others(problem: Problem, of_noise: float = 1.0, of_energy: float = 1.0) -> Problem:
-    """Return the problem with its noises, H and ∇H multiplied by factors. H and ∇H are new functions."""
+    """Return the problem with its c_j multiplied by `of_noise`, and H and ∇H (as new functions) by `of_energy`."""
 
     def times(function: Any) -> Any:
         return function and (lambda y: of_energy * function(y))

@@ -2,11 +2,11 @@
 
 For times of the order exp(c/h) such a method keeps a modified Hamiltonian or has a reversible modified equation
 (E. Hairer, C. Lubich and G. Wanner, *Geometric Numerical Integration*, IX.8 and XI.3). The law tests it on orbits to
-which this theory applies (`sepv.properties._orders.integrable`). It judges (`sepv.properties._orders.long_times`) that
-the mean energy over windows of time has no trend, except for what the means leave of the oscillation, and that the
-oscillation falls like h^p.
+which this theory applies (`sepv.properties._orders.integrable`). Two statements are judged
+(`sepv.properties._orders.long_times`): the mean energy over windows of time has no trend beyond the bound of what is
+left of the oscillation in such a mean, and the oscillation falls like h^p.
 
-Claims of *symplecticity* and of an order do not imply this law. Like every law it is measured without a claim too.
+Claims of *symplecticity* and of an order do not imply this law. A scheme without claims is measured too.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _RANKS = (Verdict.VIOLATED, Verdict.ERROR, Verdict.INCONCLUSIVE, Verdict.HOLDS)
 
 
 def run(law: Law, scheme: Scheme, own: Run) -> Finding:
-    """Judge the trend of the energy and the power of h on all orbits. The worst ratio to an allowed value decides."""
+    """Judge the trend of the energy and the power of h on all orbits, and report the largest of values by limits."""
     if scheme.asks or scheme.systems in OF_SEVERAL:
         why = "the scheme is for several fields, which c = () leaves alone"
         return law.finding(Verdict.NOT_APPLICABLE, message=why)
@@ -66,7 +66,7 @@ def run(law: Law, scheme: Scheme, own: Run) -> Finding:
 
 
 def _orbits(scheme: Scheme, seed: int) -> Iterator[Any]:
-    """Yield the orbits of the scheme's class, or users' problems without noise. Families of problems mean a class."""
+    """Yield orbits for the scheme's class or families of problems, or the user's own problems, without their noise."""
     if not scheme.problems:
         yield from orbits_of_class(scheme.systems, seed)
     for item in items(scheme.problems) if scheme.problems else ():

@@ -25,9 +25,9 @@ MARGIN = 0.25
 
 
 def assessing(claimed: float | None, tilted: bool, hold: float = 0.0) -> Assess:
-    """Make the test that slopes are above the claimed order less MARGIN. `tilted` samples are weighted: no quantile.
+    """Make the test that slopes are above the claimed order less MARGIN; no quantile of weighted (`tilted`) samples.
 
-    If `hold` is larger than alpha, it is the level of the interval that must lie above for the law to hold.
+    To hold, the law needs an interval of the slope above this bound, with error probability alpha, or `hold` if larger.
     """
 
     def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) -> Assessment:

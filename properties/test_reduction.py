@@ -46,7 +46,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 
 def reduced(case: Case) -> Case | None:
-    """Keep a case if B is constant, c = 0 or all G_j = B. Else drop several structures, or make the step h alone."""
+    """Keep a case if B is constant, c = 0 or all G_j = B. Else drop it if it has several structures, or set c = 0."""
     if isinstance(case.problem, GivenProblem):
         return None
     problem, y, h, dW = case.build()

@@ -199,7 +199,7 @@ def _fewer(runs: list[tuple[Problem, float, int]]) -> list[tuple[Problem, float,
 def _spread(problem: Problem, paths: int) -> Array:
     """Compute P = `paths` states (d, P) along the drift's flow over SPREAD units of time, to six digits.
 
-    If the flow ends earlier, states are near the initial one. If one leaves the domain, all equal the initial state.
+    If the flow ends earlier, the P states are close to the initial one; if any is outside the domain, all are equal.
     """
     from scipy.integrate import solve_ivp  # takes half a second; only users' problems need it
 
@@ -221,10 +221,9 @@ def _spread(problem: Problem, paths: int) -> Array:
 def energy_walk(
     scheme: Scheme, problem: Problem, h: float, steps: int, seed: int, paths: int = PATHS
 ) -> tuple[np.ndarray, float, str]:
-    """Return signed energy defects (checkpoints, paths), with H in extended precision, NaN for failed paths; and more.
+    """Return energy defects (checkpoints, paths), the change of H by a step's rounding, and a text on a failed step.
 
-    Further results are the change of H by rounding alone in a step, and a description of the first failed step. Defects
-    and changes are in ulp of H.
+    Defects have a sign, and H is in extended precision. Both are in ulp of H. Defects of failed paths are NaN.
     """
     guarded_scheme, exact = guarded(scheme), exact_problem(describe(problem), 30)
     raw = wiener.increments(seed, T=h * steps, steps=steps, noises=problem.noises, paths=paths)
@@ -269,10 +268,10 @@ def energy_walk(
 
 
 def in_own_roundings(defects: Array, widths: Array) -> tuple[Array, float]:
-    """Scale defects (checkpoints, paths) as if all paths had the same rounding of a step. Also return this rounding.
+    """Scale defects (checkpoints, paths) as if roundings had one size on all paths. Also return this size, for a step.
 
-    `widths` has the root mean square rounding of a step up to each checkpoint, on each path. It varies a lot if paths
-    start at the origin or differ. A defect divided by √n times its own width is normally distributed nevertheless.
+    `widths` has the root mean square rounding of a step on each path up to each checkpoint. It varies a lot if paths
+    start at the origin or at different states. A defect divided by √n times its path's width is still normal.
     """
     alive = np.isfinite(widths)
     known = np.where(alive & (widths < EXPLODED), widths, 0.0)  # an explosion does not excuse itself

@@ -1,9 +1,9 @@
 """Tests of one small step at step sizes h drawn from the whole range in which laws about small h apply.
 
 Below this range a fault could not be distinguished from rounding. Above it x = L(h + Σ c_j|ΔW_j|) is not small, with a
-bound L of |f′| for the fields f and c_jf, and statements about small h have no meaning. A problem that is polynomial
-data is given a longer unit of time there, H → νH, which makes x as small as needed for any h. So a scheme that is wrong
-in some interval of h is also tested at h in this interval.
+bound L of |f′| for the fields f and c_jf, and statements about small h have no meaning. If a problem is polynomial
+data, its H is multiplied by a ν < 1 (a longer unit of time) at such h, which makes x as small as needed. So a scheme
+that is wrong in some interval of h is also tested at h in this interval.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def drawn(rng: np.random.Generator, low: float, high: float, count: int) -> Arra
 
 
 def scaled(problem: Problem, factor: float, louder: float = 1.0) -> Problem | None:
-    """Multiply H, H_j, vectors and damping of a problem by `factor`, and c_j by `louder`; None if it is not data."""
+    """Multiply a problem's H, H_j, vectors and damping by `factor`, c_j by `louder`; None without polynomial data."""
     data = problem.data
     if factor == louder == 1:
         return problem
@@ -81,7 +81,7 @@ def scaled(problem: Problem, factor: float, louder: float = 1.0) -> Problem | No
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """Errors of a step of size h and of one of size h / APART, of a problem with H multiplied by `unit`."""
+    """Errors of two steps, of the sizes h and h / APART, for a problem whose H was multiplied by `unit`."""
 
     problem: Problem
     h: float
@@ -91,28 +91,28 @@ class Pair:
     floor: float
 
     def slope(self) -> float:
-        """Return the slope of the two errors in h. An error below the floor is replaced by it: a lower bound."""
+        """Return the slope between both errors, a lower bound because an error below `floor` counts as `floor`."""
         coarse, fine = np.maximum(self.errors, self.floor)
         return float(np.log(coarse / fine) / np.log(APART))
 
     def growth(self, other: Pair, order: float) -> float:
-        """Bound the ratio of an error of order p, a sum of terms u^a v^b with 2a + b = 2p + 1, to that of `other`.
+        """Bound the ratio of this pair's error to that of `other`, both positive sums of u^a v^b, 2a + b = 2p + 1.
 
-        u is the finer h in the problem's own unit of time, and v = Σ c_j√u in this unit. Factors of terms are positive.
+        p is `order`, and u is the finer h in the problem's own unit of time, with v = Σ c_j√u in this unit.
         """
         longer = np.sqrt(self.unit * self.h / (other.unit * other.h))
         return float((longer * max(1.0, self.louder / other.louder)) ** (2 * order + 1))
 
 
 def lower_order(scheme: Scheme, run: Run) -> tuple[tuple[float, float, str] | None, int]:
-    """Find a slope that is too low at some h: return it, the needed one and a text, or None; and the number of steps.
+    """Find an error that falls too slowly: return (slope, needed slope, text) or None; and the number of steps made.
 
-    In the problem's own unit of time a correct scheme's error is Σ K_ab u^a v^b (1 + O(√h)), 2a + b = 2p + 1, with K_ab
-    that do not depend on the unit. A pair shows a violation if its slope is that of a lower order and its error is more
-    than ROOM times what follows from pairs with the right slope and the same noise (or the problem's own noise), and
-    from the longest step whose error may be as large as the floor. Both conditions are needed: a scheme that divides
-    steps above some length has small errors there, with a slope of ½. If no pair has the right slope, this test finds
-    no violation, because then the law's own slope is wrong.
+    In the problem's own unit of time, a scheme of order p has errors Σ K_ab u^a v^b (1 + O(√h)), 2a + b = 2p + 1 (u, v:
+    see `Pair.growth`), with K_ab independent of the unit. A pair of steps violates the law if its slope is too low and
+    its error is more than ROOM times the bound by this sum and other pairs of the same noise (else of the problem's
+    own): those of the right slope, and the longest with an error below the floor. Both conditions are needed, because a
+    scheme that divides steps above some length has small errors of slope ½ there. If no pair has the right slope, no
+    violation is found here, because then the slope that the law itself measures is wrong.
     """
     if scheme.asks:
         return None, 0
@@ -162,7 +162,7 @@ def _judged(scheme: Scheme, problem: Problem, pairs: list[Pair]) -> tuple[float,
 
 
 def _pairs(scheme: Scheme, problem: Problem, seed: int) -> Iterator[Pair]:
-    """Yield the pairs of a problem, from its initial state, with four increments ±ξ√h, ±ξ′√h, equal ξ for all pairs."""
+    """Yield pairs of steps from the initial state, with the four increments ±ξ√h, ±ξ′√h; all pairs share ξ and ξ′."""
     rng, units = np.random.default_rng((seed, 20140203)), units_for(scheme, problem)
     order, m = strong_order(scheme, column(problem)), problem.noises
     xi = rng.uniform(0.5, 1.6, (m, 2)) * rng.choice([-1.0, 1.0], (m, 2))

@@ -5,10 +5,10 @@ Milstein's theorem (§3) concludes a mean-square order p from two conditions on 
     |E[y1 − φ]| ≤ C h^(p+1)  (3.8)    and    (E|y1 − φ|²)^½ ≤ C h^(p+½)  (3.9),
 
 and a weak order q from |E g(y1 − y0) − E g(φ − y0)| ≤ C h^(q+1) for monomials g of degree 1, …, 2q + 1. Here φ is the
-exact solution after the step from the same state. For (1.1) it is the flow at the time h + Σ c_jΔW_j, for several
-structures the problem's closed form, or, without one, the generator's series for its moments. The scheme gets
-increments truncated as it declares, the exact solution untruncated ones. If the scheme declares increments with a few
-values, its expectation is a finite sum, and the quadrature is for the exact solution alone.
+exact solution after the step from the same state. For (1.1) it is the flow at the time h + Σ c_jΔW_j. For several
+structures it is the problem's closed form; if there is none, only its moments are known, by the generator's series. The
+scheme gets increments truncated as it declares, the exact solution untruncated ones. If the scheme declares increments
+with a few values, its expectation is a finite sum, and the quadrature is for the exact solution alone.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def five_noises(c: tuple[float, ...] = (0.5, 0.25, 0.375, 0.75, 0.3125)) -> Prob
 
 @lru_cache(maxsize=1)
 def two_noises() -> Problem:
-    """Build the problem of `five_noises` with two noises, for paths of schemes that take one state at a time."""
+    """Build the Nambu system of `five_noises` with two noises alone, for paths of schemes that take no batches."""
     return five_noises((0.75, 0.5))
 
 
@@ -85,19 +85,19 @@ def cases(systems: Systems) -> tuple[Problem, ...]:
 
 
 def problems_for(scheme: Scheme) -> tuple[Problem, ...]:
-    """Return a scheme's own problems, else those of its class. Raise `Skipped` if no own one has an initial state."""
+    """Return the scheme's own problems, else its class's. Raise `Skipped` if its own ones all lack an initial state."""
     own = problems_of(scheme)
     return as_taken(scheme, cases(scheme.systems)) if own is None else own
 
 
 @dataclass(frozen=True)
 class LocalErrors:
-    """Errors of one step from several states of a problem, at L step sizes that fall.
+    """Errors of one step from several states of a problem, at L falling step sizes.
 
-    mean, rms and weak (L,) are |E[y1 − φ]|, (E|y1 − φ|²)^½ and |E g(y1) − E g(φ)|, φ the exact solution, the largest
-    over states and test functions g, with lengths in the problem's unit (`sepv.verification._units`). If only moments
-    of φ are known, `rms` is NaN. For several Hamiltonians that do not commute, `rms` is the distance from the log-ODE
-    of step two (`sepv.properties._orders.log_ode`), which is O(h^{3/2}) from φ.
+    With the exact solution φ, `mean`, `rms` and `weak` (L,) are |E[y1 − φ]|, (E|y1 − φ|²)^½ and |E g(y1) − E g(φ)|: the
+    largest over states and polynomials g, in the problem's unit of length. If only moments of φ are known, `rms` is
+    NaN. For several Hamiltonians that do not commute, `rms` is the distance of y1 from the log-ODE of step two
+    (`sepv.properties._orders.log_ode`), which is within O(h^{3/2}) of φ.
     """
 
     problem: str
@@ -251,7 +251,7 @@ def one_step(scheme: Scheme, problem: Problem, states: Array, h: float, nodes: R
 def solutions_at(
     problem: Problem, states: Array, rules: list[tuple[float, Rule]], degree: int = FULL_DEGREE
 ) -> tuple[list[Array], float]:
-    """Return exact solutions at each step size as `ends_at`, or moments up to `degree` if only moments are known."""
+    """Return exact solutions (d, S, n), or moments up to `degree` if no more is known, at each step size; their error."""
     if moments_only(problem):
         return moments_at(problem, states, [h for h, _ in rules], degree)
     return ends_at(problem, states, rules)
@@ -281,7 +281,7 @@ def ends_at(problem: Problem, states: Array, rules: list[tuple[float, Rule]]) ->
 
 
 def _flows_at(problem: Problem, states: Array, rules: list[tuple[float, Rule]]) -> tuple[list[Array], float]:
-    """Return `ends_at` for commuting Hamiltonians, by the flow of h f_0 + Σ c_j ΔW_j f_j at time 1."""
+    """Return exact solutions for commuting Hamiltonians, the flow of h f_0 + Σ c_j ΔW_j f_j at time 1; their error."""
     found, worst = [], 0.0
     for h, nodes in rules:
         n = nodes.weights.size
@@ -297,7 +297,7 @@ def _flows_at(problem: Problem, states: Array, rules: list[tuple[float, Rule]]) 
 def against_moments(
     moved: Array, exact: Array, weights: Array, degree: int = FULL_DEGREE, length: float = 1.0
 ) -> tuple[float, float, float]:
-    """Return mean and weak errors as `_norms`, from moments (A, S) of the exact solution in units of 1; rms is NaN."""
+    """Return errors (mean, rms = NaN, weak) of `moved`, in units of `length`, against exact moments `exact` (A, S)."""
     asked = exponents(moved.shape[0], degree)
     over, unit = np.array([(factorial(sum(alpha)), length ** sum(alpha)) for alpha in asked]).T
     differences = (moments_of(moved, weights, asked) - exact / unit[:, None]) / over[:, None]
@@ -306,7 +306,7 @@ def against_moments(
 
 
 def _norms(moved: Array, exact: Array, weights: Array, weak: float) -> tuple[float, float, float]:
-    """Return the largest |E e|, (E|e|²)^½ and |E g(moved) − E g(exact)| over states and g, e = moved − exact."""
+    """Return |E e|, (E|e|²)^½ and |E g(moved) − E g(exact)|, e = moved − exact: the largest for any state, polynomial g."""
     error = moved - exact
     mean = np.sqrt(np.max(np.sum((error @ weights) ** 2, axis=0)))
     rms = np.sqrt(np.max(np.sum(error**2, axis=0) @ weights))
@@ -317,7 +317,7 @@ def _norms(moved: Array, exact: Array, weights: Array, weak: float) -> tuple[flo
 def apart(
     moved: Array, weights: Array, exact: Array, rule_weights: Array, weak: float
 ) -> tuple[float, float, float]:
-    """Return mean and weak errors as `_norms`, with separate expectations of scheme and exact solution; rms is NaN."""
+    """Return errors (mean, rms = NaN, weak), taking expectations of `moved` and of `exact` with weights of their own."""
     mean = np.sqrt(np.max(np.sum((moved @ weights - exact @ rule_weights) ** 2, axis=0)))
     tests = polynomials(moved.shape[0], weak)
     found = max(np.max(np.abs(g(moved) @ weights - g(exact) @ rule_weights)) for g in tests)
@@ -325,9 +325,9 @@ def apart(
 
 
 def polynomials(dimension: int, weak: float) -> list[Callable[[Array], Array]]:
-    """Return monomials of degree k ≤ 3 in y − y0, and powers k ≤ 2q + 1 of linear forms, all divided by k!.
+    """Return monomials in y − y0 of degree k ≤ 3, and kth powers of linear forms, 3 < k ≤ 2·`weak` + 1, divided by k!.
 
-    With the factor 1/k! they are terms of Taylor's series, so that errors of high powers do not hide those of low ones.
+    The factor 1/k! is that of Taylor's series. Without it errors of high powers would hide those of low powers.
     """
 
     def monomial(indices: tuple[int, ...]) -> Callable[[Array], Array]:

@@ -7,19 +7,19 @@ window of N steps from step τ is f_0 + Σ_{k≠0} f_k e^{ikω̃hτ} W(kω̃hN/2
     |W(x)| ≤ 1/(πx |x² − 1||x²/4 − 1|)     for x > 2 periods in the window.
 
 Two such means, τ steps apart, differ by at most 2 Σ|f_k||W_k|. Because |W_k| falls like k⁻⁵, the Cauchy-Schwarz
-inequality bounds this by 2 L √(2 (1 + 2⁻¹⁰ + …)) times the rms of the oscillation, with L = |W| at one harmonic. The
-rms is at most half of the range A, the largest minus the least value. So the bound LEAKS L A, LEAKS = 4, is more than
-twice what theory gives. This allows for harmonics at or above the number of steps in a period, which look like slow
-ones and are below 1e-4 of all (`integrable.TAIL`). L is evaluated at 7/8 of PERIODS, because the frequency ω̃ of the
-method differs from that of the flow by less. The random walk of rounding and the sum of a solver's tolerances are
-added. If the energy has a trend of r a step, the mean moves by rτ. A change of LEAKS L A over 1.5 windows is detected,
-that is, of the whole oscillation in four hundred periods.
+inequality bounds this by 2 L √(2 (1 + 2⁻¹⁰ + …)) times the rms of the oscillation, with L = |W_1|. The rms is at most
+half of the range A, the largest minus the least value. So the bound LEAKS L A, LEAKS = 4, is more than twice what
+theory gives. This allows for harmonics k of at least the number of steps in a period. They look like slow waves, and
+are at most 1e-4 of all harmonics (`integrable.TAIL`). L is evaluated at 7/8 of PERIODS, because the method's
+frequency ω̃ differs from the flow's by less than an eighth. The random walk of rounding and the sum of a solver's
+tolerances are added to the bound. If the energy has a trend of r a step, the mean moves by rτ. A change of LEAKS L A
+over 1.5 windows is detected, that is, of the whole oscillation in four hundred periods.
 
 A mean that moves further shows a trend if the movement also grows with τ: the confidence interval of its exponent
 (`sepv.properties._growth`) must exclude bounded growth. The theory is for small h. If the energy moves by more than
 GROSS times the kinetic energy, h is halved first.
 
-**The power of h.** Let e_n = H(y_n) − H(y_0), n ≤ N, on a fixed time with the weights w_n. y_n has an expansion in
+**The power of h.** Let e_n = H(y_n) − H(y_0), n ≤ N, over a fixed time, with weights w_n. y_n has an expansion in
 powers of h (Hairer, Lubich and Wanner, II.8), and the weights vanish to fourth order at both ends, so that the rms of e
 about its mean is A(h) = c h^p(1 + αh + βh² + …). Its slope s(h) = log₂ A(h)/A(h/2) is p + αh/(2 ln 2) + …. The error of
 s(h/2) is half of this error, or a quarter for a symmetric method, so |s(h/2) − p| ≤ |s(h/2) − s(h)|. The interval is
@@ -93,7 +93,7 @@ class Stopped(Exception):
 
 @dataclass(frozen=True)
 class Judged:
-    """The judgement of a trend of the energy or of its power of h: a verdict, size/allowed size, and a description."""
+    """The judgement of the energy's trend or power of h: a verdict, `share` (a size by its limit), and a description."""
 
     verdict: Verdict
     share: float = 0.0
@@ -105,13 +105,13 @@ class Judged:
 
 
 def weights(steps: int) -> Array:
-    """Return the weights of a mean over N = `steps` steps, proportional to sin⁴(πj/N), with sum 1, (N + 1,)."""
+    """Return the N + 1 weights of a mean over N = `steps` steps, proportional to sin⁴(πj/N), with sum 1."""
     found = np.sin(np.pi * np.arange(steps + 1) / steps) ** 4
     return np.asarray(found / np.sum(found))
 
 
 def leakage(periods: float) -> float:
-    """Bound the weighted mean of a wave of size 1 with `periods` > 2 or more periods in the window."""
+    """Bound the mean, by `weights` over a window, of a wave of size 1 with at least `periods` > 2 periods in it."""
     return 1 / (np.pi * periods * (periods**2 - 1) * (periods**2 / 4 - 1))
 
 
@@ -129,7 +129,7 @@ def allowed_rounding(scheme: Scheme, problem: Problem, states: Array, steps: int
 
 
 def trend(scheme: Scheme, orbits: Orbits, paths: int, longer: int = 1) -> Judged:
-    """Judge the movement of the mean energy over `longer` times 1.5 windows, at a halved h if theory needs it."""
+    """Judge how far the mean over a window moves in `longer` × 1.5 windows; h is halved if H moves by too much."""
     for halved in range(HALVED + 1):
         found = _trend(scheme, orbits, paths, longer, 2**halved)
         if found.verdict is Verdict.HOLDS or not found.gross:
@@ -217,7 +217,7 @@ def judged_power(sizes: list[float], rounding: list[float], least: float) -> Jud
 
 
 def _slope(sizes: list[float], rounding: list[float]) -> tuple[float, float]:
-    """Return the slope s(h/2) from oscillations at h, h/2 and h/4, and the half-width of its interval."""
+    """Return the slope log₂ A(h/2)/A(h/4) of oscillations `sizes` A at h, h/2, h/4, and its interval's half-width."""
     slopes = np.log2(np.array(sizes[:-1]) / sizes[1:])
     off = np.array(rounding) / sizes / np.log(2)
     return float(slopes[1]), 2 * abs(float(slopes[1] - slopes[0])) + float(off @ (2, 5, 3))

@@ -37,7 +37,7 @@ class Coefficient:
     power: float = 0
 
     def half(self, alpha: float, more: float = 1.0) -> Array:
-        """Return half-widths (K,) of joint intervals at level 1 − alpha, as of `more` times the number of paths."""
+        """Return half-widths (K,) of joint intervals at level 1 − alpha, as if there were `more` times the paths."""
         return critical(alpha / self.value.size, self.paths) * self.error / np.sqrt(more)
 
 
@@ -47,7 +47,7 @@ def critical(alpha: float, paths: int) -> float:
 
 
 def capped(errors: StrongErrors) -> Array:
-    """Return the errors e (L, d, M) without weights, shortened to |e| ≤ scale, also those of paths at infinity."""
+    """Return the errors e (L, d, M) without their weights, shortened to |e| ≤ scale, infinite and NaN ones included."""
     weights = errors.weights[:, None]
     # A path of weight 0 was left out, and its error is 0 already.
     e = np.divide(errors.errors, weights, out=np.zeros_like(errors.errors), where=weights > 0)
@@ -78,14 +78,13 @@ def _spread(g: Array, errors: StrongErrors, degree: int) -> float:
 
 
 def limit_errors(errors: StrongErrors, problem: Problem) -> tuple[list[str], Array, Array]:
-    """Return the shares (L, K, M) of drift, noise, each noise and Itô's correction in the error, with names and sizes.
+    """Return names of K possible causes of an error e, the shares (L, K, M) of e by which each is wrong, and K sizes.
 
-    To first order, a noise too large by the share γ moves y(T) by γ v with v = Σ c_j W_j G_j∇H, a drift by γ T B∇H,
-    the correction from Itô to Stratonovich by γ ½T Σ c_j² (G_j∇H)′G_j∇H. Each share is ⟨v, e⟩/E|v|². For the right
-    limit its mean vanishes with h for every v, because the error e does. For noises the share is Cov(v, e)/Var v, so
-    that the part of e independent of the noise (nearly all of e if c is small) adds no variance.
-
-    The sizes (K,) are the rms of each v at the coarsest step.
+    The causes are drift, noise, each noise, and Itô's correction. If one is too large by the share γ, it moves y(T) by
+    γv to first order, with v = T B∇H for the drift, Σ c_j W_j G_j∇H for the noise and ½T Σ c_j² (G_j∇H)′G_j∇H for
+    the correction. The share is ⟨v, e⟩/E|v|². If the limit is right, its mean vanishes with h, because e does. For
+    noises it is Cov(v, e)/Var v, so that the part of e independent of the noise (nearly all if c is small) adds no
+    variance. The sizes (K,) are the rms of each v at the coarsest step.
     """
     e = capped(errors)
     rows, sizes = [], np.empty(0)
@@ -148,8 +147,8 @@ def _combination(h: Array, power: float) -> Array:
 def decay(samples: Array, h: Array, alpha: float, more: float = 1.0) -> tuple[float, float, float]:
     """Estimate the order at which the largest of K means falls from the coarsest step to the finest: value, low, high.
 
-    The intervals of all 2K means hold together with probability 1 − alpha. If the largest mean at an end is within the
-    noise, it may be zero, so that side of the order's interval is infinite.
+    The intervals of all 2K means, as if there were `more` times the paths, hold together with probability 1 − alpha.
+    If at the coarsest step all of them contain 0, `low` is −∞; if at the finest step, `high` is ∞.
     """
     paths = samples.shape[2]
     ends = samples[[0, -1]]
