@@ -160,7 +160,7 @@ def is_tilted(scheme: Scheme) -> bool:
 
 
 def hold_level(scheme: Scheme, run: Run) -> float:
-    """Return the error probability of the interval by which an order holds: HOLD if steps are spared, or 0 for alpha."""
+    """Return the error probability of the interval that confirms an order: HOLD if steps are spared, else 0 (alpha)."""
     return HOLD if sparing(scheme, run.effort) else 0.0
 
 
@@ -206,7 +206,7 @@ def judge(
     law: Law, scheme: Scheme, run: Run, assess: Assess, *,
     at_least: bool = True, setups: Sequence[Setup] | None = None,
 ) -> Finding:  # fmt: skip
-    """Return the worst verdict over the problems, with paths added as needed. If `at_least`, bounds are lower bounds."""
+    """Return the worst verdict over the problems, with more paths as needed. If `at_least`, bounds are lower bounds."""
     setups = setups_for(scheme, run.effort) if setups is None else setups
     alpha = share(scheme, run.effort, len(setups))
     judged: list[tuple[Setup, StrongErrors, Assessment]] = []

@@ -12,7 +12,7 @@ fold Δ* > 0 and one fold Δ* < 0, because the difference of both sides is 1 at 
 
 With s stages and constant B_kj, u̇ of the collocation polynomial u is the L² projection of Δ q(u) on the polynomials of
 degree s − 1: z = Δ∫₀¹ q(u) dτ. With q = γ + q2 (x − μ)², v = u − μ and |v(1) − v(0)|² ≤ K_s ∫v², K_s = 4 Σ (2n + 1)
-over odd n ≤ s (the Legendre polynomials P_n(2τ − 1) have the norms (2n + 1)^{−½} and differ by 2 at the ends),
+over odd n ≤ s (the Legendre polynomials P_n(2τ − 1) have norms (2n + 1)^{−½} and end values that differ by 2),
 
     |z| ≥ |Δ| (|γ| + |q2| z² / K_s),    which no z satisfies if Δ² > K_s / (4 γ q2).
 
@@ -57,7 +57,7 @@ class NoSolution:
     stages: int = 1
 
     def residual(self, y0: float, y1: float) -> Fraction:
-        """Return the residual |a z² + b z + c| at z = y1 − y0, of which y0 and y1 are the component `place`."""
+        """Return the residual |a z² + b z + c| at z = y1 − y0, for component `place` of the states y0 and y1."""
         z = Fraction(y1) - Fraction(y0)
         z = z if self.stages == 1 else abs(z)
         return abs(self.a * z * z + self.b * z + self.c)
@@ -74,7 +74,7 @@ def legendre_sum(stages: int) -> int:
 
 
 def proof(case: Case, stages: int = 1) -> NoSolution | None:
-    """Return the proof that the step of a case has no solution, or None if the argument above does not apply."""
+    """Return the proof that the step of a case has no solution, or None if the module's argument does not apply."""
     data = case.problem
     if not isinstance(data, PolynomialSystem) or data.noise_hamiltonians:
         return None
@@ -131,7 +131,7 @@ def _quadratic(p: Polynomial, k: int) -> tuple[Fraction, Fraction, Fraction] | N
 
 
 def _step(case: Case, data: PolynomialSystem, j: int, k: int) -> Fraction | None:
-    """Return Δ, or h + Σ g_l c_l ΔW_l; None if row k of a structure is no multiple of row k of B."""
+    """Return h + Σ g_l c_l ΔW_l if row k of each structure G_l is g_l times row k of B (if G_l = B, g_l = 1)."""
     shares = [Fraction(1)] * len(data.noise)
     own = _row(data.structure, k)
     for n, G in enumerate(data.noise_structures):
@@ -149,7 +149,7 @@ def _value(p: Polynomial) -> Fraction:
 
 
 def made(random: Random, systems: Systems, stages: int = 1) -> Case:
-    """Make a step of a random system, longer than a fold by the share 2⁻⁶ to 8. One step in four is for batches."""
+    """Make a step of a random system, beyond a fold Δ* by 2⁻⁶ to 8 times |Δ*|. One case in four also has a batch."""
     while True:
         case = _drawn(random, systems, stages)
         if proof(case, stages) is not None:
@@ -193,7 +193,7 @@ def _drawn(random: Random, systems: Systems, stages: int) -> Case:
 
 
 def _folds(q: list[float], x: float, factor: float, w: float, stages: int) -> list[float]:
-    """Return the folds Δ* of both signs, the roots of 1 − q′(x) t + (¼q′(x)² − 4 w q2 q(x)) t² with t = factor Δ."""
+    """Return both folds Δ*, at which 1 − q′(x) t + (¼q′(x)² − 4 w q2 q(x)) t² = 0 with t = factor·Δ* and x = y0_k."""
     q0, q1, q2 = q
     if stages > 1:
         t = sqrt(legendre_sum(stages) / (4 * q2 * (q0 - q1 * q1 / (4 * q2))))
@@ -217,7 +217,7 @@ def _system(
     H: Polynomial,
     entry: Polynomial,
 ) -> PolynomialSystem:
-    """Make a random system with the given H and entry B_kj, random entries of B outside of row k, and noises."""
+    """Make a system with the given H and B_kj = `entry`, (k, j, others) = `places`, else random entries and noises."""
     k, j, others = places
     if systems is Systems.NAMBU:
         # B(y)v = g v × ∇C with C = y_l, l the third index: the only entries of B are ±g at (k, j) and (j, k).

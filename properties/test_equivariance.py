@@ -18,8 +18,8 @@ def correction_rounding(problem: Problem, y0: Array, y1: Array, h: float) -> Arr
     """A bound (d,) of the rounding errors in Itô's correction ½ Σ c_j² h f′f, f = B∇H, for polynomial data.
 
     A scheme that treats drift and noise apart may compute the correction. If the increments are small beside √h, these
-    errors exceed the effect of the increments. f errs by K u M_f and f′ by K u M_f′, so the correction errs by
-    Σ c_j² |h| K u M_f′ M_f.
+    errors exceed the effect of the increments. With K operations, unit roundoff u, and M_f, M_f′ the sums of absolute
+    values of terms, f errs by K u M_f and f′ by K u M_f′, so the correction errs by Σ c_j² |h| K u M_f′ M_f.
     """
     B, g, dB, H = majorants(problem, np.maximum(np.abs(y0), np.abs(y1)))
     factor = 0.5 * EPS * operations(problem) * abs(h) * float(problem.c @ problem.c)
@@ -67,7 +67,7 @@ def inverse_map(rows: Array, b: Array) -> list[Polynomial]:
 
 
 def substitute(p: Polynomial, forms: list[Polynomial]) -> Polynomial:
-    """Substitute forms for the variables of p: exact for small dyadic coefficients, else rounded as one evaluation."""
+    """Substitute forms for the variables of p: exact for small dyadic coefficients, else rounded as in evaluating p."""
     products = [poly.polynomial(p.dimension, {})]
     for exponents, coefficient in p.terms:
         term = poly.constant(p.dimension, coefficient)
@@ -112,9 +112,10 @@ def _congruent(
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Measure |Φ_z(Py + b) − PΦ_y(y) − b| for a step so short that both equations are contractions with factor κ.
+    """Measure |Φ_z(Py + b) − PΦ_y(y) − b|, where Φ_y and Φ_z are short steps of the system in y and in z = Py + b.
 
-    A residual r causes an error of at most r/(1 − κ) in the largest component, and |P|_∞ multiplies the error of y1.
+    Both equations are contractions with factor κ. So a residual r causes an error of at most r/(1 − κ) in the largest
+    component, and |P|_∞ multiplies the error of y1.
     Py + b is rounded at most twice in each component, before the step and after it. A step multiplies the rounding
     before it by at most ‖∂z1/∂z0‖ ≤ (1 + κ)/(1 − κ). If a scheme does not claim *random-step*, it may have an Itô
     correction: its rounding is added, because H in the new variables has terms that cancel.

@@ -40,12 +40,12 @@ NODES, LAST = 24, 8
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Measure a and b from steps with ±Δ and ±Δ/2, by parity and one Richardson extrapolation.
+    """Measure a and b of y1 = aΔ + bΔ² + c3Δ³ + … from steps with ±Δ and ±Δ/2, by parity and extrapolation.
 
-    y1(Δ) = Σ c_k Δ^k is analytic and bounded by r for |Δ| ≤ ϱ, so that |c_k| ≤ r/ϱ^k (Cauchy). The odd part divided
-    by Δ is a + c3Δ² + c5Δ⁴ + …, the even part divided by Δ² is b + c4Δ² + c6Δ⁴ + …. Extrapolation removes the second
-    terms. With x = Δ/ϱ the rest is at most (r/ϱ)x⁴/(1 − x²) and (r/ϱ²)x⁴/(1 − x²). The rounding of a step enters a and
-    b with factors of at most 4/Δ and 16/Δ² (weights 4/3 and 1/3 at Δ/2 and Δ). With one structure, h is positive in
+    y1(Δ) is analytic and at most r for |Δ| ≤ ϱ (contraction radius), so that |c_k| ≤ r/ϱ^k (Cauchy). The odd part
+    divided by Δ is a + c3Δ² + c5Δ⁴ + …, the even part divided by Δ² is b + c4Δ² + c6Δ⁴ + …. One Richardson step removes
+    the terms in Δ². With x = Δ/ϱ, at most (r/ϱ)x⁴/(1 − x²) remains in a and (r/ϱ²)x⁴/(1 − x²) in b. A step's rounding
+    has factors of at most 4/Δ in a, 16/Δ² in b (weights 4/3 and 1/3 at Δ/2 and Δ). With one structure, h is positive in
     all steps and the noise gives Δ either sign, so that h and ΔW have different weights in Δ and in −Δ.
     """
     problem, y, h, dW = case.build()
@@ -83,7 +83,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 
 def turned(problem: Problem, h: float, dW: Array) -> Array:
-    """Return increments that give −Δ together with h itself: the first one also reverses the drift."""
+    """Return increments that give −Δ with the same h: all are negated, and c_1ΔW_1 is less by another 2h."""
     noise = -dW
     noise[0] -= 2 * h / problem.c[0]
     return noise
@@ -130,9 +130,9 @@ def frozen(problem: Problem, h: float, dW: Array) -> tuple[Problem, float]:
 def higher_coefficients(scheme: Scheme, case: Case, radius: float, r: float) -> list[Measurement]:
     """Compare the coefficients of Δ³ … Δ^2p with those of the flow, for a scheme that claims mean-square order p.
 
-    The halved radius covers the Lebesgue constants of the stages (at most 1.7 for six). A coefficient c_k is computed
-    as Σ_j w_kj y1(Δ_j) from values at Chebyshev points, exactly for polynomials without constant term. Its error is
-    bounded by the rest of the series, with |c_m| ≤ r/ϱ^m (Cauchy), and by the rounding of each value.
+    `radius` ϱ is half the contraction radius, which covers Lebesgue constants of stages (at most 1.7 for six stages).
+    c_k is computed as Σ_j w_kj y1(Δ_j) from values at Chebyshev points, exactly for polynomials without constant term.
+    Its error is bounded by the rest of the series, |c_m| ≤ r/ϱ^m (Cauchy), and by the rounding of each value.
     """
     last = min(LAST, round(2 * (scheme.mean_square_order or 1.0)))
     if last < 3:
@@ -165,7 +165,7 @@ def higher_coefficients(scheme: Scheme, case: Case, radius: float, r: float) -> 
 
 @lru_cache(maxsize=1)
 def interpolation() -> tuple[Array, Array, Array]:
-    """Return points x_j = ½ cos(…) (n,), weights w_kj (k, n) of coefficients, and Σ_{m>n} |Σ_j w_kj x_j^m| (k,)."""
+    """Return Chebyshev points x_j (n,), weights w_kj (k, n) for coefficients, and Σ_{m>n} |Σ_j w_kj x_j^m| (k,)."""
     ctx = mpmath.mp.clone()
     ctx.dps = 50
     n = NODES
@@ -180,7 +180,7 @@ def interpolation() -> tuple[Array, Array, Array]:
 
 
 def admits(case: Case) -> bool:
-    """True if y0 = 0, c_1 = 1, h > 0, and the step is no longer than the share of the radius that the bound needs."""
+    """True if y0 = 0, c_1 = 1, h > 0, and h + Σ|c_jΔW_j| is at most 2·ORIGIN_SHARE of the contraction radius."""
     if not isinstance(case.problem, PolynomialSystem):
         return False
     problem, y, h, dW = case.build()

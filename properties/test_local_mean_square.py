@@ -53,7 +53,7 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
-    """Run the law again with the seed of a witness, so that it draws the same steps."""
+    """Run the law again with the seed of a witness (a stored counterexample), so that it draws the same steps."""
     return run(law, scheme, Run(Effort(seed=int(witness.get("seed", 0)))))
 
 

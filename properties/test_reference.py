@@ -79,7 +79,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 
 def _against_mpmath(scheme: Scheme, case: Case, near: Array | None = None) -> Measurement:
-    """Compare with a new solution of the equation, the one near the state `near` if it is given and has one stage."""
+    """Compare y1 with a new solution of the equation. For one stage, its iteration starts from `near` if given."""
     problem, y, h, dW = case.build()
     try:
         y1 = ask(scheme, problem, y, h, dW)
@@ -117,9 +117,9 @@ def quadrature_rounding(problem: Problem, y0: Array, y1: Array, h: float, dW: Ar
     """A bound (d,) of the change of a step's right side ΔB∇̄H if another quadrature, exact to rounding, computes ∇̄H.
 
     A sum of N products w_n ∇H(y_n) with rounded weights errs in any order by at most (N + 2)u Σ|w_n||∇H(y_n)| (Higham,
-    *Accuracy and Stability of Numerical Algorithms*, §3.1). The rounding of the points y_n is a part of M_g, or for a
-    polynomial H a few of N. The weights are positive with sum 1, so the bound is N u |Δ|₁ M_B M_g. If it overflows, the
-    result is 0, the strictest bound.
+    *Accuracy and Stability of Numerical Algorithms*, §3.1). The weights are positive with sum 1, so the bound is
+    N u (|h| + Σ|c_jΔW_j|) M_B M_g with bounds M_B, M_g of |B| and |∇H|. Here M_g, or for a polynomial H a part of N,
+    covers the rounding of the points y_n. If the bound overflows, the result is 0, the strictest bound.
     """
     with np.errstate(all="ignore"):
         length = abs(h) + float(np.sum(np.abs(problem.c * dW)))

@@ -1,14 +1,14 @@
 """The scheme converges to the Stratonovich solution of (1.1), and not to another process such as the Itô solution.
 
-The error is decomposed into shares that a wrong limit would have: an excess of drift, of noise, of Itô's correction.
-Each share is extrapolated to h = 0 from three step sizes, with a confidence interval, and with its change if the
-coarsest step size is left out. The law holds if drift and noise of the limit are right to RESOLUTION with the
-confidence of the run and the rms error falls with h. It is violated if a share differs from zero by more than LEAST, or
-if neither the rms error nor a quantile of the error falls.
+The error is projected on the directions in which y(T) moves if the limit has too much drift, noise or Itô's correction.
+This gives the share by which each is wrong. The shares are extrapolated to h = 0 from three step sizes, with confidence
+intervals, and with their change if the coarsest step size is left out. The law holds if with confidence the shares of
+drift and noise are less than RESOLUTION and the rms error falls with h. It is violated if a share differs from zero by
+more than LEAST, or if neither the rms error nor a quantile of the error falls.
 
-A strong noise c hides the drift: if L is the slope of the field f, the drift moves y by 1/(c√L) of what the noise moves
-it by, in every unit of time. So if the drift causes less than 1/HIDDEN of all movement, its allowed error is RESOLUTION
-of 1/HIDDEN of all movement. The law "local-mean" judges the drift alone. Movements by rounding alone are not judged.
+A strong noise c hides the drift: if L is the slope of the field f, the drift moves y by 1/(c√L) of what the noise does,
+in every unit of time. So if the drift causes less than 1/HIDDEN of all movement, it may be wrong by RESOLUTION/HIDDEN
+of all movement. The law "local-mean" judges the drift alone. Movements by rounding alone are not judged.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ HIDDEN = 4.0
 
 
 def assessing(tilted: bool, orders: tuple[float, ...] = (1.0,), resolution: float = RESOLUTION) -> Assess:
-    """Make the test of a limit: half of its error probability alpha is for the shares, half for the fall of the error.
+    """Make the test of a limit: the error probability alpha is halved between the shares and the fall of the error.
 
-    Means of a scheme of weak order 1 or more expand in whole powers of h. Means of a scheme of lower order may have a
-    term h^½, for example from differences over a length of √h. They are extrapolated in powers of h^½, which needs more
-    paths. If several `orders` are possible, the limit is judged wrong only if it is wrong for each of them.
+    The shares (`limit_errors`) by which drift and noise are wrong are means over paths. For a scheme of weak order 1 or
+    more they expand in whole powers of h, for lower orders perhaps in powers of h^½, as for differences over √h, which
+    needs more paths. If several `orders` are possible, a limit is wrong only if it is wrong by each of them.
     """
 
     def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) -> Assessment:
@@ -97,7 +97,7 @@ def assessing(tilted: bool, orders: tuple[float, ...] = (1.0,), resolution: floa
 
 
 def _hidden(names: list[str], sizes: Array) -> Array:
-    """Return the factors (K,) by which shares are judged more coarsely: 1 for noises, whose shares are covariances."""
+    """Return factors (K,) for the allowed errors of shares: above 1 for a cause that moves y little, 1 for noises."""
     moved = np.sqrt(sum(sizes[n] ** 2 for n, name in enumerate(names) if name in ("drift", "noise")))
     alone = np.array([name.startswith("noise") for name in names])
     return np.where(alone, 1.0, np.maximum(1.0, moved / (HIDDEN * sizes)))
@@ -110,7 +110,7 @@ def mean_orders(scheme: Scheme) -> tuple[float, ...]:
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
-    """Extrapolate the shares of drift and noise in the error to h = 0 on every problem, and judge the limit."""
+    """Extrapolate to h = 0 the shares by which drift and noise are wrong, on every problem, and judge the limit."""
     resolution = SPARED if sparing(scheme, this_run.effort) else RESOLUTION
     assess = assessing(is_tilted(scheme), mean_orders(scheme), resolution)
     return judge(law, scheme, this_run, assess, at_least=False)

@@ -1,17 +1,17 @@
-"""Remark 2.1 and Lemma 3.1: |ζ| ≤ A_h exactly, the moment bounds by exact integrals, k large enough, no second clip.
+"""Remark 2.1 and Lemma 3.1: |ζ| ≤ A_h = √(2k|ln h|), moment bounds, a k large enough, a step that uses all |ζ| ≤ A_h.
 
 Increments √h ξ are truncated to √h ζ. The paper prints the bound of Remark 2.1 with "=", but it is "≤", as here.
 
 The scheme must use the increments that it declares: at every h its step must respond to each ΔW_j in every sixteenth
 of [−√h A_h, √h A_h]. The innermost and outermost sixteenths and one more are tested. The response |∂y1/∂ΔW_j| of a step
 y1 = y0 + Δf + ½Δ²f′f + O(Δ³) is c_j|f|(1 ± x), x = L(h + c_j√h A_h) with L ≥ |f′|. So the largest is at most
-(1 + x)/(1 − x) times the smallest, 1.3 for x ≤ REACH, and 2 is allowed. If a scheme clips at less than 31/32 of A_h,
-that is with k′ < 0.93 k, its response in the outermost sixteenth is less than half of the largest.
+(1 + x)/(1 − x) times the smallest, 1.3 for x ≤ REACH, and 2 is allowed. If a scheme itself clips at less than 31/32 of
+A_h, that is with k′ < 0.93 k, its response in the outermost sixteenth is less than half of the largest.
 
-Step sizes h are drawn from 2⁻⁶⁰ to ½, and H is divided if x is too large (`sepv.properties._orders.any_step`). On
-users' problems, or if H is not data, h ends at x = REACH, and h, also in A_h, is in the problem's own unit of time. A
-scheme that itself clips by h alone is judged up to its clip. If a noise moves y by less than a solver's possible error,
-the response is not judged.
+Step sizes h are drawn from 2⁻⁶⁰ to ½. If x > REACH, H is divided (`sepv.properties._orders.any_step`), but not for
+users' problems or an H that is no polynomial data: their range of h ends at x = REACH, and h, also in A_h, is in the
+problem's own unit of time. A scheme that itself clips by the plain number h is judged up to its clip. Responses below a
+solver's possible error are not judged.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ def _ratios(h: float, k: int, seed: int) -> list[tuple[float, str]]:
 
 
 def _responses(scheme: Scheme, k: int, seed: int) -> Iterator[tuple[float, str]]:
-    """Yield half the largest response |∂y1/∂ΔW_j| over the smallest, and its text, for each problem, noise and h."""
+    """Yield ½ max/min of the responses |∂y1/∂ΔW_j|, of which 1 is allowed, with a text, for each problem, noise, h."""
     skipped: list[Skipped] = []
     problems, rng = problems_for(scheme), np.random.default_rng((seed, 2))
     count = sum(np.count_nonzero(problem.c) for problem in problems)
@@ -130,7 +130,7 @@ def _responses(scheme: Scheme, k: int, seed: int) -> Iterator[tuple[float, str]]
 def _steps(
     scheme: Scheme, problem: Problem, j: int, k: int, shares: Array
 ) -> Iterator[tuple[Problem, float, float]]:
-    """Yield the problem (H divided if steps are too long), h and A_h, for the h at `shares` of the range of noise j."""
+    """Yield for noise j the problem (H divided if a step is too long), h and A_h, at `shares` of the range of log h."""
     time, slope = units_for(scheme, problem).time, rates_at(problem, np.array(problem.initial))[1]
 
     def clip(h: float) -> float:
@@ -153,7 +153,7 @@ def _steps(
 def _weakest(
     scheme: Scheme, problem: Problem, h: float, A: float, j: int, between: int
 ) -> tuple[float, float]:
-    """Return ½ max/min of |∂y1/∂ΔW_j| over parts of [−A, A]√h, and the place of the minimum in units of √h."""
+    """Return ½ max/min of |∂y1/∂ΔW_j| over the PARTS of [−A, A]√h, `between` among them, and the minimum's place/√h."""
     edges = {-PARTS, 1 - PARTS, -1, 0, 1, PARTS - 1, PARTS, between, between + 1}
     number = np.array(sorted(edges))
     xi = A * number / PARTS
@@ -176,7 +176,7 @@ def _weakest(
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
-    """Run the law again with the seed of a witness, so that it draws the same steps."""
+    """Run the law again with the seed of a witness (a stored counterexample), so that it draws the same steps."""
     return run(law, scheme, Run(Effort(seed=int(witness.get("seed", 0)))))
 
 

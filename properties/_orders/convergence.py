@@ -159,7 +159,7 @@ def errors_of(
 
 
 def clipped(scheme: Scheme, raw: Array, h: float, noises: int, unit: float) -> Array:
-    """Return increments (N, m + k, M) as the scheme gets them: its k truncates the first m, with h in units of time."""
+    """Return the rows (N, m + k, M) that the scheme gets: m = `noises` truncated increments, k other rows unchanged."""
     used = seen(raw[:, :noises], h, scheme.truncation, scheme.increments, unit)
     return np.concatenate([used, raw[:, noises:]], axis=1)
 
@@ -167,7 +167,7 @@ def clipped(scheme: Scheme, raw: Array, h: float, noises: int, unit: float) -> A
 def failed_path(
     scheme: Scheme, problem: Problem, result: Ensemble, h: float, used: Array, paths: range
 ) -> str:
-    """Describe the failed step of the first failed path, with increments `used` (N, m + k, M), or return ""."""
+    """Describe the failed step of the first failed path, or return "". `used` (N, m + k, M) is what the scheme got."""
     k = int(np.argmax(result.status != Status.CONVERGED))
     if result.status[k] == Status.CONVERGED:
         return ""
@@ -223,7 +223,7 @@ def slope(errors: StrongErrors, alpha: float) -> Estimate:
 
 
 def log_decay(errors: StrongErrors, alpha: float) -> Estimate:
-    """Estimate ln(rms error at the finest step / at the coarsest): 0 if the limit is not the exact solution."""
+    """Estimate ln(rms error at the finest step / at the coarsest), which is about 0 if the scheme's limit is wrong."""
     ends = errors.squared[[0, -1]]
     return jackknife(ends, lambda mean: float(0.5 * np.log(mean[1] / mean[0])), alpha)
 
@@ -257,12 +257,12 @@ def mean_square_order(
     """Estimate the mean-square order (value, low, high) by the slope of the rms error, checked by that of a quantile.
 
     If errors have heavy tails, most samples underestimate the rms error and its interval. So `high` is the larger upper
-    end of both slopes' intervals. By chance the quantile's interval is below an order that holds with a probability of
-    at most alpha/2, whatever the tails. `low` is the larger of two bounds: the lower end for the
-    rms error, but at most the quantile's upper end; the quantile's lower end, but at most the sampled rms slope.
+    end of both slopes' intervals. If an order holds, the quantile's interval lies below it by chance with a probability
+    of at most alpha/2, whatever the tails. `low` is the larger of two numbers. One is the rms interval's lower end, or
+    the quantile interval's upper end if less. The other is the quantile interval's lower end, or the rms slope if less.
 
-    Intervals are those of `more` times the paths. `weighted` samples (`sepv.properties._orders.tilting`) have light
-    tails, and no quantile is used.
+    Intervals are as if there were `more` times the paths. Samples that are `weighted`
+    (`sepv.properties._orders.tilting`) have light tails, and for these no quantile is used.
     """
     rms = slope(errors, alpha if weighted else alpha / 2)
     half = rms.half / np.sqrt(more)

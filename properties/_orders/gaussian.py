@@ -1,13 +1,13 @@
 """Expectations over Wiener increments as finite sums: rules for ξ ~ N(0, I_m) and truncated ζ = clip(ξ, ±A_h).
 
-In one variable the axis is cut at A_h(1), A_h(2), …, A_h(k) of Remark 2.1, and each panel has the Gauss rule of the
-normal weight, because a scheme that clips at one of these points is smooth on each panel. Beyond A_h(k), where the
-scheme gets A_h and the exact solution ξ, the tail has another rule. Two variables have products of such rules, three to
-five products of small Gauss-Hermite rules, and six or more the degree-3 formula with the points ±√m e_j. All weights
-are positive, so that errors of different nodes cannot cancel in a mean square.
+In one variable the axis is cut at A_h(1), A_h(2), …, A_h(k), with A_h(i) the bound of Remark 2.1 for i in place of k.
+Each panel has the Gauss rule of the normal weight, because a scheme that clips at one of these points is smooth there.
+Beyond A_h(k), where the scheme gets A_h and the exact solution ξ, the tail has another rule. Two variables have
+products of such rules, three to five products of small Gauss-Hermite rules, and six or more the degree-3 formula with
+the points ±√m e_j. All weights are positive, so that errors of different nodes cannot cancel in a mean square.
 
-`rule_for` adds the further arguments of a step: areas, space-time areas or halves. Nodes and the rows of these
-arguments are in units of √h (A = √h · row, H = √h · row), as `sepv.properties._orders.local_errors` scales them.
+`rule_for` adds what else a scheme may take: Lévy areas A, space-time areas H, or increments of half steps. Nodes and
+the rows of these arguments are in units of √h (A = √h · row, H = √h · row).
 """
 
 from __future__ import annotations
@@ -52,11 +52,11 @@ class Rule:
 def rule(
     noises: int, h: float, truncation: int | None, degree: int, panels: bool = True, fewer: int = 0
 ) -> Rule:
-    """Return the rule for m noises and a step h of a scheme with truncation k; panels give it this degree.
+    """Return the rule for a step h with m = `noises` increments of a scheme that truncates with k = `truncation`.
 
-    Without `panels` one or two variables have products of small rules too, which ignore the points at which a scheme
-    clips. `fewer` reduces the number of nodes, or reflects them if m ≥ 6. If the scheme does not truncate, the panels
-    are those of k = 2, and the scheme gets the nodes of the tails.
+    With `panels` and m ≤ 2 it has panels and the given `degree`, else products of small rules, which ignore the points
+    at which a scheme clips. `fewer` nodes in each variable, or for m ≥ 6 reflected ones, give a second rule. If the
+    scheme does not truncate, the panels are those of k = 2, and the scheme gets the nodes of the tails unclipped.
     """
     if noises == 0:
         return Rule(np.zeros((0, 1)), np.ones(1), np.zeros((0, 1)), np.zeros(1, dtype=np.intp), degree)
@@ -89,7 +89,7 @@ def _clip(x: Array, h: float, truncation: int | None) -> Array:
 
 
 def _product(x: Array, w: Array, seen: Array, m: int, degree: int) -> Rule:
-    """Return the product of m equal rules in one variable, in which equal ζ are one node for the scheme."""
+    """Return the product of m equal rules; nodes with the same truncated ζ (`seen`) are one node for the scheme."""
     different, number = np.unique(seen, return_inverse=True)
     grids = np.array(list(product(range(x.size), repeat=m))).T
     weights = np.prod(w[grids], axis=0)
@@ -145,10 +145,10 @@ def _normal_rule(a: float, b: float, n: int) -> tuple[Array, Array]:
 def rule_for(
     scheme: Scheme, problem: Problem, h: float, degree: int, fewer: int = 0, unit: float = 1.0
 ) -> Rule:
-    """Return the rule for a step h of this scheme, with areas if it takes them or several Hamiltonians need them.
+    """Return the rule for a step h, with Lévy areas if the scheme takes them or several Hamiltonians need them.
 
-    For several Hamiltonians a rule of `fewer` nodes in each variable gives an estimate of the rule's error. `unit` is
-    the unit of time of h in the truncation bound A_h.
+    A second rule, with `fewer` nodes less in each variable, shows the error of the rule for several Hamiltonians.
+    `unit` is the unit of time of h in the truncation bound A_h.
     """
     several = isinstance(problem, HamiltoniansProblem)
     needed = scheme.asks == "areas" or (several and column(problem) == "general")
@@ -184,7 +184,7 @@ def _rule(
 
 
 def _of_halves(m: int, h: float, degree: int, fewer: int) -> Rule:
-    """Return a rule of untruncated increments of a step and of its first half, without areas for the exact solution."""
+    """Return a rule for schemes that take the untruncated increments of a step and of its first half, without areas."""
     two = rule(2 * m, h, None, degree, False, fewer)
     xi = (two.xi[:m] + two.xi[m:]) / np.sqrt(2)
     zeta = np.concatenate([(two.zeta[:m] + two.zeta[m:]) / np.sqrt(2), two.zeta[:m] / np.sqrt(2)])

@@ -7,7 +7,8 @@ closed (V.1 and XI). Both apply to the orbits here: B is constant, ρ reverses t
 
 Orbits with two degrees of freedom are two such systems in new variables, q = S⁻¹Q and p = SᵀP, with a full mass matrix
 and a potential that couples them. All Runge-Kutta methods and compositions of kicks and drifts commute with linear maps
-of q. So they decouple on these systems, and no resonance (XIII) can occur. Their frequencies have the golden ratio.
+of q. So both systems stay uncoupled in (Q, P), and no resonance (XIII) can occur. Their frequencies have the golden
+ratio.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ _NAMES = ("", "one well", "two coupled wells")
 
 @dataclass(frozen=True, eq=False)
 class Orbits:
-    """States (d, M) on orbits of a problem, the longest period, and the number of largest steps in this period."""
+    """States (d, M) on orbits of a problem, the longest period, and the number of steps of the largest size in it."""
 
     name: str
     problem: Problem
@@ -134,7 +135,7 @@ def coupled(wells: Sequence[Well], S: Sequence[Sequence[int]], sign: float, step
 
 
 def _moved(well: Well, phases: Indices) -> tuple[float, Array, Array]:
-    """Return the period of a well, and Q and P at these phases, scaled from ω = μ = 1 by t = s/ω, P = (ω/μ)dQ/ds."""
+    """Return a well's period, and Q, P at `phases` of its orbit, from that with ω = μ = 1: t = s/ω, P = (ω/μ)dQ/ds."""
     period, q, p = _orbit(well.a, well.b, well.size)
     return period / well.frequency, q[phases], well.frequency / well.inverse_mass * p[phases]
 

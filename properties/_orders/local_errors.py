@@ -251,7 +251,7 @@ def one_step(scheme: Scheme, problem: Problem, states: Array, h: float, nodes: R
 def solutions_at(
     problem: Problem, states: Array, rules: list[tuple[float, Rule]], degree: int = FULL_DEGREE
 ) -> tuple[list[Array], float]:
-    """Return exact solutions (d, S, n), or moments up to `degree` if no more is known, at each step size; their error."""
+    """Return exact solutions at each step size, or moments up to `degree` if no more is known; also their error."""
     if moments_only(problem):
         return moments_at(problem, states, [h for h, _ in rules], degree)
     return ends_at(problem, states, rules)
@@ -306,7 +306,7 @@ def against_moments(
 
 
 def _norms(moved: Array, exact: Array, weights: Array, weak: float) -> tuple[float, float, float]:
-    """Return |E e|, (E|e|²)^½ and |E g(moved) − E g(exact)|, e = moved − exact: the largest for any state, polynomial g."""
+    """Return the largest |E e|, (E|e|²)^½, |E g(moved) − E g(exact)| of states and polynomials g; e = moved − exact."""
     error = moved - exact
     mean = np.sqrt(np.max(np.sum((error @ weights) ** 2, axis=0)))
     rms = np.sqrt(np.max(np.sum(error**2, axis=0) @ weights))
@@ -317,7 +317,7 @@ def _norms(moved: Array, exact: Array, weights: Array, weak: float) -> tuple[flo
 def apart(
     moved: Array, weights: Array, exact: Array, rule_weights: Array, weak: float
 ) -> tuple[float, float, float]:
-    """Return errors (mean, rms = NaN, weak), taking expectations of `moved` and of `exact` with weights of their own."""
+    """Return errors (mean, rms = NaN, weak), taking expectations of `moved` and `exact` with weights of their own."""
     mean = np.sqrt(np.max(np.sum((moved @ weights - exact @ rule_weights) ** 2, axis=0)))
     tests = polynomials(moved.shape[0], weak)
     found = max(np.max(np.abs(g(moved) @ weights - g(exact) @ rule_weights)) for g in tests)

@@ -59,7 +59,7 @@ def _means(scheme: Scheme, problem: Problem, h: float) -> tuple[Array, Array, Ar
 
 
 def _monomials(z: Array) -> Array:
-    """Evaluate the monomials of degree one and two in the components of z (d, S, n), (A, S, n)."""
+    """Return the A monomials (A, S, n) of degree one and two in the components of z (d, S, n)."""
     pairs = combinations_with_replacement(range(len(z)), 2)
     return np.concatenate([z, np.stack([z[i] * z[j] for i, j in pairs])])
 

@@ -51,8 +51,8 @@ def moments_at(
 ) -> tuple[list[Array], float]:
     """Return E (φ − y0)^α (A, S) at each step size for A monomials, and the largest error of the flows used.
 
-    For functions, only step sizes after the last with an infinite flow are used, and with more noises than POINTS has
-    the result is NaN. For several structures that are not linear or not data, `Skipped` is raised.
+    For H made of functions, step sizes are left out down to the last one with an infinite flow, and moments are NaN for
+    a number of noises that POINTS lacks. `Skipped` is raised for several structures that are not linear or not data.
     """
     data = problem.data
     if isinstance(data, PolynomialSystem):
@@ -100,13 +100,13 @@ def _by_splitting(problem: Problem, states: Array, h: float, degree: int) -> tup
 
 
 def moments_of(moved: Array, weights: Array, asked: tuple[tuple[int, ...], ...]) -> Array:
-    """Return the moments E z^α (A, S) of z (d, S, n) for the exponents `asked`."""
+    """Return the moments E z^α (A, S) of z = `moved` (d, S, n) for the exponents α in `asked`."""
     powers = ([moved[i] ** a for i, a in enumerate(alpha)] for alpha in asked)
     return np.array([np.prod(factors, axis=0) @ weights for factors in powers])
 
 
 def _split(problem: Problem, y: Array, h: float) -> tuple[Array, Array, float]:
-    """Make one splitting step from y (d, S, n). Return its ends (d, S, n·2u), weights (2u,), and the flows' error."""
+    """Make a splitting step from y (d, S, n), u nodes each. Return ends (d, S, n·2u), weights (2u,), flows' error."""
     m, (d, S, n) = problem.noises, y.shape
     x, w = np.polynomial.hermite_e.hermegauss(POINTS[m])
     grid = np.array(list(product(range(x.size), repeat=m)), dtype=np.intp).reshape(-1, m).T

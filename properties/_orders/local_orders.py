@@ -94,17 +94,17 @@ def _over(x: Array, y: Array) -> Slope:
 
 
 def unclaimed(column: str) -> float:
-    """Return the mean-square order for schemes without a claim: the highest with increments alone for this noise."""
+    """Return the order asked without a claim: the highest by increments alone for the kind of noise `column`."""
     return 0.5 if column == "general" else 1.0
 
 
 def strong_order(scheme: Scheme, column: str) -> float:
-    """Return the mean-square order that a scheme is compared with for this kind of noise: its claim, or `unclaimed`."""
+    """Return the mean-square order asked of a scheme for the kind of noise `column`: its claim, else of `unclaimed`."""
     return order_of(scheme.mean_square_order, column, unclaimed(column))
 
 
 def mean_slope(local: LocalErrors, order: float) -> float:
-    """Return the least slope of a mean or weak error for an order p: p + 1, if the rule shows it, less a margin."""
+    """Return the least slope of mean or weak errors of order p: p + 1, or the quadrature's if lower, less a margin."""
     power = min(order + 1, local.exact_order)
     return power - (MARGIN if power <= SHARP else 2 * MARGIN)
 
@@ -139,8 +139,8 @@ def judge(
     """Return the law's finding from the worst slope over the problems, each with at least `enough` step sizes.
 
     `errors` selects the law's errors, and `claimed` the order with which they are compared. `needs` gives the slope
-    that an order needs, half-way to the next lower order, which is lower by `spacing`. `measure` computes the errors,
-    and for a violation `example` describes one step of a given size.
+    that an order needs, half-way to the slope of the next lower order. Orders are `spacing` apart. `measure` computes
+    the errors, and for a violation `example` describes one step of a given size.
     """
     if scheme.eps > EPS:
         text = "one step shows its order where its error is below the roundings of single precision"

@@ -93,7 +93,7 @@ class Stopped(Exception):
 
 @dataclass(frozen=True)
 class Judged:
-    """The judgement of the energy's trend or power of h: a verdict, `share` (a size by its limit), and a description."""
+    """The judgement of the energy's trend or power of h: a verdict, `share` (a size by its limit), and a text."""
 
     verdict: Verdict
     share: float = 0.0

@@ -14,9 +14,9 @@ an interval refutes an order only if it is narrow and contains a whole number.
 The same formulas are used with r = 2 and r = 4. These need step sizes farther apart, but rounding moves their slopes
 less; the narrowest of the three intervals counts. If a coefficient is wrong in a late digit, its error has a lower
 power of h, which leads only at small errors. So errors at finer steps than those that confirm an order are compared
-with a sum of two powers (`_slower`). The finest step sizes that are still certain decide, in units of time in which the
-slope of the field is 2 (`sepv.verification._units`). A slope below ½ is no order, because y1 = y0 for h = 0. It comes
-from a tolerance that was not stated, and finer steps are left out.
+with a sum of two powers (`_slower`). The finest step sizes with a narrow interval decide. The unit of h is that in
+which the slope of the field is 2 (`sepv.verification._units`). A slope below ½ is no order, because y1 = y0 for h = 0.
+It comes from a tolerance that was not stated, and finer steps are left out.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ MOVES = 2.0**-10
 
 @dataclass(frozen=True)
 class Order:
-    """The power p + 1 of h in the errors from one state, as value ± half, with a verdict and a description.
+    """The power p + 1 of h in the errors from one state (in `value` ± `half`), with a verdict and a description.
 
     If errors are rounding or show no power, `value` is NaN. If `value` is a lower bound, `half` is NaN.
     """
@@ -133,8 +133,9 @@ def _slower(
     """Return a violation if errors change from a confirmed power of h to a lower power q at finer steps, else None.
 
     The error is then |A h^q + C h^(p+1)| with vectors A and C, so that e²/h^(2q) is a polynomial of degree two in
-    h^(p+1−q), where C may vary with h. All errors from the confirming window on that are far above rounding must fit
-    this, and A must cause most of the two finest errors. Errors by a tolerance scatter, or fall more slowly than h².
+    h^(p+1−q), where C may vary with h. This must fit all errors far above rounding at the step sizes that confirmed the
+    power (to `last`) and at finer ones, and A must cause most of the two finest errors. Errors by a solver's tolerance
+    do not fit: they scatter, or fall more slowly than h².
     """
     power, fine = round(found.value), slice(max(last - WINDOW + 1, 0), used)
     certain = e[fine] > rounding / (5 * FIT)
@@ -153,7 +154,7 @@ def _slower(
 
 
 def _falls(h: Array, e: Array, used: int, least: float, rounding: float) -> Order | None:
-    """Bound the power of h from below, by some error and the first that is rounding; None if it is below `least`."""
+    """Bound the power of h from below, by the fall from an error to the first that is rounding; None if < `least`."""
     if not 0 < used < e.size:
         return None
     bounds = np.where(e[:used] < SMALL, np.log(e[:used] / rounding) / np.log(h[:used] / h[used]), 0.0)
@@ -241,7 +242,7 @@ def orders(scheme: Scheme, found: StepErrors, least: float) -> list[Order]:
 
 
 def quiet_problems(scheme: Scheme) -> tuple[Problem, ...]:
-    """Return the scheme's problems without noise: its own, with members of their families, or those of its class.
+    """Return problems without noise: the scheme's own and random members of its families, else those of its class.
 
     If there are no such problems, raise Skipped.
     """
@@ -258,7 +259,7 @@ def quiet_problems(scheme: Scheme) -> tuple[Problem, ...]:
 
 @lru_cache(maxsize=16)
 def _members(family: str) -> tuple[Problem, ...]:
-    """Make MEMBERS random systems of a family, from states of size 1, with a full mass matrix if it has masses."""
+    """Make MEMBERS random systems of a family of problems, from states of size 1; a mass matrix, if any, is full."""
     space = items(family)[0].space
     assert space is not None
     where = {"mass": ("full",), "degree of H": ("3–4",), "|y|": ("1",), "given as": ("data",), "h": ("> 0",)}
