@@ -4,7 +4,7 @@ With the damping −γy dt, an invariant F that is homogeneous of degree p has F
 h. A scheme computes y1 = ρ(ρy0 + z) with ρ = e^{−γh/2} and the increment z of an undamped step from ρy0, which keeps F.
 
 **Bound.** The residual r of the undamped step changes F by at most |∇F|ᵀr. The rounding of both products by ρ is added
-to r: if |γh| ≤ 1, ρ has a relative error of 1.5 eps and each product is rounded once, which is 4 eps |y|_∞ together.
+to r. It is at most 4 eps |y|_∞ if |γh| ≤ 1, because ρ has a relative error of 1.5 eps and each product is rounded once.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def factor(exact: Any, problem: Problem, h: float, degree: int) -> Any:
 
 
 def residual(scheme: Scheme, problem: Problem, y: Array, y1: Array, h: float, dW: Array) -> Array:
-    """Bound the residual and the rounding of the damping in each component, (d,). Raise Skipped if |γh| > LONGEST."""
+    """Bound (d,) the step's residual plus the rounding of the factors e^{−γh/2}. Raise Skipped if |γh| > LONGEST."""
     if abs(damping_of(problem) * h) > LONGEST:
         raise Skipped(f"the law speaks of |γh| ≤ {LONGEST:g}")
     rounding = 4 * EPS * max(float(np.max(np.abs(v))) for v in (y, y1))

@@ -97,7 +97,7 @@ def _steps(scheme: Scheme, problem: Problem, states: Array, h: float, dW: Array)
 
 
 def _disc(problem: Problem, y: Array, h: float, dW: Array) -> float:
-    """Return the radius ρ of a disc for Cauchy's estimate of derivatives of the step, or 0 if none is derived."""
+    """Return the radius ρ of a disc for Cauchy's estimate of a step's derivatives; 0 for functions or long steps."""
     if not (isinstance(problem.gradient, PolynomialMap) and isinstance(problem.structure, PolynomialMap)):
         return 0.0
     radius, ball = contraction_ball(problem, y)

@@ -65,7 +65,7 @@ def short(case: Case) -> Case:
 
 
 def measured(scheme: Scheme, problem: Problem, y: Array, h: float, F: Quantity) -> Measurement:
-    """Measure |E[F(y1)] − F(y0) − hσ| for h > 0, with the bound derived in the module's docstring."""
+    """Measure |E[F(y1)] − F(y0) − hσ| for h > 0, σ the constant `F.rate`; the module's docstring derives the bound."""
     mean, allowed = mean_after(scheme, problem, y, h, F)
     coarser, _ = mean_after(scheme, problem, y, h, F, fewer=1)
     start, size, change = float(F.value(y)), float(F.size(y)), h * F.rate
@@ -81,7 +81,7 @@ def measured(scheme: Scheme, problem: Problem, y: Array, h: float, F: Quantity) 
 def mean_after(
     scheme: Scheme, problem: Problem, y: Array, h: float, F: Quantity, fewer: int = 0
 ) -> tuple[float, float]:
-    """Return E[F(y1)] by quadrature with `fewer` nodes fewer, and a bound of its error by residuals and rounding."""
+    """Return E[F(y1)] by quadrature, `fewer` nodes less a variable, and its error bound by residuals and rounding."""
     nodes = rule_for(scheme, problem, h, 4, fewer)
     noise = np.sqrt(h) * nodes.zeta
     states = np.repeat(y[:, None], noise.shape[1], axis=1)

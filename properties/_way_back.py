@@ -2,8 +2,9 @@
 
 Write the equation (2.1) of the scheme as y1 = y0 + Δ R(y0, y1) with the random step Δ = h + Σ c_jΔW_j. If the two steps
 have residuals r1 and r2, the state y0′ after both satisfies (I + Δ ∂R/∂y0)(y0′ − y0) = −(r1 + r2). The inverse of this
-matrix is the condition of the step from y1 with −h and −ΔW. Other symmetric schemes have other functions R. They differ
-from R by O(Δ²), and inside the contraction radius the factor of 4 in the bounds of r1 and r2 covers this difference.
+matrix is the condition of the step from y1 with −h and −ΔW. Other symmetric schemes have other functions R. These
+differ from the R of (2.1) by O(Δ²). The bounds of r1 and r2 contain a factor of 4, which covers this difference inside
+the contraction radius.
 """
 
 from __future__ import annotations

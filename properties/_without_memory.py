@@ -1,6 +1,6 @@
 """Checks that a step has no memory: it returns the same state for the same arguments, however often, in any order.
 
-The law *contract* has these checks because they need more than one call. Each raises SchemeFault with both answers.
+The law *contract* makes these checks, which need several calls. A failed check raises SchemeFault with both results.
 """
 
 from __future__ import annotations
@@ -30,12 +30,7 @@ MOST_SECONDS = 30.0
 
 
 def repeats(scheme: Scheme, case: Case) -> None:
-    """Repeat the step of a case `case.times` times, and compare the bits of the results.
-
-    Raises
-    ------
-    SchemeFault
-    """
+    """Repeat the step of a case `case.times` times, and raise SchemeFault if the results differ in any bit."""
     problem, y, h, dW = case.build()
     if scheme.batched:
         y, dW = (np.repeat(a[:, None], LANES, axis=1) for a in (y, dW))
@@ -59,9 +54,7 @@ def repeats(scheme: Scheme, case: Case) -> None:
 def refuses_again(scheme: Scheme, case: Case) -> None:
     """Try a step without a solution twice, with a short step from the same y before, in between and at the end.
 
-    Raises
-    ------
-    SchemeFault
+    Raise SchemeFault if the two tries or the three short steps have different results.
     """
     problem, y, h, dW = case.build()
 

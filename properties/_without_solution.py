@@ -131,7 +131,7 @@ def _quadratic(p: Polynomial, k: int) -> tuple[Fraction, Fraction, Fraction] | N
 
 
 def _step(case: Case, data: PolynomialSystem, j: int, k: int) -> Fraction | None:
-    """Return h + Σ g_l c_l ΔW_l if row k of each structure G_l is g_l times row k of B (if G_l = B, g_l = 1)."""
+    """Return h + Σ g_l c_l ΔW_l if row k of each structure G_l is g_l times that of B (g_l = 1 if G_l = B), or None."""
     shares = [Fraction(1)] * len(data.noise)
     own = _row(data.structure, k)
     for n, G in enumerate(data.noise_structures):

@@ -27,7 +27,7 @@ SYSTEMS = 12
 
 
 def slopes(case: Case, problem: Problem, *states: np.ndarray) -> Iterator[np.ndarray]:
-    """Yield a majorant (d,) of each ∇C over the states: by |coefficients| of polynomials, else |∇C| + |C″||y|."""
+    """Yield a bound (d,) of the terms of each ∇C over the states: Σ|terms| for polynomials, else |∇C| + |C″||y|."""
     for C in case.problem.polynomial_casimirs if isinstance(case.problem, PolynomialSystem) else ():
         gradient = PolynomialMap((C.dimension,), poly.gradient(C))
         yield np.max([gradient.majorant(y) for y in states], axis=0)

@@ -26,7 +26,7 @@ def with_casimirs(case: Case) -> Case | None:
 
 
 def quantity(problem: Problem, A: Array, y: Array, h: float) -> Quantity:
-    """Return C with its rate σ. States inside a step may be farther out than y0 and y1, by the additive noise."""
+    """Return C with its rate σ. Its error bound allows for states inside a step, farther out than y1 by the noise."""
     form, rate = "bᵀy", 0.0
     if A.ndim == 2:
         vectors = noise_vectors(problem)
@@ -48,7 +48,7 @@ def _size(A: Array, y: Array) -> Array:
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Measure the largest defect of C; the bound of `sepv.properties._trace_formula` uses |∇C| ≤ |A|(|y0| + |y1|)."""
+    """Measure the largest |E[C(y1)] − C(y0) − hσ| of all Casimirs C, with a bound by |∇C| ≤ |A|(|y0| + |y1|)."""
     problem, y, h, _ = case.build()
     casimirs = (*problem.casimirs, *problem.linear_casimirs)
     measurements = (measured(scheme, problem, y, h, quantity(problem, A, y, h)) for A in casimirs)

@@ -92,11 +92,9 @@ def _as_seen(scheme: Scheme, case: Case) -> tuple[Problem, Array, float, Array]:
 def _keeps(
     scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, between: Sequence[float]
 ) -> Array:
-    """Repeat a step, with steps from multiples `between` of y in between; compare bits, arguments, global state.
+    """Return the result of a step, after repeating it with steps from the multiples `between` of y in between.
 
-    Raises
-    ------
-    SchemeFault
+    Raise SchemeFault if a bit of the result, an argument or the process's global state changes.
     """
     copied, noise, before = y.copy(), dW.copy(), _surroundings()
     handling: dict[str, str] = {}
@@ -141,12 +139,13 @@ def _keeps(
 def _takes_any_layout(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, first: Array) -> None:
     """Repeat a step with the same numbers as strided views, in Fortran's order, and in read-only arrays.
 
-    Sums may be made in another order with these arrays, so answers need to agree only to the share APART. A step that
-    takes none of the arrays, such as a compiled step, is not judged. An attempt to write into an argument is a fault.
+    Sums may be made in another order with these arrays, so results may differ by APART times their size. A step that
+    takes none of the arrays, such as a compiled step, is not judged.
 
     Raises
     ------
     SchemeFault
+        If results differ by more, or the step attempts to write into an argument.
     """
     for order in (_spread, np.asfortranarray):
         state, noise = order(y).view(), order(dW).view()
@@ -255,9 +254,9 @@ def _step_seconds(scheme: Scheme, case: Case) -> float | None:
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
-    """Search for a fault. If there is none, repeat all cases backwards, unsolvable steps, and one step TIMES times.
+    """Search for a fault. If none is found, repeat all cases in reverse order, steps without solution, and one step.
 
-    If a stored witness already repeats a step, the simplest step is not repeated again.
+    This is the step of the simplest case, made TIMES times, unless a stored counterexample already repeats its step.
     """
     measured: list[tuple[Case, Array | None]] = []
 
@@ -288,7 +287,7 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
 
 
 def _refused(scheme: Scheme, seed: int) -> list[Case]:
-    """Make steps of (2.1) without a solution, if the scheme is for all systems of a class with such steps."""
+    """Make steps of (2.1) that have no solution, or [] for a scheme of given problems or of a class without any."""
     if scheme.systems not in MADE or scheme.problems:
         return []
     cases = (made(Random(f"{seed} {n}"), scheme.systems) for n in range(REFUSED))

@@ -52,7 +52,7 @@ def _along(p: Polynomial, g: Sequence[float]) -> Polynomial:
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Measure |E[H_0(y1)] − H_0(y0) − hσ|, with the bound of `sepv.properties._trace_formula`."""
+    """Measure |E[H_0(y1)] − H_0(y0) − hσ| with the rate σ of `drift_of_energy`, by `sepv.properties._trace_formula`."""
     problem, y, h, _ = case.build()
     if (
         not isinstance(case.problem, PolynomialSystem)

@@ -43,8 +43,8 @@ _LENGTHS, _SHARES = st.sampled_from([2.0, 1.0, 0.5, 0.125]), st.sampled_from([0.
 def lotka_volterra_steps(draw: st.DrawFn) -> Case:
     """Draw states with components from 2⁻¹⁰ to 6, and steps up to twice as long as an Euler step that reaches zero.
 
-    Methods that keep the octant use exponentials. If a step of the splitting method ends outside of [2⁻⁶⁴, 2⁶⁴], the
-    case is dropped, because another correct method might overflow or underflow.
+    Methods that keep components positive use exponentials. If a step of the splitting method ends outside of
+    [2⁻⁶⁴, 2⁶⁴], the case is dropped, because another correct method might overflow or underflow.
     """
     data = draw(_SYSTEMS)
     y = tuple(size * 2.0**power for size, power in draw(_STATES))
@@ -68,7 +68,8 @@ def lotka_volterra_steps(draw: st.DrawFn) -> Case:
 def species_steps(draw: st.DrawFn) -> Case:
     """Draw steps of Lotka-Volterra systems with any parameters and noises on the species; all components are positive.
 
-    Each field moves a logarithm by up to 4. If a splitting step ends outside of [2⁻⁶⁴, 2⁶⁴], the case is dropped.
+    The drift and each noise move log y_i by up to 4. If a splitting step ends outside of [2⁻⁶⁴, 2⁶⁴], the case is
+    dropped.
     """
     c = draw(_NOISES)
     beta = tuple(draw(coefficients()) for _ in range(3))

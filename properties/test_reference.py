@@ -177,7 +177,8 @@ def _statistics(scheme: Scheme, seen: list[tuple[Case, Measurement]]) -> str:
 def critical_step(random: Random) -> Case:
     """A step from a critical point of H_0 at which some B∇H_j is not zero: a scheme must refuse it.
 
-    Either one plane is at rest and a noise turns another plane, or H_0 = ½I² − I_0 I has a circle of critical points.
+    Either y is 0 in one plane of variables and a noise turns another plane, or H_0 = ½I² − I_0 I with I = ½|y|² has a
+    circle of critical points, I = I_0.
     """
     a, b = random.choice([(1.0, 0.0), (0.5, 0.5), (1.0, -2.0), (-0.25, 0.5)])
     y: tuple[float, ...]

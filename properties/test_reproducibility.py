@@ -14,10 +14,10 @@ PARTS = (2, 7, 24)
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Compare a result from the middle of a batch with that of a step alone, and all results with those in parts.
+    """Compare the middle state's step in a batch with its step alone, and all steps with those in smaller batches.
 
-    Each state is stepped in the whole batch and in a part of it, in which vector registers and blocks end at other
-    states: the first or last state of a part is an inner state of the whole.
+    The batch is cut in parts, and each part is stepped too. Vector registers and blocks then end at other states: the
+    first or last state of a part is an inner state of the whole batch.
     """
     problem, y, h, dW = case.build()
     alone = ask(scheme, problem, y, h, dW)

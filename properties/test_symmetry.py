@@ -25,7 +25,7 @@ def _back(scheme: Scheme, problem: Problem, y1: Array, h: float, dW: Array) -> A
     Raises
     ------
     Skipped
-        If the scheme refuses h < 0: it fails with this step and with 2⁻¹⁷ of its h without noise.
+        If the scheme refuses h < 0, that is, fails with this step and with a step −2⁻¹⁷h without noise.
     """
     try:
         return ask(scheme, problem, y1, -h, -dW)

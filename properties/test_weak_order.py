@@ -1,6 +1,6 @@
-"""Weak order q: the errors E g(y_N) − E g(y(T)) are O(h^q), for g = y_i and g = y_i y_j, with the noise of exact paths.
+"""Weak order q: E g(y_N) − E g(y(T)) = O(h^q) for g = y_i and y_i y_j, over paths in which both have the same noise.
 
-The mean errors of all g are called means here. Any of the first three statements shows that the order q holds:
+These errors for all g are called means here. Each of the first three statements shows the order q if the last is false:
 
 - The rms error has mean-square order q, because |E g(y_N) − E g(y(T))| ≤ L (E|e|²)^½. This suffices for most schemes.
 - The means fall faster than h^(q − ½) from the coarsest step to the finest, by a lower bound of the largest mean at the
@@ -12,7 +12,7 @@ The mean errors of all g are called means here. Any of the first three statement
 
 The law is violated if the last statement is true and the means fall too slowly. The coefficient is needed because a
 mean may vanish at the coarsest step by chance, and the fall because a small coefficient does not show at these steps.
-If the means are within the noise, the verdict is `inconclusive`, with the number of paths needed.
+If the means are below their statistical error, the verdict is `inconclusive`, with the number of paths needed.
 
 For increments with few values nothing is sampled: `sepv.properties._orders.weak_trees` sums E g(y_N) over all paths.
 """
@@ -47,7 +47,7 @@ LEAST = 1 / 32
 
 
 def assessing(claimed: float | None, tilted: bool, hold: float = 0.0) -> Assess:
-    """Make the test of a weak order, with a third of alpha for each interval, or `hold` for that of the rms error."""
+    """Make the test of a weak order by three intervals of error probability alpha/3 (rms error: `hold` if larger)."""
 
     def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) -> Assessment:
         order = order_of(claimed, column(problem))
@@ -90,7 +90,7 @@ def _small(samples: Array, h: Array, lower: Coefficient, alpha: float, more: flo
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
-    """Compare the measured weak order with the claimed one (1 without a claim), by sampled paths or a sum over all."""
+    """Compare the weak order of sampled paths, or of a sum over all paths, with the claimed one (1 without a claim)."""
     order = order_of(scheme.weak_order, "general")
     if point_law(scheme.increments) is not None:
         return local_orders.judge(

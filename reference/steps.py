@@ -78,8 +78,8 @@ def step_condition(
 ) -> list[list[float]]:
     """The matrix |(I − ∂R/∂y1)⁻¹| at a step's solution, by which residuals r of y1 = y0 + R become errors of y1.
 
-    A problem made of Python functions has no reference solution. Its steps are drawn so that R is a contraction with
-    factor κ = `contraction` in the maximum norm, so no error of y1 is larger than Σ_i r_i/(1 − κ).
+    For a problem made of Python functions, which has no reference solution, all entries are 1/(1 − κ): steps are drawn
+    so that R is a contraction with factor κ = `contraction` in the maximum norm, so errors are at most Σ_i r_i/(1 − κ).
     """
     if isinstance(data, GivenProblem):
         return [[1 / (1 - contraction)] * len(y)] * len(y)

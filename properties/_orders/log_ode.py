@@ -27,7 +27,7 @@ def field(problem: Problem, y: Array, parts: Array, areas: Array, bridges: Array
     """Evaluate the log-ODE of one step at y (d, M), with `parts` (1 + m, M), h and the c_j ΔW_j, and `areas` (k, M).
 
     Space-time areas H (m, M), as `bridges`, add the brackets with the drift, Σ c_j A_0j [f_0, f_j] with A_0j = −hH_j.
-    If the noises commute, the integrals of the omitted terms are then of the order of h².
+    With them, and if the noises commute, the integrals of the omitted terms are of the order of h².
     """
     total = combined_field(problem, y, parts)
     for area, (i, j) in zip(areas, combinations(range(problem.noises), 2), strict=False):
@@ -75,8 +75,8 @@ def path(problem: Problem, y0: Array, h: float, dW: Array, areas: Array) -> Arra
     """Return the log-ODE's y(T) (d, M) after N steps of size h with increments (N, m, M) and areas (N, k, M).
 
     Each step makes a classical Runge-Kutta step for the increments, and then adds the brackets at its start. Because
-    E[A_ij ΔW_k] = 0, this splitting omits terms of O(h^{3/2}) with mean O(h²). It needs half of the time, with errors
-    larger by a twentieth.
+    E[A_ij ΔW_k] = 0, this splitting omits terms of O(h^{3/2}) with mean O(h²). It takes half as long as a step with the
+    brackets in the field, with errors larger by a twentieth.
     """
     y = np.repeat(y0[:, None], dW.shape[2], axis=1)
     none = np.zeros((0, dW.shape[2]))
