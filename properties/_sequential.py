@@ -2,8 +2,8 @@
 
 FALSE_ALARM bounds the nominal probability that a whole run of all laws accuses a correct scheme by chance. It is split
 evenly over the statistical laws, the problems and the looks, the numbers of paths after which a verdict is tried
-(Bonferroni). So the intervals of one look together miss with an equal part of FALSE_ALARM. They are asymptotic, so the
-bound is an extrapolation. `benchmarks.coverage` counts how often intervals miss at larger probabilities.
+(Bonferroni). So each look has an equal part of FALSE_ALARM, with which any of its intervals misses. The intervals are
+asymptotic, so the bound is an extrapolation. `benchmarks.coverage` counts how often they miss at larger probabilities.
 """
 
 from __future__ import annotations

@@ -16,8 +16,8 @@ over odd n ≤ s (the Legendre polynomials P_n(2τ − 1) have norms (2n + 1)^{�
 
     |z| ≥ |Δ| (|γ| + |q2| z² / K_s),    which no z satisfies if Δ² > K_s / (4 γ q2).
 
-With several structures, if row k of each is g_l times row k of B, h + Σ g_l c_l ΔW_l takes the place of Δ. For linear
-C, the method that averages ∇C too is (2.1).
+With several structures, if row k of each is g_l times row k of B, h + Σ g_l c_l ΔW_l takes the place of Δ. In Nambu
+systems with linear C, the method that averages ∇C too is (2.1).
 """
 
 from __future__ import annotations
@@ -149,7 +149,7 @@ def _value(p: Polynomial) -> Fraction:
 
 
 def made(random: Random, systems: Systems, stages: int = 1) -> Case:
-    """Make a step of a random system, beyond a fold Δ* by 2⁻⁶ to 8 times |Δ*|. One case in four also has a batch."""
+    """Make a step of a random system, 2⁻⁶ to 8 times |Δ*| beyond a fold Δ*. One case in four is also for batches."""
     while True:
         case = _drawn(random, systems, stages)
         if proof(case, stages) is not None:

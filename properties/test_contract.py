@@ -193,7 +193,7 @@ def _watched(scheme: Scheme, handling: dict[str, str]) -> Scheme:
 
 
 def _surroundings() -> dict[str, Any]:
-    """Return global state that a step must not change, without what imports change, because a step may import."""
+    """Return global state that a step must not change. It excludes what an import changes, which a step may make."""
     kind, keys, *rest = np.random.get_state(legacy=True)  # noqa: NPY002  (the global generator is the point)
     return {
         "NumPy's global random numbers": (kind, keys.tobytes(), *rest),  # type: ignore[union-attr]  # legacy tuple

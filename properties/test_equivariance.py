@@ -117,8 +117,8 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     Both equations are contractions with factor κ. So a residual r causes an error of at most r/(1 − κ) in the largest
     component, and |P|_∞ multiplies the error of y1.
     Py + b is rounded at most twice in each component, before the step and after it. A step multiplies the rounding
-    before it by at most ‖∂z1/∂z0‖ ≤ (1 + κ)/(1 − κ). If a scheme does not claim *random-step*, it may have an Itô
-    correction: its rounding is added, because H in the new variables has terms that cancel.
+    before it by at most ‖∂z1/∂z0‖ ≤ (1 + κ)/(1 − κ). A scheme that does not claim *random-step* may compute an Itô
+    correction. Its rounding is added to the bound, because H in the new variables has terms that cancel.
     """
     problem, y, h, dW = case.build()
     assert isinstance(case.problem, PolynomialSystem)

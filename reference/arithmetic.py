@@ -182,7 +182,7 @@ BINARY64 = Arithmetic(
 
 
 def sinc_slope(x: Number, cos: Number, sinc: Number) -> Number:
-    """The derivative sinc′(x) = (cos x − sinc x)/x, for |x| < 1e-3 by its series, to about 1e-10, for Jacobians."""
+    """The derivative sinc′(x) = (cos x − sinc x)/x; for |x| < 1e-3 its series, to 1e-10, enough for Jacobians."""
     return -x / 3 * (1 - x * x / 10) if abs(x) < 1e-3 else (cos - sinc) / x
 
 

@@ -1,4 +1,4 @@
-"""Ball arithmetic by python-flint's Arb: each computed ball contains the exact value. Needs the extra `certify`."""
+"""Ball arithmetic by python-flint's Arb: each computed ball contains the exact value. It needs the extra `certify`."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def real_balls(bits: int) -> Arithmetic:
 
 @lru_cache(maxsize=8)
 def complex_balls(bits: int) -> Arithmetic:
-    """The arithmetic of complex balls, to bound ∇H and B off the real axis; only functions in ∇H and B are defined."""
+    """The arithmetic of complex balls, to bound ∇H and B off the real axis, with only the functions that these need."""
     acb = require_flint().acb
     nodes = real_balls(bits).gauss
 

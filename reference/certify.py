@@ -99,7 +99,7 @@ def certify(
     UsageError
         If python-flint is not installed.
     NotCertified
-        If Krawczyk's operator does not map the box into itself, or the box does not contain its centre.
+        If Krawczyk's operator does not map the box into its interior, or the centre x̃ is outside of the box.
     """
     with precision(bits):
         problem = in_arithmetic(data, real_balls(bits))

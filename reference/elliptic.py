@@ -1,6 +1,6 @@
 """Closed forms of the exact flow: rotation, and Jacobi's elliptic functions, at any precision.
 
-They share only the problem's description with the Taylor series of `sepv.reference.flow`: no B or ∇H is evaluated.
+These formulas evaluate no B or ∇H, and share with the Taylor series of `sepv.reference.flow` only the problem.
 """
 
 from __future__ import annotations

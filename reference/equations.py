@@ -1,4 +1,4 @@
-"""The schemes as equations in their printed form, for numbers of any arithmetic.
+"""The schemes as equations, in the form in which papers print them, for numbers of any arithmetic.
 
 An implicit scheme is residual(x) = 0 in its unknown x, and y1 = result(x); an explicit scheme has no unknown.
 The equations are independent of the code of `sepv.schemes`, which this module does not import.
@@ -33,7 +33,7 @@ Residual = Callable[[ExactProblem, Vector, Step, Vector], Vector]
 
 @dataclass(frozen=True)
 class Equation:
-    """A one-step method as an equation.
+    """A one-step method as an equation residual(x) = 0 for its unknowns x, with the step's end y1 = result(x).
 
     Attributes
     ----------
@@ -101,13 +101,16 @@ def _midpoint(problem: ExactProblem, y0: Vector, step: Step, y1: Vector) -> Vect
 
 
 def coordinate_increments(problem: ExactProblem, y0: Vector, y1: Vector) -> Vector:
-    """The discrete gradient ∇̄₁H(y0, y1): entry i is the mean of ∂_iH as y_i moves, earlier components being at y1."""
+    """The discrete gradient ∇̄₁H(y0, y1): entry i averages ∂_iH as y_i moves, with earlier components already at y1."""
     corners = [[*y1[:i], *y0[i:]] for i in range(len(y0) + 1)]
     return [problem.mean_gradient(corners[i], corners[i + 1])[i] for i in range(len(y0))]
 
 
 def _discrete_gradient(problem: ExactProblem, y0: Vector, step: Step, y1: Vector) -> Vector:
-    """The increment y1 − y0 of §4's discrete gradient: (h B(y0) + S B((y0 + y1)/2)) ½(∇̄₁H(y0, y1) + ∇̄₁H(y1, y0))."""
+    """The increment of §4's discrete gradient method: (h B(y0) + S B((y0 + y1)/2)) ½(∇̄₁H(y0, y1) + ∇̄₁H(y1, y0)).
+
+    ∇̄₁H is that of `coordinate_increments`, and S = Σ c_j ΔW_j.
+    """
     mean = _middle(problem, coordinate_increments(problem, y0, y1), coordinate_increments(problem, y1, y0))
     drift = problem.turned(problem.structure(y0), mean)
     noise = problem.turned(problem.structure(_middle(problem, y0, y1)), mean)

@@ -2,8 +2,8 @@
 
 If g is analytic in the Bernstein ellipse of parameter ρ around [−1, 1] and |g| ≤ M in it, the N-point Gauss rule
 is off by at most (64/15) M ρ^(−2(N−1))/(1 − ρ⁻²) (Trefethen, *Approximation Theory and Approximation
-Practice*, Theorem 19.3). M is bounded by complex balls that cover the ellipse, for all stages K within a distance
-R of the reference; Cauchy's estimate then bounds the derivatives with respect to K as well.
+Practice*, Theorem 19.3). M is bounded by complex balls that cover the ellipse, for all stage increments K within a
+distance R of the reference; Cauchy's estimate then bounds the derivatives with respect to K as well.
 """
 
 from __future__ import annotations

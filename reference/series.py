@@ -17,7 +17,7 @@ Dot = Callable[[Iterable[Number], Iterable[Number]], Number]
 
 
 class Series:
-    """A power series Σ_k a_k t^k; `rule(k)` gives a_k from a_0 … a_{k−1}; `dot` sums products."""
+    """A power series Σ_k a_k t^k. `rule(k)` gives a_k from a_0 … a_{k−1}; `dot` is a scalar product of coefficients."""
 
     __slots__ = ("coefficients", "dot", "rule")
 

@@ -45,7 +45,7 @@ class ReferenceVector:
         ‖∂y1/∂residual‖_∞.
     rounding : d floats
         The possible error of plain binary64 arithmetic, see `sepv.reference.rounding`.
-    flags : words that classify it
+    flags : words that classify the case
     proof : str
         The kind of proof: "krawczyk" for implicit schemes, "balls" for explicit schemes and the exact flow.
     note : str
