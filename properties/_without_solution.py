@@ -149,7 +149,7 @@ def _value(p: Polynomial) -> Fraction:
 
 
 def made(random: Random, systems: Systems, stages: int = 1) -> Case:
-    """Make a step of a random system, 2⁻⁶ to 8 times |Δ*| beyond a fold Δ*. One case in four is also for batches."""
+    """Make a random step, 2⁻⁶ to 8 times |Δ*| beyond a fold Δ*. One case in four is also stepped in a batch."""
     while True:
         case = _drawn(random, systems, stages)
         if proof(case, stages) is not None:
@@ -217,7 +217,7 @@ def _system(
     H: Polynomial,
     entry: Polynomial,
 ) -> PolynomialSystem:
-    """Make a system with the given H and B_kj = `entry`, (k, j, others) = `places`, else random entries and noises."""
+    """Make a system with the given H and B_kj = `entry` ((k, j, …) = `places`); other rows of B, noises are random."""
     k, j, others = places
     if systems is Systems.NAMBU:
         # B(y)v = g v × ∇C with C = y_l, l the third index: the only entries of B are ±g at (k, j) and (j, k).

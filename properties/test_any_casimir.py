@@ -67,7 +67,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 
 def beyond_three() -> Iterable[Case]:
-    """Make steps of systems (1.1) of dimension d = 4 and 5 with d − 2 given Casimirs, usual and long ones."""
+    """Make steps, of half the contraction radius or more, of systems (1.1) with d = 4 or 5 and d − 2 given Casimirs."""
     made = (_step(Random(seed), 4 + seed % 2) for seed in range(4 * SYSTEMS))
     return [case for case in made if case is not None][:SYSTEMS]
 

@@ -92,9 +92,9 @@ def _as_seen(scheme: Scheme, case: Case) -> tuple[Problem, Array, float, Array]:
 def _keeps(
     scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, between: Sequence[float]
 ) -> Array:
-    """Return the result of a step, after repeating it with steps from the multiples `between` of y in between.
+    """Repeat a step after each of some steps from the multiples `between` of y, and return its result.
 
-    Raise SchemeFault if a bit of the result, an argument or the process's global state changes.
+    Raise SchemeFault if the step changes an argument or global state, or if a repetition differs in any bit.
     """
     copied, noise, before = y.copy(), dW.copy(), _surroundings()
     handling: dict[str, str] = {}

@@ -37,7 +37,7 @@ _RANKS = (Verdict.VIOLATED, Verdict.ERROR, Verdict.INCONCLUSIVE, Verdict.HOLDS)
 
 
 def run(law: Law, scheme: Scheme, own: Run) -> Finding:
-    """Judge the trend of the energy and the power of h on all orbits. The worst verdict and largest `share` decide."""
+    """Judge the trend of the energy and the power of h on all orbits. The worst verdict, then `share`, decides."""
     if scheme.asks or scheme.systems in OF_SEVERAL:
         why = "the scheme is for several fields, which c = () leaves alone"
         return law.finding(Verdict.NOT_APPLICABLE, message=why)

@@ -25,9 +25,10 @@ MARGIN = 0.25
 
 
 def assessing(claimed: float | None, tilted: bool, hold: float = 0.0) -> Assess:
-    """Make the test that slopes are above the claimed order less MARGIN; no quantile of weighted (`tilted`) samples.
+    """Make the test that slopes of the error are above the claimed order less MARGIN.
 
-    To hold, the law needs an interval of the slope above this bound, with error probability alpha, or `hold` if larger.
+    The slopes are that of the rms error and, except for weighted (`tilted`) samples, that of a quantile. For the law to
+    hold, an interval with error probability alpha, or `hold` if larger, must lie above.
     """
 
     def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) -> Assessment:

@@ -79,7 +79,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 
 def _against_mpmath(scheme: Scheme, case: Case, near: Array | None = None) -> Measurement:
-    """Compare y1 with a new solution of the equation. For one stage, its iteration starts from `near` if given."""
+    """Compare y1 with a new solution of the equation, by Newton's method from `near` if given (for one stage)."""
     problem, y, h, dW = case.build()
     try:
         y1 = ask(scheme, problem, y, h, dW)

@@ -40,8 +40,8 @@ def assessing(tilted: bool, orders: tuple[float, ...] = (1.0,), resolution: floa
     """Make the test of a limit: the error probability alpha is halved between the shares and the fall of the error.
 
     The shares (`limit_errors`) by which drift and noise are wrong are means over paths. For a scheme of weak order 1 or
-    more they expand in whole powers of h, for lower orders perhaps in powers of h^½, as for differences over √h, which
-    needs more paths. If several `orders` are possible, a limit is wrong only if it is wrong by each of them.
+    more they expand in whole powers of h. For lower orders they may expand in powers of h^½ (differences over a length
+    √h), which needs more paths. If several `orders` are possible, a limit is wrong only if it is wrong by each of them.
     """
 
     def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) -> Assessment:

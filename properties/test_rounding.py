@@ -223,7 +223,7 @@ def energy_walk(
 ) -> tuple[np.ndarray, float, str]:
     """Return energy defects (checkpoints, paths), the change of H by a step's rounding, and a text on a failed step.
 
-    Defects have a sign, and H is in extended precision. Both are in ulp of H. Defects of failed paths are NaN.
+    Defects have a sign, and are NaN for failed paths. H is in extended precision. The unit is the ulp of H.
     """
     guarded_scheme, exact = guarded(scheme), exact_problem(describe(problem), 30)
     raw = wiener.increments(seed, T=h * steps, steps=steps, noises=problem.noises, paths=paths)

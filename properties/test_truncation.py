@@ -153,7 +153,7 @@ def _steps(
 def _weakest(
     scheme: Scheme, problem: Problem, h: float, A: float, j: int, between: int
 ) -> tuple[float, float]:
-    """Return ½ max/min of |∂y1/∂ΔW_j| over the PARTS of [−A, A]√h, `between` among them, and the minimum's place/√h."""
+    """Return ½ max/min of |∂y1/∂ΔW_j| over parts of [−A, A]√h (also part `between`), and the minimum's place by √h."""
     edges = {-PARTS, 1 - PARTS, -1, 0, 1, PARTS - 1, PARTS, between, between + 1}
     number = np.array(sorted(edges))
     xi = A * number / PARTS

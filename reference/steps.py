@@ -47,12 +47,7 @@ class ReferenceStep(NamedTuple):
 
 
 def find_equation(scheme: str) -> Equation:
-    """The equation of a scheme by its name.
-
-    Raises
-    ------
-    UsageError
-    """
+    """The equation of a scheme by its name. An unknown name raises UsageError."""
     equation = EQUATIONS.get(scheme.replace("_", "-"))
     if equation is None:
         raise UsageError(

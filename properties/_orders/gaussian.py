@@ -54,9 +54,9 @@ def rule(
 ) -> Rule:
     """Return the rule for a step h with m = `noises` increments of a scheme that truncates with k = `truncation`.
 
-    With `panels` and m ≤ 2 it has panels and the given `degree`, else products of small rules, which ignore the points
-    at which a scheme clips. `fewer` nodes in each variable, or for m ≥ 6 reflected ones, give a second rule. If the
-    scheme does not truncate, the panels are those of k = 2, and the scheme gets the nodes of the tails unclipped.
+    With `panels` and m ≤ 2, each axis is cut where a scheme may clip, and the rule has this `degree`. Else it is small
+    and ignores such points. A second rule has `fewer` nodes less in each variable, or for m ≥ 6 reflected nodes.
+    If the scheme does not truncate, the cuts are those of k = 2, and the scheme gets the nodes beyond them unclipped.
     """
     if noises == 0:
         return Rule(np.zeros((0, 1)), np.ones(1), np.zeros((0, 1)), np.zeros(1, dtype=np.intp), degree)

@@ -7,8 +7,7 @@ closed (V.1 and XI). Both apply to the orbits here: B is constant, ρ reverses t
 
 Orbits with two degrees of freedom are two such systems in new variables, q = S⁻¹Q and p = SᵀP, with a full mass matrix
 and a potential that couples them. All Runge-Kutta methods and compositions of kicks and drifts commute with linear maps
-of q. So both systems stay uncoupled in (Q, P), and no resonance (XIII) can occur. Their frequencies have the golden
-ratio.
+of q. So both systems stay uncoupled in (Q, P), with no resonance (XIII). Their frequencies have the golden ratio.
 """
 
 from __future__ import annotations

@@ -106,7 +106,7 @@ def moments_of(moved: Array, weights: Array, asked: tuple[tuple[int, ...], ...])
 
 
 def _split(problem: Problem, y: Array, h: float) -> tuple[Array, Array, float]:
-    """Make a splitting step from y (d, S, n), u nodes each. Return ends (d, S, n·2u), weights (2u,), flows' error."""
+    """Make a splitting step from y (d, S, n) to 2u nodes each. Return ends (d, S, n·2u), weights, the flows' error."""
     m, (d, S, n) = problem.noises, y.shape
     x, w = np.polynomial.hermite_e.hermegauss(POINTS[m])
     grid = np.array(list(product(range(x.size), repeat=m)), dtype=np.intp).reshape(-1, m).T

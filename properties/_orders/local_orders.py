@@ -94,17 +94,17 @@ def _over(x: Array, y: Array) -> Slope:
 
 
 def unclaimed(column: str) -> float:
-    """Return the order asked without a claim: the highest by increments alone for the kind of noise `column`."""
+    """Return the order required without a claim: the highest by increments alone for the kind of noise `column`."""
     return 0.5 if column == "general" else 1.0
 
 
 def strong_order(scheme: Scheme, column: str) -> float:
-    """Return the mean-square order asked of a scheme for the kind of noise `column`: its claim, else of `unclaimed`."""
+    """Return the mean-square order required for the kind of noise `column`: the claim, or without it `unclaimed`."""
     return order_of(scheme.mean_square_order, column, unclaimed(column))
 
 
 def mean_slope(local: LocalErrors, order: float) -> float:
-    """Return the least slope of mean or weak errors of order p: p + 1, or the quadrature's if lower, less a margin."""
+    """Return the least slope of mean or weak errors: `order` + 1, or the quadrature's if lower, less a margin."""
     power = min(order + 1, local.exact_order)
     return power - (MARGIN if power <= SHARP else 2 * MARGIN)
 

@@ -78,7 +78,7 @@ def _spread(g: Array, errors: StrongErrors, degree: int) -> float:
 
 
 def limit_errors(errors: StrongErrors, problem: Problem) -> tuple[list[str], Array, Array]:
-    """Return names of K possible causes of an error e, the shares (L, K, M) of e by which each is wrong, and K sizes.
+    """Return K possible causes of an error e, the shares (L, K, M) by which each would be wrong, and their sizes.
 
     The causes are drift, noise, each noise, and Itô's correction. If one is too large by the share γ, it moves y(T) by
     γv to first order, with v = T B∇H for the drift, Σ c_j W_j G_j∇H for the noise and ½T Σ c_j² (G_j∇H)′G_j∇H for

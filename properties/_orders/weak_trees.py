@@ -34,7 +34,7 @@ ENOUGH = 3
 def tree(
     scheme: Scheme, problem: Problem, start: Array, h: float, steps: int, law: PointLaw
 ) -> tuple[Array, Array, str]:
-    """Return the ends (d, K^N) of all paths of N = `steps` steps, their probabilities, and a failed step or ""."""
+    """Return the ends (d, K^N) of all paths of N = `steps` steps, their probabilities, and a failure's text or ""."""
     points = point_rule(problem.noises, law)
     y, weights = start[:, None], np.ones(1)
     dW = np.sqrt(h) * points.zeta
