@@ -81,7 +81,7 @@ def measured(scheme: Scheme, problem: Problem, y: Array, h: float, F: Quantity) 
 def mean_after(
     scheme: Scheme, problem: Problem, y: Array, h: float, F: Quantity, fewer: int = 0
 ) -> tuple[float, float]:
-    """Return E[F(y1)] by quadrature, `fewer` nodes less a variable, and its error bound by residuals and rounding."""
+    """Return E[F(y1)] by quadrature (with `fewer` nodes less), and a bound of its error by residuals and rounding."""
     nodes = rule_for(scheme, problem, h, 4, fewer)
     noise = np.sqrt(h) * nodes.zeta
     states = np.repeat(y[:, None], noise.shape[1], axis=1)

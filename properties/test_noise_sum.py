@@ -64,7 +64,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 
 def _key(data: PolynomialSystem) -> str:
-    """Return the name of the field of the data that has a structure, Hamiltonian or vector for each noise."""
+    """Return the name of the attribute of `data` that has one structure, Hamiltonian or vector for each noise."""
     keys = ("noise_structures", "noise_hamiltonians", "noise_vectors")
     return next(key for key in keys if getattr(data, key))
 

@@ -199,7 +199,7 @@ def _fewer(runs: list[tuple[Problem, float, int]]) -> list[tuple[Problem, float,
 def _spread(problem: Problem, paths: int) -> Array:
     """Compute P = `paths` states (d, P) along the drift's flow over SPREAD units of time, to six digits.
 
-    If the flow ends earlier, the P states are close to the initial one; if any is outside the domain, all are equal.
+    If the flow ends earlier, the P states are close to the initial state. If one leaves the domain, all are that state.
     """
     from scipy.integrate import solve_ivp  # takes half a second; only users' problems need it
 

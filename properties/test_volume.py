@@ -45,9 +45,9 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
     The factorisation's error is d u|L||U| with unit roundoff u (Higham, Theorem 9.3). Because |L| ≤ 1, elimination at
     most doubles a column's largest entry d times, so a column of |U| sums to less than 2^d times this entry of Φ′.
-    det Φ′ is linear in each column D_j and at most the product of their lengths (Hadamard). So column errors E_j
-    change det by at most Π(|D_j| + |E_j|) − Π|D_j|. If rounding makes div(B∇H) differ from 0, twice its integral over
-    the step is added to the bound.
+    det Φ′ is linear in each column D_j and at most the product of their lengths (Hadamard). So column errors E_j change
+    it by at most Π(|D_j| + |E_j|) − Π|D_j|. A div(B∇H) of at most NONE of its terms counts as 0, and twice its
+    integral over the step is added to the bound.
     """
     problem, y, h, dW = case.build()
     slope, E, _, y1 = tangent(scheme, case)

@@ -1,8 +1,8 @@
 """Strong errors of paths against the exact solution, and slopes with intervals whose false-alarm rate is stated.
 
 On one path all step sizes use the same Wiener process: increments of coarse steps are sums of increments of the finest
-grid, truncated at each step size as in Remark 2.1. If the exact solution is a function of W(T), it is evaluated at the
-sum Ŵ(T) of the truncated increments that the scheme gets:
+grid, truncated at each step size as in Remark 2.1. If the exact solution is a function of W(T), such as the flow φ at
+the time θ = T + Σ_j c_j W_j(T), it is evaluated at the sum Ŵ(T) of the truncated increments that the scheme gets:
 
     y_N − φ_θ(y0) = (y_N − φ_θ̂(y0)) + (φ_θ̂(y0) − φ_θ(y0)),    θ̂ = T + Σ_j c_j Ŵ_j(T).
 

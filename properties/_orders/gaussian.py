@@ -4,7 +4,7 @@ In one variable the axis is cut at A_h(1), A_h(2), …, A_h(k), with A_h(i) the 
 Each panel has the Gauss rule of the normal weight, because a scheme that clips at one of these points is smooth there.
 Beyond A_h(k), where the scheme gets A_h and the exact solution ξ, the tail has another rule. Two variables have
 products of such rules, three to five products of small Gauss-Hermite rules, and six or more the degree-3 formula with
-the points ±√m e_j. All weights are positive, so that errors of different nodes cannot cancel in a mean square.
+the points ±√m e_j for m noises. All weights are positive, so errors of different nodes cannot cancel in a mean square.
 
 `rule_for` adds what else a scheme may take: Lévy areas A, space-time areas H, or increments of half steps. Nodes and
 the rows of these arguments are in units of √h (A = √h · row, H = √h · row).

@@ -121,7 +121,8 @@ def step_sizes(order: float) -> Array:
     """Return LEVELS step sizes, coarse to fine, at which local errors of a scheme of this order are above rounding.
 
     The local rms error is about h^(p+½). At the finest h this is 2⁻⁴⁰, or 2⁻⁴⁷ for high orders, whose constants are
-    small and whose range of h would be short. For low orders large |ΔW| at the coarsest h are far from any asymptotics.
+    small and whose range of h would be short. For low orders the coarsest h is smaller too, because steps with large
+    |ΔW| are not asymptotic at larger h.
     """
     coarse = 6.0 if order <= 1 else 4.0 if order <= 2 else 2.0
     fine = (40.0 if order <= 2 else 47.0) / (order + 0.5)

@@ -28,7 +28,7 @@ def mean_example(scheme: Scheme, problem: Problem, h: float) -> str:
 
 
 def weak_example(scheme: Scheme, problem: Problem, h: float) -> str:
-    """Describe the state where second moments of y1 − y0 and φ − y0 differ most, or means if these differ more."""
+    """Describe the state where second moments of y1 − y0 and the exact φ − y0 differ most, or means if by more."""
     states, came, expected = _means(scheme, problem, h)
     pairs = list(combinations_with_replacement(range(problem.dimension), 2))
     apart = np.abs(came - expected)[: problem.dimension + len(pairs)]
@@ -65,7 +65,7 @@ def _monomials(z: Array) -> Array:
 
 
 def step_example(scheme: Scheme, problem: Problem, h: float) -> str:
-    """Describe y1 − y0 and φ − y0 for the increment and state that contribute most to E|y1 − φ|²; φ is exact."""
+    """Describe y1 − y0, and the exact φ − y0, for the increment and state that contribute most to E|y1 − φ|²."""
     states = local.local_states(scheme, problem)
     nodes = local.step_rule(scheme, problem, h)
     y, failed = local.one_step(guarded(scheme), problem, states, h, nodes)

@@ -1,7 +1,7 @@
 """E g(y_N) for increments with a few values, as a sum over all paths of N steps instead of a sample.
 
-With n values and m noises a step has K = n^m possible results, and N steps have K^N, each with its probability. So the
-expectation is a finite sum. E g(y(T)) is known by quadrature, so that weak errors are exact to rounding, and fall with
+With n values and m noises a step has K = n^m possible results, and N steps have K^N, each with its probability. The
+expectation is then a finite sum. E g(y(T)) is known by quadrature, so weak errors are exact to rounding, and fall with
 slope q over N = 1, 2, … steps of [0, T]. T is short, because K^N has to be small. The test shows whether local errors
 add up to the claimed order. There is no false alarm by chance.
 """
