@@ -1,4 +1,4 @@
-"""Solve steps in extended precision. Solutions do not depend on a scheme's code, so they are cached between runs."""
+"""Steps solved in extended precision. Solutions do not depend on a scheme's code, so they are cached between runs."""
 
 from __future__ import annotations
 

@@ -73,7 +73,7 @@ _APART = "give every array of the state the paths on its last axis, or leave out
 
 
 class _Path:
-    """Calls of a scheme's init, step and value with checks. The argument y identifies the path in error messages."""
+    """Calls of a scheme's init, step and value, with checks. Their argument y is named in messages about errors."""
 
     def __init__(self, scheme: Scheme, rule: StatefulStep, problem: Problem, h: float, dW: Array) -> None:
         self.scheme, self.rule, self.problem, self.h, self.dW = scheme, rule, problem, h, dW

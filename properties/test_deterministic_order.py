@@ -1,7 +1,8 @@
 """The order of a method without noise, c = (): order p means y1 = φ_h(y0) + O(h^(p+1)) with the exact flow φ.
 
-The slope of the error of one step in h is extrapolated to h = 0 (`sepv.properties._orders.without_noise`). The lowest
-order of all problems and states counts. The law holds if it is the claimed order or higher.
+The slope of the error of one step against h, in logarithms, is extrapolated to h = 0
+(`sepv.properties._orders.without_noise`). The law holds if for all problems and states the order is the claimed one or
+higher.
 """
 
 from __future__ import annotations

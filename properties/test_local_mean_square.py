@@ -20,7 +20,7 @@ from sepv.verification._law import pathwise
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
-    """Compare the slope of the rms error of one step with the claimed order (1 without a claim), also at drawn h."""
+    """Compare the slope of the rms error of one step with the claimed order (1 without a claim), also at random h."""
     claimed = scheme.mean_square_order
 
     def needs(_: LocalErrors, order: float) -> float:

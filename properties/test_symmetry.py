@@ -1,4 +1,4 @@
-"""(2.1) is symmetric: its equation is the same with y0 and y1 exchanged and h, ΔW negated. So a step can go back.
+"""(2.1) is symmetric: its equation is the same with y0 and y1 exchanged and h, ΔW negated, so a step back ends at y0.
 
 The law "random-step" tests separately that h and ΔW act through the random step Δ alone.
 """

@@ -201,7 +201,7 @@ def floors(errors: StrongErrors) -> Array:
 
 
 def above_floor(errors: StrongErrors) -> np.ndarray:
-    """Return True for each step size at which the rms error is above rounding, (L,)."""
+    """Return an array (L,) that is True for the step sizes at which the rms error is above rounding."""
     return errors.rms() > floors(errors)
 
 

@@ -100,7 +100,7 @@ def _product(x: Array, w: Array, seen: Array, m: int, degree: int) -> Rule:
 
 
 def _panels(h: float, truncation: int | None, degree: int, cuts: Iterable[int]) -> tuple[Array, Array, Array]:
-    """Return nodes ξ, weights and truncated nodes ζ of the rule with panels in one variable."""
+    """Return nodes ξ, weights and truncated nodes ζ of the rule in one variable, cut at A_h for each k in `cuts`."""
     last = bounded.truncation_bound(h, truncation or 2)
     edges = [*(bounded.truncation_bound(h, k) for k in cuts if k < (truncation or 2)), last]
     outer = max(3, degree // 2 + 1)

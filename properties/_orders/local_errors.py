@@ -130,7 +130,7 @@ def step_sizes(order: float) -> Array:
 
 
 def _sizes(strong: float, weak: float) -> list[float]:
-    """Return the step sizes for a mean-square order, and larger ones too if the weak order is well above it."""
+    """Return step sizes for the mean-square order `strong`, and larger ones too if `weak` is higher by more than ½."""
     found: list[float] = []
     more = step_sizes(weak).tolist() if weak > strong + 0.5 else []
     for h in sorted({*step_sizes(strong).tolist(), *more}, reverse=True):

@@ -129,7 +129,7 @@ def _split(problem: Problem, y: Array, h: float) -> tuple[Array, Array, float]:
 
 
 def _flow(field: Callable[[Array], Array], y: Array, times: Array) -> tuple[Array, float]:
-    """Return a flow from y (d, M) over times (M,), and its error, with steps of order 8 doubled until they agree."""
+    """Return a flow from y (d, M) over times (M,), and its error; steps of order 8 are halved until results agree."""
 
     def slope(z: Array) -> Array:
         return times * field(z)

@@ -113,7 +113,7 @@ def order_shown(slope: Slope, order: float, spacing: float, needs: Callable[[flo
     """Return the largest order that a slope shows, or None if it shows none.
 
     Possible orders are `order`, with which the slope was compared, plus multiples of `spacing`. A slope that may still
-    rise shows no order. Higher orders must be shown by their own slope. Errors below rounding show only `order`.
+    rise shows no order. A higher order is shown only by a slope that it needs. Errors below rounding show only `order`.
     """
     if slope.verdict is Verdict.HOLDS:
         while np.isfinite(slope.value) and slope.value >= needs(order + spacing) > needs(order):

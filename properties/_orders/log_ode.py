@@ -24,7 +24,7 @@ FEWEST, MOST = 4, 64
 
 
 def field(problem: Problem, y: Array, parts: Array, areas: Array, bridges: Array | None = None) -> Array:
-    """Evaluate the log-ODE of one step at y (d, M), with `parts` (1 + m, M), h and the c_j ΔW_j, and `areas` (k, M).
+    """Evaluate the log-ODE's field at y (d, M), for h and the c_j ΔW_j (`parts`, (1 + m, M)) and Lévy `areas` (k, M).
 
     Space-time areas H (m, M), as `bridges`, add the brackets with the drift, Σ c_j A_0j [f_0, f_j] with A_0j = −hH_j.
     With them, and if the noises commute, the integrals of the omitted terms are of the order of h².

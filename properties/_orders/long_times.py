@@ -71,7 +71,7 @@ class EnergyPath:
         self.found = [np.zeros(states.shape[1])]
 
     def errors(self, steps: int) -> Array:
-        """Return H(y_n) − H(y_0) for n = 0, …, steps, (steps + 1, M)."""
+        """Return the energy errors H(y_n) − H(y_0) of M paths for n = 0, …, steps, as an array (steps + 1, M)."""
         while len(self.found) <= steps:
             value, status, *_ = advance(self.asked, self.problem, self.y, self.h, self.none, self.carried)
             if np.any(status != Status.CONVERGED):

@@ -126,7 +126,7 @@ def _directions(problem: Problem, y: Array, T: float, W: Array) -> tuple[list[st
 
 
 def leading(samples: Array, h: Array, power: float) -> Coefficient:
-    """Estimate the coefficient of h^power in means of samples (L, K, M) with next powers power + 1 and power + 2."""
+    """Estimate the coefficient of h^power in means of samples (L, K, M) that expand in h^power, h^(power + 1), …."""
     chosen = sorted({0, len(h) // 2, len(h) - 1})
     weights = _combination(h[chosen], power)
     fewer = np.concatenate([[0.0], _combination(h[chosen[1:]], power)])

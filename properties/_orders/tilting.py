@@ -62,7 +62,7 @@ def tilted_errors(
     scheme: Scheme, problem: Problem, *, T: float, steps: Sequence[int], paths: range, seed: int, order: float,
     unit: float = 1.0,
 ) -> StrongErrors:  # fmt: skip
-    """Return strong errors from samples tilted for a scheme of mean-square order `order`, multiplied by their weights.
+    """Return strong errors by importance sampling for a scheme of mean-square order `order`, multiplied by weights.
 
     Arguments are those of `sepv.properties._orders.convergence.strong_errors`. With weights w, `squared` is w|e|² and
     `errors` is w·e, so that means over paths estimate E|e|² and E e.

@@ -90,7 +90,7 @@ class Order:
 
 
 def judge(h: Array, e: Array, least: float, rounding: float, floor: float) -> Order:
-    """Judge errors e (L,) of one state at falling h, a factor RATIO apart, against the least power of h.
+    """Judge if errors e (L,) of one state, at falling h a factor RATIO apart, fall like the power `least` of h.
 
     Errors below `rounding` are not used. Errors below `floor` refute the power only if they fall like h² or faster.
     """
@@ -234,7 +234,7 @@ def rounds_step_sizes(scheme: Scheme, problem: Problem) -> float | None:
 
 
 def orders(scheme: Scheme, found: StepErrors, least: float) -> list[Order]:
-    """Judge the errors of one step from each state against the least power of h."""
+    """Judge if the errors of one step, from each state, fall like the power `least` of h."""
     tolerance = scheme.solver_tolerance
     rounding = (ROUNDING * EPS + 2 * tolerance) * found.scale + 2 * found.flow
     floor = CLEAR * (FLOOR * EPS + tolerance) * found.scale
