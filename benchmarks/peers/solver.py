@@ -27,8 +27,8 @@ PROBLEMS: dict[str, Callable[[], Problem]] = {
 }
 KINDS = {
     "general": "rigid body, H_1 = y_1²/2, H_2 = y_2²",
-    "commutative": "the same H_0 and B, H_1 = y_3²/2, H_2 = y_3 + y_3³/6: fields along one rotation",
-    "one": "the same H_0 and B, H_1 = y_1²/2 + y_2y_3/2 + y_3",
+    "commutative": "rigid body, H_1 = y_3²/2, H_2 = y_3 + y_3³/6: both noises rotate about the third axis",
+    "one": "rigid body, a single H_1 = y_1²/2 + y_2y_3/2 + y_3",
     "additive": "Hénon and Heiles, H_1 = p_1 − q_1/2, H_2 = p_2/2 − q_2",
 }
 

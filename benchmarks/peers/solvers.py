@@ -128,7 +128,8 @@ def document(found: Mapping[str, Sequence[Line]], deviations: Sequence[Deviation
     parts += [
         f"Casimirs (*casimir*) and structure (*poisson-map*) on these problems: {_kept(lines)}.",
         "## Less than documented (†)",
-        "\n".join(f"- {name}: {'; '.join(texts)}" for name, texts in besides.items() if texts),
+        "Library, solver, and kind of noise (*one*: a single noise):\n"
+        + "\n".join(f"- {name}: {'; '.join(texts)}" for name, texts in besides.items() if texts),
         "[Shown in the library's own terms](deviations.md)."
         * any(_is_about(d.solver, entry) for d in deviations for entry in short),
     ]
@@ -162,7 +163,9 @@ def _sources(library: str, own: Sequence[Line]) -> str:
         names.setdefault(each.source, []).append(each.cells[0].removeprefix(f"{library} "))
     if len(names) == 1:
         return f"Documented orders: {own[0].source}."
-    return "\n".join(f"- {'; '.join(dict.fromkeys(solvers))}: {source}" for source, solvers in names.items())
+    return "Documented orders:\n" + "\n".join(
+        f"- {'; '.join(dict.fromkeys(solvers))}: {source}" for source, solvers in names.items()
+    )
 
 
 def beside(measured: str, documented: str) -> str:
@@ -199,18 +202,19 @@ given increments. Noise is *commutative* if the brackets of its fields vanish, *
 {problems}
 
 A cell has the measured *strong order; weak order*, and in brackets the documented order if it differs by more than
-0.1. A weak order of 1.00 is left out if the documentation states no other. † marks less than documented. A cell is
-empty if the solver does not support the kind of noise. The mean of a short step tests which solution is the limit: the
-documented one, unless the last section says otherwise. Solvers of Itô equations got Itô's form of the same equation.
+0.1. A weak order of 1.00 is left out if the documentation states no other. † marks an order or limit that falls short
+of the documentation. A cell is empty if the solver does not support the kind of noise. The mean of a short step shows
+whether the limit is Itô's or Stratonovich's solution: the documented one, unless the last section says otherwise.
+Solvers of Itô equations got Itô's form of the same equation.
 
-- **Orders** follow from errors of one step by quadrature, as in the laws *local-mean*, *local-mean-square* and
-  *local-weak*. The reference resolves strong orders up to 1, or up to 1.5 for a solver that uses space-time areas of
-  commutative noise.
-- **Paths**: the rms error at T = {T:g} with {", ".join(map(str, STEPS))} steps was measured too. The last section
-  has intervals that lie below the documented order. Intervals miss the true order with nominal probability {ALPHA:g}.
+- **Orders** follow from errors of one step, computed by quadrature as in the laws *local-mean*, *local-mean-square* and
+  *local-weak*. The reference solution can show strong orders up to 1, or up to 1.5 if the solver uses space-time areas
+  of commutative noise.
+- **Paths**: the rms error at T = {T:g} with {", ".join(map(str, STEPS))} steps gives the strong order again. The last
+  section has confidence intervals below the documented order. They miss with nominal probability {ALPHA:g}.
 - **§** marks a solver that carries a state from step to step; its strong order is measured over paths.
-- **Lévy areas** A_ij are given, from the reference's path. Without this torchsde and sdeint draw approximate A_ij,
-  whose fixed accuracy makes the order ½ again for small steps (P. Kloeden and E. Platen 1992, §5.8)."""
+- **Lévy areas** A_ij of the reference's path are given to the solver. Otherwise torchsde and sdeint draw approximate
+  A_ij, whose fixed accuracy makes the order ½ again for small steps (P. Kloeden and E. Platen 1992, §5.8)."""
 
 
 @click.command()

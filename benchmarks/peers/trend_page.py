@@ -13,10 +13,11 @@ from sepv.verification import Verdict
 # Half of the lowest order that a consistent scheme has, ½: an error that falls so has a limit of 0.
 LEAST_SLOPE = 0.25
 
-INTRODUCTION = """This page shows in which recorded version of a library a verdict changed. The library's Stratonovich
-solvers ran through its own code, in a fresh environment. A solver claims the orders that its documentation states for
-commuting noise, in the laws *local-mean*, *local-mean-square*, *local-weak*, *mean-square-order* and *right-limit*. If
-a verdict changed, a cell names the claimed laws that are not found to hold. The records,
+INTRODUCTION = """\
+This page shows with which version of a library a verdict on its Stratonovich solvers changed. Each version was
+installed in a fresh environment, and its solvers ran unchanged. A solver claims the orders that its documentation
+states for commuting noise, in the laws *local-mean*, *local-mean-square*, *local-weak*, *mean-square-order* and
+*right-limit*. If a verdict changed, a cell names the claimed laws that do not hold or are undecided. The records,
 `results/LIBRARY/VERSION.json`, have every verdict, defect, seed and package; none is ever overwritten.
 
 ```sh
