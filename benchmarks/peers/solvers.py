@@ -211,7 +211,8 @@ Solvers of Itô equations got Itô's form of the same equation.
   *local-weak*. The reference solution can show strong orders up to 1, or up to 1.5 if the solver uses space-time areas
   of commutative noise.
 - **Paths**: the rms error at T = {T:g} with {", ".join(map(str, STEPS))} steps gives the strong order again. The last
-  section has confidence intervals below the documented order. They miss with nominal probability {ALPHA:g}.
+  section has confidence intervals below the documented order. They miss the true order with
+  nominal probability {ALPHA:g}.
 - **§** marks a solver that carries a state from step to step; its strong order is measured over paths.
 - **Lévy areas** A_ij of the reference's path are given to the solver. Otherwise torchsde and sdeint draw approximate
   A_ij, whose fixed accuracy makes the order ½ again for small steps (P. Kloeden and E. Platen 1992, §5.8)."""

@@ -18,7 +18,7 @@ This page shows with which version of a library a verdict on its Stratonovich so
 installed in a fresh environment, and its solvers ran unchanged. A solver claims the orders that its documentation
 states for commuting noise, in the laws *local-mean*, *local-mean-square*, *local-weak*, *mean-square-order* and
 *right-limit*. If a verdict changed, a cell names the claimed laws that do not hold or are undecided. The records,
-`results/LIBRARY/VERSION.json`, have every verdict, defect, seed and package; none is ever overwritten.
+`results/LIBRARY/VERSION.json`, have every verdict, defect, seed and package.
 
 ```sh
 python -m benchmarks.peers.releases sdeint 0.2.4 0.3.0       # measure versions, and add their records
