@@ -1,4 +1,4 @@
-"""Verification of a scheme: laws, their cases, their bounds, and the run that measures the laws.
+"""Verification of a scheme: laws (required properties), test cases and bounds of each, and the run over all laws.
 
 Read `_law` first (a law, an effort, a verdict), then `_verify` (a run over all laws) with `_laws` (the list of laws)
 and `_outcome` (the report). `_search` measures laws about single steps; their cases come from `strategies` and

@@ -1,4 +1,4 @@
-"""Advice in the report of a violation: one part of the step, a unit or a solver's tolerance may cause the defect."""
+"""Advice on the cause of a violation: one term of the step, a constant with a unit, or a solver's tolerance."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def advice(
 ) -> str:
     """The lines of advice on a violation; empty if no cause is clear.
 
-    `case` is the simplest counterexample, `measured` its measurement, `largest` the largest defect found before.
+    `case` is the simplified counterexample, `measured` its measurement, and `largest` the largest defect of the search.
     """
     share = _largest_share(case, again) if law.unit.startswith("ulp") else ""
     return share + (
@@ -46,7 +46,7 @@ def advice(
 def _may_be_a_tolerance(
     law: Law, scheme: Scheme, case: Case, measured: Measurement, largest: float, again: MeasuredAgain
 ) -> str:
-    """Advice to state a solver's tolerance, if all defects are as small as one and do not fall like a power of Δ."""
+    """Advice to state the solver's tolerance, if all defects are small and do not decrease like a power of Δ."""
     small = law.unit.startswith("ulp") and measured.bound > 0 and largest * EPS < MOST_TOLERANCE
     if not small or scheme.solver_tolerance or _is_a_power(case, measured.defect, again):
         return ""
@@ -57,7 +57,7 @@ def _may_be_a_tolerance(
 
 
 def _has_a_unit(case: Case, again: MeasuredAgain) -> str:
-    """Advice on a step that violates at an extreme |y|, but does not violate in units in which |y| is near 1."""
+    """Advice on a constant with a unit, if an extreme |y| violates and the same case scaled to |y| ≈ 1 does not."""
     if not beyond(case) or not isinstance(case.problem, PolynomialSystem):
         return ""
     measured = again(in_other_units(case, -round(math.log2(max(map(abs, case.y))))))
@@ -73,8 +73,8 @@ def _has_a_unit(case: Case, again: MeasuredAgain) -> str:
 def _is_a_power(case: Case, defect: float, again: MeasuredAgain) -> bool:
     """True if the defects at Δ, Δ/2 and Δ/4 fall like c Δ^p with p ≥ 2, as the defects of a method of some order do.
 
-    Both slopes are then p, up to the next term in Δ, which is less than half of the first at a short step; the limits
-    1.5 and 1 allow for it. An iteration that ends at a tolerance ends earlier at a shorter step, so its slopes differ.
+    Both slopes log₂(defect(Δ)/defect(Δ/2)) are then near p; the limits 1.5 and 1 allow for the next term in Δ. An
+    iteration that stops at a tolerance stops after fewer iterations for a shorter step, so its slopes differ.
     """
     defects = [defect]
     for share in (0.5, 0.25):
@@ -92,9 +92,9 @@ def _is_a_power(case: Case, defect: float, again: MeasuredAgain) -> bool:
 def _largest_share(case: Case, again: MeasuredAgain) -> str:
     """A line that names the part of the step that causes most of the defect; empty if no part clearly does.
 
-    The parts of a step are the term in h and each c_jΔW_j. Each part is measured alone, all with the same size, and
-    each pair of parts. A fault of one term shows in that part alone. A fault of a product shows in the pair alone, and
-    halves if one of its two parts is halved.
+    The parts of a step are h and each c_jΔW_j. The law is measured with each part alone, all of the same size, and with
+    each pair of parts. A fault in one term shows with that part alone. A fault in a product of two parts shows only
+    with both, and halves if one of them is halved.
     """
     c = problems.build(case.problem).c
     loud: list[int] = [0, *(np.flatnonzero(c) + 1).tolist()] if case.h else []

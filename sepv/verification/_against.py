@@ -70,8 +70,8 @@ def against(
 ) -> Iterator[Again]:
     """Replay each counterexample of a report, and measure `laws`, or a random quarter of the report's laws, again.
 
-    The author of the report cannot know which quarter. Verdicts must agree. Defects must agree to the last digit if the
-    effort, the versions and the kind of processor agree.
+    The author of the report cannot know which quarter. Verdicts must agree with the report, and defects too, to the
+    last digit, if effort, versions and kind of processor are those of the report.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def against(
     scheme : Scheme
         The scheme as the reader loaded it, with its problems.
     allowed : Effort
-        The largest effort: a larger one of the report is cut to it.
+        The largest effort that is allowed; if the report states a larger one, this one is used.
     timeout : float
         The most seconds for one law, and for all counterexamples together.
     """
@@ -116,7 +116,7 @@ def against(
 
 
 def _counterexample(law: str, witness: Any, scheme: Scheme, run: Run, seconds: float) -> Again:
-    """Replay a witness of the report, unless it needs too much work or code that the reader did not name."""
+    """Replay a counterexample of the report, unless it needs too much work, or code that this run did not name."""
     what, wrong = f"counterexample of {law}", _too_much(witness, scheme, run.effort)
     if wrong or seconds <= 0:
         return Again(what, "not replayed", wrong or "no time is left (--timeout)")
@@ -131,7 +131,7 @@ def _counterexample(law: str, witness: Any, scheme: Scheme, run: Run, seconds: f
 
 
 def _too_much(witness: dict[str, Any], scheme: Scheme, effort: Effort) -> str:
-    """The reason to refuse a witness (its code is not named, its form is wrong, it needs too much work); else empty."""
+    """The reason not to replay a witness: unnamed code, a wrong form, or too much work. Empty if there is none."""
     if "problem" not in witness:
         most = {"paths": effort.paths, "examples": effort.examples, "seed": 2**128}
         sizes = {key: witness[key] for key in most if key in witness}

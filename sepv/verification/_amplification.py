@@ -1,4 +1,4 @@
-"""Amplification of errors of the right side in the solution of a step, for laws that compare two results."""
+"""The factor by which solving y1 = y0 + R(y0, y1) amplifies errors of R, for laws that compare two results."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from sepv.verification._contraction import CONTRACTION, has_majorants
 
 
 def amplification(scheme: Scheme, case: Case) -> float:
-    """A bound of ‖(I − ∂R/∂y1)⁻¹‖_∞, R the right side: 1/(1 − κ) for a contraction factor κ, else computed."""
+    """A bound of ‖(I − ∂R/∂y1)⁻¹‖_∞ for a step y1 = y0 + R: 1/(1 − κ) if R contracts by a known κ, else computed."""
     # Several Hamiltonians that are functions use a measured radius, because the references lack their equation.
     if has_majorants(case) or isinstance(case.build()[0], HamiltoniansProblem):
         return 1 / (1 - CONTRACTION)

@@ -1,4 +1,4 @@
-"""Contraction radius: a bound of the step, from the problem alone, that makes every implicit equation a contraction."""
+"""The contraction radius of a problem: a bound of |h| + Σ|c_jΔW_j| under which implicit steps are contractions."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ CONTRACTION = 0.25
 
 
 def has_majorants(case: Case) -> bool:
-    """True if the contraction radius is derived: the problem is polynomial data without commuting Hamiltonians."""
+    """True if a case's contraction radius is derived: polynomial data, no H_j for the noises that commute with H."""
     data = case.problem
     if not isinstance(data, PolynomialSystem):
         return False
@@ -28,7 +28,7 @@ def has_majorants(case: Case) -> bool:
 def shortened(case: Case) -> Case:
     """Shorten a step by a power of two to half its contraction radius, for polynomial data; other cases are unchanged.
 
-    The law poisson-map needs this, because its Cauchy estimate takes the step from all states around y.
+    The law poisson-map needs this, because its Cauchy estimate needs solutions from all complex states around y.
     """
     problem, y, h, dW = case.build()
     if not isinstance(problem.gradient, PolynomialMap):
@@ -43,10 +43,10 @@ def shortened(case: Case) -> Case:
 def contraction_radius(problem: Problem, y: Array) -> float:
     """A radius for |h| + Σ|c_jΔW_j| inside which every implicit scheme's step from y is a contraction.
 
-    Let y1 = y0 + R(y1) be the step's equation. On the ball |y1 − y0|_∞ ≤ r the majorants M_B, M_g and the majorants of
-    the derivatives bound R by |Δ| G, G = |M_B M_g|_∞, and its Lipschitz constant by |Δ| L, L = |B′|M_g + M_B|H″|
-    (twice the constant of (2.1), because a discrete gradient with coordinate increments needs that). If
-    |Δ| ≤ min(r/G, CONTRACTION/L), y0 + R maps the ball into itself.
+    Let y1 = y0 + R(y1) be the step's equation, and M_B ≥ |B| and M_g ≥ |∇H| bounds on the ball |y1 − y0|_∞ ≤ r. There
+    |R| ≤ |Δ| G with G = |M_B M_g|_∞, and R has the Lipschitz constant |Δ| L with L = |B′|M_g + M_B|H″| (twice that of
+    (2.1), as a discrete gradient with coordinate increments needs). If |Δ| ≤ min(r/G, CONTRACTION/L), y0 + R maps the
+    ball into itself.
 
     `problem` must be polynomial data.
     """

@@ -1,8 +1,8 @@
 """The corpus of witnesses: cases that once showed a violation, tried before any search.
 
 The witnesses of a law are in ``reference/witnesses/LAW.json``; docs/vectors.md describes this file for other programs.
-A witness is a case of its law like any other, measured by the law's check against the law's bound. So the corpus can
-find a fault sooner, but cannot accuse a scheme that a search could not accuse.
+A witness is measured like any other case of its law, with the same bound. The corpus can therefore find a fault sooner,
+but it can show no violation that a search could not find.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ FOLDER = files("sepv.reference") / "witnesses"
 
 @dataclass(frozen=True)
 class Witness:
-    """A case and the violations that it showed."""
+    """A stored case of a law, and the schemes that violated the law in this case."""
 
     id: str  # LAW/NUMBER
     systems: Systems
@@ -32,7 +32,7 @@ class Witness:
 
 @lru_cache(maxsize=64)
 def witnesses(law: str, systems: Systems | None = None) -> tuple[Witness, ...]:
-    """The witnesses of a law, for one class of systems or for all; empty for a law that has no file."""
+    """The stored witnesses of a law, for one class of systems or for all; empty for a law that has no file."""
     file = FOLDER / f"{law}.json"
     if not file.is_file():
         return ()
@@ -45,5 +45,5 @@ def witnesses(law: str, systems: Systems | None = None) -> tuple[Witness, ...]:
 
 
 def cases(law: str, systems: Systems) -> tuple[Case, ...]:
-    """The cases of a law's witnesses in the order of the file: the case that catches most schemes comes first."""
+    """The cases of a law's witnesses in the file's order: first the case that shows the most wrong schemes."""
     return tuple(w.case for w in witnesses(law, systems))

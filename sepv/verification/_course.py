@@ -1,6 +1,6 @@
-"""The course of a scheme from a counterexample, for a picture: its step is repeated with the same h and ΔW.
+"""Courses, for pictures: the states that a scheme reaches from a counterexample, by steps with the same h and ΔW.
 
-For a system with one structure the exact solution after n steps is y(nΔ); H and every Casimir are constant along it.
+If all noises have the field B∇H, the exact solution after n steps is φ_nΔ(y0) with the flow φ of ẏ = B∇H.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ FAR = 100.0
 
 
 def with_courses(report: Report) -> dict[str, Any]:
-    """The report as JSON, in which each violation by a single step has its course; the scheme's step is called again.
+    """The report as JSON in which each violation by a single step has its course: the states of STEPS such steps.
 
     A course that raises any exception is left out, because a user's problem may raise anything at the states of a
     course, and the verdict and its witness are complete without it. After Ctrl-C no step is called.
@@ -51,16 +51,16 @@ def with_courses(report: Report) -> dict[str, Any]:
 
 
 def course(scheme: Scheme, finding: Finding, seconds: float = SECONDS) -> dict[str, Any]:
-    """The course of a scheme from the witness of a finding; empty if the state does not change.
+    """Repeat the step of a finding's witness, up to STEPS times, and return what a picture shows; {} for a rest point.
 
     Returns
     -------
     dict
-        components : the numbers, from 1, of the two components of y that change most, or of the only one
+        components : the numbers, from 1, of the two components of y that change most (of one if d = 1)
         states : these components in the first state and after each step
         exact : these components of the exact solution, `FINER` points a step; empty if no formula is known
-        kept, drift : the name of an invariant, and its change since the first state: H, or for laws about Casimirs the
-        Casimir that changes most
+        kept, drift : "H", or "C" for laws about Casimirs, and the change of H, or of the Casimir that changes most,
+        since the first state
         size : the size of the invariant's terms, by which rounding is distinguished from drift
         ended : the reason of an early end, else empty
     """
@@ -96,7 +96,7 @@ def course(scheme: Scheme, finding: Finding, seconds: float = SECONDS) -> dict[s
 
 
 def _kept(law: str, problem: Problem, path: Array) -> tuple[str, Array, Array]:
-    """The name of the invariant that a law is about, its change along a path (d, n), the size of its terms |∇C||y|."""
+    """The name of the invariant I of a law, H or C, its change along `path` (d, n), and the sizes |∇I||y|."""
     with np.errstate(all="ignore"):
         values, slopes = invariants(problem, path), [problem.gradient(path)]
         slopes += casimir_gradients(problem.casimirs, problem.linear_casimirs, 2 * path)

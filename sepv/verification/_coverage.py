@@ -1,4 +1,4 @@
-"""Coverage of the laws' designs (lists of cases): cases in each stratum, pairs of strata met, and impossible pairs."""
+"""Coverage of the laws' lists of cases (designs): cases in each range of a property, and covered pairs of ranges."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from sepv.verification._law import Law
 
 
 def pairs(space: Space) -> tuple[int, int]:
-    """Count pairs of strata: (pairs that the design meets, pairs that are possible)."""
+    """Count the pairs of property ranges (strata): those that a case of the design has, and those that are possible."""
     design = space.design()
     sizes = [len(axis.strata) for axis in space.axes]
     every = (sum(sizes) ** 2 - sum(n * n for n in sizes)) // 2
@@ -24,7 +24,7 @@ def pairs(space: Space) -> tuple[int, int]:
 
 
 def cases_by_stratum(space: Space) -> dict[tuple[str, str], int]:
-    """The number of cases of one design in each stratum, by the names of axis and stratum."""
+    """The number of a space's listed cases in each stratum (range), by the names of axis (property) and stratum."""
     counts = Counter(
         (axis, stratum.name) for row in space.design().rows for axis, stratum in space.levels(row).items()
     )
@@ -32,7 +32,7 @@ def cases_by_stratum(space: Space) -> dict[tuple[str, str], int]:
 
 
 def impossible(space: Space) -> dict[str, list[str]]:
-    """The impossible pairs of strata, by the reason why they are impossible."""
+    """For each reason, the pairs of strata (property ranges) that no case can have."""
     by_axis: dict[str, list[str]] = {}
     for pair in sorted(space.design().impossible):
         names = [f"{space.axes[f].name} {space.axes[f].strata[k].name}" for f, k in pair]
@@ -41,7 +41,7 @@ def impossible(space: Space) -> dict[str, list[str]]:
 
 
 def show(laws: Iterable[Law], systems: Systems, out: Console) -> None:
-    """Print how many cases of each stratum these laws measure for a scheme of this class of systems."""
+    """Print how many cases of each stratum (property range) these laws measure for a scheme for `systems`."""
     chosen = {law.name: law.cases.space(systems) if law.cases else None for law in laws}
     spaces = {name: space for name, space in chosen.items() if space is not None}
     order = list(spaces)

@@ -1,4 +1,4 @@
-"""Expectations about a scheme: a TOML file of claims and of known violations, strict in both directions.
+"""A TOML file of claims and of known violations of a scheme; a run fails on new violations and on repaired ones.
 
     scheme = "mypkg.mymodule:step"     # the scheme; a run with another scheme gets a note
     claims = ["contract", "casimir"]   # laws that must hold; leave it out if the scheme states its claims itself
@@ -37,7 +37,7 @@ _EXAMPLE = '[[expected]] with law = "…", reason = "…", witness = "…"; `--p
 
 @dataclass(frozen=True)
 class ExpectedFailure:
-    """One entry of a file: the law, the reason why it fails, and the witness as JSON."""
+    """One entry of a file of expected failures: the law, the reason why it fails, and a counterexample as JSON."""
 
     law: str
     reason: str
@@ -46,7 +46,7 @@ class ExpectedFailure:
 
 @dataclass(frozen=True)
 class Expectations:
-    """The contents of a file: claims, expected failures, measured laws, and the name and the problems of its scheme.
+    """The contents of a file of expected failures: claims, failures, measured laws, the scheme and its problems.
 
     A value that the file does not state is None or empty.
     """
@@ -59,7 +59,7 @@ class Expectations:
 
     @property
     def is_pin(self) -> bool:
-        """True if every violation must be listed, claimed or not."""
+        """True if the file is a pin, which must list every violation, also of laws that the scheme does not claim."""
         return self.claims is not None
 
     def gaps(self, laws: Iterable[str], scheme: str, problems: Iterable[str] = ()) -> list[str]:
@@ -83,7 +83,7 @@ class Expectations:
 
 
 def load(path: str | Path, laws: Iterable[str]) -> Expectations:
-    """Read a file of expectations.
+    """Read a file of claims and expected failures; `laws` are the names of all laws.
 
     Raises a UsageError for a file that is missing or not TOML, an unknown or repeated law, a missing reason or witness,
     or a law that is both claimed and expected to fail.
@@ -178,12 +178,12 @@ def _entry(entry: Any, where: str, known: tuple[str, ...]) -> ExpectedFailure:
 
 
 def _drawn(key: str, value: Any) -> bool:
-    """True for a number that a statistical law's witness may have; limits keep a file from using a run for days."""
+    """True if a witness of a statistical law may have `key` = `value`; the limits bound the work of its replay."""
     return type(value) is int and 0 <= value <= _MOST.get(key, value)
 
 
 def to_toml(scheme: str, findings: Iterable[Finding]) -> str:
-    """Text of a first file of expected failures: the claimed laws that are violated. A person adds the reasons.
+    """Text of a new file of expected failures, which lists the violated claimed laws; a person adds the reasons.
 
     A violation of an unclaimed law is no failure and is not listed: a scheme that later obeys it must not fail a build.
     """
@@ -195,9 +195,9 @@ def to_toml(scheme: str, findings: Iterable[Finding]) -> str:
 
 
 def pin(scheme: str, findings: Iterable[Finding], problems: Iterable[str] = ()) -> str:
-    """Text of a pin of all measured laws: laws that hold are its claims, and violations are listed with witnesses.
+    """Text of a pin, a file that records a run: laws that hold become claims, and violations are listed.
 
-    A law without a decision is listed under `measured` only. A later pin can guard it, once the law is decided.
+    A law that neither holds nor is violated is listed under `measured` alone, so this pin does not guard it.
     """
     measured = [f for f in findings if f.verdict is not Verdict.NOT_MEASURED]
     held = [f.law for f in measured if f.verdict is Verdict.HOLDS]

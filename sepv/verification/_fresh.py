@@ -1,7 +1,7 @@
 """Replay of counterexamples in a new process, which has made no other call of the scheme.
 
 A step that keeps state between calls can violate a law after other calls, and obey the law in a first call. The report
-then says so. One process replays all counterexamples of a run, if it can import the scheme by name.
+then says "depends on earlier calls". One process replays all counterexamples, if it can import the scheme by name.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _ANSWER = (
 
 
 def asked_afresh(target: Any, findings: Sequence[Finding], problems: Any = None) -> tuple[Finding, ...]:
-    """The findings, each violation with the verdict (`afresh`) on its counterexample in a new process."""
+    """The findings; those of violations also have the verdict of a replay in a new process (`Finding.afresh`)."""
     named = isinstance(target, str) and ":" in target and _words(problems)
     again = [f for f in findings if _may_be_replayed(f)] if named else []
     if not again:
@@ -49,7 +49,7 @@ def asked_afresh(target: Any, findings: Sequence[Finding], problems: Any = None)
 
 
 def _may_be_replayed(finding: Finding) -> bool:
-    """True for a violation whose witness is one case: a replay of a setup of paths takes as long as the law."""
+    """True for a violation by a single step; the replay of a violation by sampled paths would take too long."""
     witness = finding.witness or {}
     return (
         finding.verdict is Verdict.VIOLATED

@@ -54,7 +54,7 @@ def error_lines(report: Report) -> list[str]:
 
 
 def _told(report: Report, findings: list[Any]) -> list[Any]:
-    """The findings without repetitions: of several findings with the same error, only the first."""
+    """The `findings` without those whose error an earlier finding of the report already has."""
     errors = {same_error(f.message): f for f in reversed(report.findings) if f.verdict is Verdict.ERROR}
     return [f for f in findings if f.verdict is not Verdict.ERROR or errors[same_error(f.message)] is f]
 

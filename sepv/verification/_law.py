@@ -1,4 +1,4 @@
-"""A law: a statement with its source, its measurement, and the meaning of a result."""
+"""Records of a law (a property of one-step methods and its measurement), of its verdict, and of a run's effort."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Verdict(Enum):
         return self.value.replace("_", " ")
 
     def of(self, number: int) -> str:
-        """The number of laws with this verdict, in words: 1 holds, 2 hold, 3 violated, 2 errors."""
+        """Words for a `number` of laws with this verdict, such as: 1 holds, 2 hold, 3 violated, 2 errors."""
         plural = {Verdict.HOLDS: "hold", Verdict.ERROR: "errors"}
         return f"{number} {self.text if number == 1 else plural.get(self, self.text)}"
 
@@ -63,14 +63,14 @@ class Measurement:
 
 @dataclass(frozen=True)
 class Finding:
-    """The result of a law on a scheme.
+    """The result of measuring a law on a scheme.
 
     Attributes
     ----------
     defect, bound, unit
         The worst measurement; None if nothing was measured.
     witness : dict or None
-        The evidence of a violation or an error: a `sepv.verification.Case` as JSON, or a statistical law's setup.
+        The input that shows a violation or an error: a `sepv.verification.Case` as JSON, or the setup of paths.
     replay : str
         Arguments after ``sepv verify TARGET`` that measure the witness again.
     checks : int
@@ -86,7 +86,7 @@ class Finding:
     skipped : int
         The number of cases that the scheme refuses (`sepv.errors.Skipped`).
     share : float or None
-        The measured share of the law's cases, if cases that every scheme must take were skipped; else None.
+        The measured fraction of the law's cases, if the scheme skipped cases that it may not refuse; else None.
     afresh : str
         For a violation, the verdict on its witness in a new process; empty if no process was started for it.
     step_seconds : float or None
@@ -141,9 +141,9 @@ class Effort:
     Attributes
     ----------
     examples : int
-        Random examples of Hypothesis for each law, after the law's design (cases that meet every stratum).
+        Random examples of Hypothesis for each law, after a list of cases that cover all ranges (the law's design).
     designs : int
-        Repetitions of a law's design, each with other random content in the same strata (classes of cases).
+        Repetitions of a law's design, each with other random numbers in the same ranges (strata).
     paths : int
         Largest number of paths of a statistical law. For a scheme that takes one state at a time, laws make fewer
         steps, unless this number is above the default.
@@ -153,8 +153,8 @@ class Effort:
         The most measurements for simplifying a counterexample; 0 leaves it unchanged. This is a number and not a time,
         so that a finding does not depend on the load of the machine.
     corpus : bool
-        True if witnesses, cases that once showed a violation (`sepv.verification._corpus`), are tried before a law's
-        design. False for counting the examples that the search alone needs.
+        True if stored cases that once showed a violation (`sepv.verification._corpus`) are tried first. False for
+        counting the examples that the search alone needs.
     """
 
     examples: int = 8
@@ -174,13 +174,13 @@ class Effort:
 
 
 def sparing(scheme: Scheme, effort: Effort) -> bool:
-    """True if laws make fewer steps: the scheme takes one state at a time, and no more paths were requested."""
+    """True if laws take fewer steps: the scheme takes one state a call, and `effort` has no more paths than usual."""
     return not scheme.batched and effort.paths <= Effort.paths
 
 
 @dataclass(frozen=True)
 class Run:
-    """One run of laws on one scheme: the effort, and computed errors that several laws share.
+    """One run of laws on one scheme: the effort, and errors that are computed once for several laws.
 
     Attributes
     ----------
@@ -203,20 +203,20 @@ class Law:
     Attributes
     ----------
     run : (law, scheme, run) -> Finding
-        Look for a violation.
+        Searches for a violation.
     replay : (scheme, witness) -> Finding
-        Measure one witness.
+        Measures the law on one witness, a stored counterexample.
     always_claimed : bool
         True for the contract of ``step``, which every scheme must obey.
     cost : float
-        Processor seconds that the law takes for scheme (2.1), without the time of `steps`; for the estimate of a run's
-        remaining time. If laws share paths, the cost of the first of them includes the paths.
+        Processor seconds that the law takes for scheme (2.1), without the time of `steps`; used to estimate how long a
+        run still takes. If laws share paths, the cost of the first of these laws includes the paths.
     steps : int
-        The number of steps of one state that the law makes with scheme (2.1) on fixed problems, for that estimate.
+        The number of steps that the law takes with scheme (2.1) on fixed problems, M for a batch of M states.
     cases : sepv.verification.Cases or None
         The cases of a law about single steps; None for other laws.
     spared : int
-        The number of steps for a scheme that takes one state at a time, if smaller than `steps`; else 0.
+        As `steps`, for a scheme that takes one state a call, for which the law takes fewer steps; 0 if it does not.
     """
 
     name: str
@@ -254,7 +254,7 @@ NO_NOISE = "the scheme is for systems without noise, c = ()"
 
 
 def about_noise(run: Measure) -> Measure:
-    """Wrap a law's `run`: the law is then not applicable to schemes for systems without noise."""
+    """Wrap a law's `run`, so that the law is not applicable to schemes that are only for systems without noise."""
 
     def asked(law: Law, scheme: Scheme, this_run: Run) -> Finding:
         if scheme.deterministic:
@@ -265,7 +265,7 @@ def about_noise(run: Measure) -> Measure:
 
 
 def pathwise(run: Measure) -> Measure:
-    """Wrap a law's `run`: the law is then not applicable to increments with a few values, which form no Wiener path."""
+    """Wrap a law's `run`, so that the law is not applicable to schemes whose increments take only a few values."""
 
     def asked(law: Law, scheme: Scheme, this_run: Run) -> Finding:
         points = point_law(scheme.increments)
@@ -282,7 +282,7 @@ _collected: ContextVar[tuple[list[Finding], Measure | None] | None] = ContextVar
 
 @contextmanager
 def collecting(findings: list[Finding], measure: Measure | None = None) -> Iterator[None]:
-    """A context for test runners: in it `require` uses `measure`, if given, and appends its findings to a list."""
+    """A context for test runners, in which `require` measures by `measure`, if given, and appends to `findings`."""
     token = _collected.set((findings, measure))
     try:
         yield
@@ -291,9 +291,9 @@ def collecting(findings: list[Finding], measure: Measure | None = None) -> Itera
 
 
 def require(law: Law, scheme: Scheme, effort: Effort | None = None) -> Finding:
-    """Measure a law in a test and return its finding; raise `LawViolated` if a claimed law is not found to hold.
+    """Measure a law in a test and return its finding; raise `LawViolated` if the scheme claims it and it does not hold.
 
-    An unclaimed law is measured too, but no verdict on it raises.
+    A claimed law also raises if it is inconclusive or ends in an error; a law that is not claimed never raises.
     """
     __tracebackhide__ = True  # hides this frame: pytest then shows the finding and no frames of sepv
     findings, measure = _collected.get() or ([], None)

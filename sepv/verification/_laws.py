@@ -75,7 +75,7 @@ def load_laws(names: Iterable[str] | None = None) -> list[Law]:
 
 
 def soonest(laws: Iterable[Law]) -> list[Law]:
-    """Sort laws for measurement: laws that soon show a violation first, laws that share results one after another."""
+    """Sort laws for a run: laws that show most faults first, costly ones last, and laws that share paths together."""
     asked = list(laws)
     steps = {law.name: law.spared or law.steps for law in asked}
     for family in (SAMPLED, LOCAL):
@@ -85,7 +85,7 @@ def soonest(laws: Iterable[Law]) -> list[Law]:
 
 
 def laws_of(names: Iterable[str] | None = None, required: tuple[Requirement, ...] = ()) -> list[Law]:
-    """Load the laws of a run: by name, or by the profiles that need them; a UsageError for both."""
+    """Load the laws of a run, given by `names` or by `required` profiles; a UsageError if both are given."""
     if not required:
         return load_laws(names)
     if names is not None:

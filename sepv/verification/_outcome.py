@@ -19,7 +19,7 @@ from sepv.verification._profiles import SUITE, Profiled, Requirement, missing, p
 
 @dataclass(frozen=True, repr=False)
 class Report:
-    """The findings of the laws on one scheme. `print` shows the table; so does a notebook.
+    """The findings of all laws of a run on one scheme. `print` shows them as a table, and so does a notebook.
 
     Attributes
     ----------
@@ -54,12 +54,12 @@ class Report:
 
     @property
     def profiles(self) -> tuple[Profiled, ...]:
-        """The profiles whose laws were all measured, found or not (`sepv.verification._profiles`)."""
+        """The results, found or not, of the profiles (sets of laws) whose laws were all measured."""
         return profiled(self.findings)
 
     @property
     def missing(self) -> list[str]:
-        """The required profiles that were not found, each with the reason."""
+        """The required profiles (sets of laws) that the scheme was not found to have, each with the reason."""
         return missing(self.profiles, self.required)
 
     @property
@@ -69,7 +69,7 @@ class Report:
 
     @property
     def problems(self) -> tuple[str, ...]:
-        """The names of the scheme's problems, as given; empty for a whole class of systems, or if one is an object."""
+        """The names of the scheme's problems, as given; empty for a whole class of systems, or if one has no name."""
         words = tuple(getattr(item, "text", "") for item in self.scheme.problems)
         return words if all(words) else ()
 
@@ -102,7 +102,7 @@ class Report:
 
     @property
     def failing(self) -> tuple[Finding, ...]:
-        """Claimed laws not shown to hold, expected failures that no longer fail, and violations outside a pin."""
+        """Findings for exit code 1: claims that do not hold, expected failures that pass, violations not in a pin."""
         return tuple(f for f in self.findings if fails(f, self.pinned))
 
     def finding(self, law: str) -> Finding:
@@ -165,13 +165,13 @@ class Report:
         )  # not at the top: `sepv.page` imports this package
 
     def _repr_html_(self) -> str:
-        """Show the report's page in a frame of a notebook, and the report's last line below the frame."""
+        """The HTML for a notebook: the report's page in a frame, and the report's last line below the frame."""
         from sepv.verification._report import in_notebook
 
         return in_notebook(self)
 
     def to_json(self) -> dict[str, Any]:
-        """The report as JSON: suite, scheme, counts, laws."""
+        """The report as a JSON object: suite, scheme, profiles, counts, laws."""
         scheme, effort, profiles = self.scheme, self.effort, self.profiles
         points = point_law(scheme.increments)
         facts = ("mean_square_order", "weak_order", "order", "solver_tolerance", "truncation", "dtype")
@@ -201,7 +201,7 @@ EFFORT = ("seed", "examples", "paths", "designs", "shrink_checks", "corpus")
 
 
 def fails(f: Finding, pinned: frozenset[str] | None = None) -> bool:
-    """True if a finding makes the exit code 1. With a pin, whose laws are `pinned`, every violation must be listed."""
+    """True if a finding makes the exit code 1. After `--pin` (`pinned` not None) each unlisted violation does."""
     if f.verdict in (Verdict.ERROR, Verdict.NOT_MEASURED):
         return False  # errors and interrupts have other exit codes
     if f.expected is not None:

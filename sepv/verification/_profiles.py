@@ -3,11 +3,11 @@
 A profile is a named set of laws. It is found if each of its laws was measured and holds. It is not found if one of its
 laws is not applicable, inconclusive or expected to fail.
 
-The order of a profile is measured. For each problem, every law about orders states the order that the errors show
-(`measured` in its witness): the largest order whose bound lies below the slope of the errors. If paths are sampled, the
+A profile such as "order" states a measured order. Each of its laws measures, on each of its problems, the slope of the
+errors in log-log scale, and takes the largest order whose bound is not above this slope. If paths are sampled, the
 lower end of the slope's confidence interval is used. The profile has the least of these orders over problems and laws.
 For mean-square order p the laws are Milstein's conditions on one step, (3.8) and (3.9) of the paper, and the rms error
-of paths, which is required. A law about one step is ignored if it is not applicable, for lack of a reference.
+of paths. The last must have been measured; the first two are ignored where there is no reference solution of one step.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ SUITE = 1
 
 @dataclass(frozen=True)
 class Profile:
-    """A profile: its name after ``--require``, its words on a badge, and its laws.
+    """A profile, a named set of laws: its name after ``--require``, its words on a badge, and its laws.
 
     Attributes
     ----------
     ordered : bool
-        True if the profile states an order. Its first law must have measured it; its other laws may be not applicable.
+        True if the profile states an order. Its first law must have measured one; its other laws need not apply.
     """
 
     name: str
@@ -61,7 +61,7 @@ _LARGEST = 100
 
 @dataclass(frozen=True)
 class Requirement:
-    """A profile that must be found, with the least order if the profile states one."""
+    """A profile that a scheme must be found to have, and the least order wanted if the profile states an order."""
 
     profile: Profile
     order: float = 0.0
@@ -79,7 +79,7 @@ class Profiled:
     Attributes
     ----------
     order : float or None
-        The measured order, for a profile that states one; None if no order is certain.
+        The measured order, for a profile that states one; None if the errors show no order for certain.
     why : str
         The reason why the profile is not found; empty if it is.
     """
@@ -105,7 +105,7 @@ def requirements(profiles: str | Iterable[str]) -> tuple[Requirement, ...]:
     Raises
     ------
     UsageError
-        For an unknown profile, none at all, or an order that is no positive number.
+        For an unknown profile, for no profile at all, or for an order that is no positive number.
     """
     given = profiles.split(",") if isinstance(profiles, str) else list(profiles)
     names = [str(name).strip().lower().replace("_", "-") for name in given]
@@ -144,7 +144,7 @@ def laws_for(required: Iterable[Requirement]) -> set[str]:
 
 
 def profiled(findings: Iterable[Finding]) -> tuple[Profiled, ...]:
-    """The results of all profiles whose laws were all measured."""
+    """The results, found or not, of the profiles whose laws were all measured."""
     by_law = {f.law: f for f in findings if f.verdict is not Verdict.NOT_MEASURED}
     whole = [(p, [by_law[law] for law in p.laws]) for p in PROFILES if all(law in by_law for law in p.laws)]
     return tuple(_profiled(profile, about) for profile, about in whole)
@@ -165,7 +165,7 @@ def _profiled(profile: Profile, findings: list[Finding]) -> Profiled:
 
 
 def _order_shown(finding: Finding) -> float:
-    """The least order over the problems of a law; 0 if the errors of one problem show no order."""
+    """The least of the orders that a law measured on its problems; 0 if it found no order on one of them."""
     measured = (finding.witness or {}).get("measured", ())
     return min((entry.get("order") or 0.0 for entry in measured), default=0.0)
 
@@ -173,7 +173,7 @@ def _order_shown(finding: Finding) -> float:
 def found(profiles: Iterable[Profiled]) -> list[str]:
     """The profiles that were found, in words.
 
-    If there is a mean-square order, the deterministic order and a weak order that does not exceed it are left out.
+    Beside a mean-square order, the deterministic order is left out, and a weak order unless it is larger.
     """
     have = {p.profile.name: p for p in profiles if not p.why}
     if "order" in have:

@@ -23,9 +23,9 @@ MANY = 10000
 class Course:
     """The laws that have begun or are done, and an estimate of the remaining seconds.
 
-    A law takes pace · `Law.cost` + step · `Law.steps` seconds. The law "contract" measures the time of a step; laws of
-    MANY steps may lower it, or give it if "contract" did not. The pace covers a slower machine and the cost of calls;
-    it is a median, so that one law with slow polynomials or counterexamples does not change it.
+    A law is expected to take pace · `Law.cost` + step · `Law.steps` seconds. `step`, the seconds of a step, is measured
+    by the law "contract"; laws of at least MANY steps may lower it, or give it if "contract" did not. `pace`, measured
+    seconds over `Law.cost`, is a median over laws, so that one slow law does not change it.
     """
 
     def __init__(self, laws: Sequence[Law]) -> None:
@@ -35,7 +35,7 @@ class Course:
         self.started = time.monotonic()
 
     def heard(self, law: Law, finding: Finding | None) -> None:
-        """Record that a law begins, or its finding. Nothing is changed in place, because a display thread reads it."""
+        """Record that a law begins (None) or ends, by new containers, because a display thread reads the old ones."""
         others = {name: since for name, since in self.began.items() if name != law.name}
         if finding is None:
             self.began = {**others, law.name: time.monotonic()}
@@ -45,14 +45,14 @@ class Course:
         self.began = others
 
     def steps(self, law: Law) -> int:
-        """The number of steps of a law: fewer if "reproducibility" does not apply, as for a scheme without batches."""
+        """The number of steps of a law: `spared` if the scheme takes no batches ("reproducibility" did not apply)."""
         alone = any(
             law.name == "reproducibility" and f.verdict is Verdict.NOT_APPLICABLE for law, f in self.found
         )
         return law.spared if alone and law.spared else law.steps
 
     def rates(self) -> tuple[float, float]:
-        """(pace, seconds a step); a law that was not applicable took no time and is ignored."""
+        """The pace (measured seconds over `Law.cost`) and the seconds of a step; inapplicable laws are ignored."""
         measured = [(law, f) for law, f in self.found if f.checks or f.verdict is not Verdict.NOT_APPLICABLE]
         few, many = ([(w, f) for w, f in measured if (w.steps >= MANY) is wanted] for wanted in (False, True))
         timed = [f.step_seconds for _, f in measured if f.step_seconds is not None]
@@ -73,13 +73,13 @@ class Course:
         return {name: pace * law.cost + step * self.steps(law) for name, law in self.left.items()}
 
     def late(self) -> dict[str, tuple[float, float]]:
-        """(seconds so far, seconds expected) of laws that run longer than LATE and twice as long as expected."""
+        """For each law that runs longer than LATE and twice the expected time: (seconds so far, expected seconds)."""
         now, whole = time.monotonic(), self.whole()
         ran = {name: now - began for name, began in self.began.items() if name in whole}
         return {name: (t, whole[name]) for name, t in ran.items() if t > max(LATE, 2 * whole[name])}
 
     def seconds_left(self) -> float | None:
-        """The estimated remaining seconds; None before the first law is done, or while late laws may take longest."""
+        """The estimated remaining seconds; None before a law is done, or if overdue laws outweigh the others left."""
         if not self.found:
             return None
         now, whole = time.monotonic(), self.whole()
@@ -93,7 +93,7 @@ class Course:
         return max([(sum(rest) + sum(whole.values())) / busy, *rest])
 
     def doing(self, journal: Journal | None, name: str) -> str:
-        """The current work, such as: 3 of 27 laws, energy for 21 s where 2 s were expected, case 7 for 8 s."""
+        """The current work in words, such as: 3 of 27 laws, energy for 21 s where 2 s were expected, case 7 for 8 s."""
         late, running = self.late(), list(self.began)
         words = [f"{len(self.found)} of {len(self.found) + len(self.left)} laws"]
         for law in running:

@@ -49,7 +49,7 @@ def show(report: Report, out: Console, *, debug: bool = False) -> None:
 
 
 def same_error(message: str) -> str:
-    """The line that identifies an error, which is shown once: an uncallable scheme has the same error in every law."""
+    """The line of a message by which equal errors are recognized: an error that all laws meet is shown once."""
     return "".join(message.splitlines()[-3:][:1])
 
 

@@ -1,9 +1,9 @@
-"""Laws about single steps: a design visits every stratum of the cases, then Hypothesis searches for a violation.
+"""The search for a violation of a law about single steps, in listed cases and then in random cases of Hypothesis.
 
-The first cases are the witnesses of the corpus, which once showed a violation (`sepv.verification._corpus`). Then comes
-the design, cases in which no possible pair of strata is missing (`sepv.verification._cases.strata`). If one of these
-violates, Hypothesis searches for a simpler violation. If Hypothesis finds none, the violating case itself is simplified
-(`sepv.verification._cases.shrink`).
+The first cases are stored ones that once showed a violation (`sepv.verification._corpus`). Then comes the design: cases
+that cover all pairs of ranges of two properties, such as d and the degree of H (`sepv.verification._cases.strata`). If
+one of these violates the law, Hypothesis searches for a simpler violation. If Hypothesis finds none, the violating case
+itself is simplified (`sepv.verification._cases.shrink`).
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ MOST_FAULTS = 4
 
 
 class _Violation(Exception):
-    """Raised inside a search: the case violates."""
+    """Raised inside a search: the case violates the law."""
 
 
 class _Fault(Exception):
@@ -74,20 +74,20 @@ class _Crash(_Fault):
 
 
 class _Budget:
-    """The number of checks for simplification, counted from the first failure."""
+    """The number of measurements, and the time, that are left for simplifying a counterexample."""
 
     def __init__(self, checks: int) -> None:
         self.left, self.end = checks, time.perf_counter() + MOST_SECONDS
 
     def spend(self) -> bool:
-        """Take one check from the budget; False if it is empty."""
+        """Use one of the measurements that are left; False if none, or no time, is left."""
         self.left -= 1
         return self.left >= 0 and time.perf_counter() <= self.end
 
 
 @dataclass(frozen=True)
 class _Question:
-    """A law on one scheme: the source of its cases, and its measurement of one case."""
+    """A law as asked of one scheme: where its cases come from, and how one case is measured."""
 
     where: Question
     check: Check
@@ -110,7 +110,7 @@ def searched(
     cost: float = 1.0,
     steps: int = 0,
 ) -> Law:
-    """Make a law whose cases come from a design and from a strategy, and are measured one by one.
+    """Make a law about single steps, which is measured on one case at a time, listed first and then random.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def searched(
     cases : Cases
         The cases of the law, for schemes of every class and for users' problems.
     faults_violate : bool
-        True for the law "contract", which a result of a wrong shape or type violates. In other laws it is an error.
+        True for the law "contract": a result of a wrong shape or type violates it. In other laws that is an error.
     not_applicable : scheme -> str
         The reason why the law does not apply to this scheme; empty if it does.
     cost, steps
@@ -178,7 +178,7 @@ def _search(law: Law, scheme: Scheme, effort: Effort, question: _Question) -> Fi
 
 
 def _designed(question: _Question, seed: int, repeat: int) -> list[Case]:
-    """The cases of a design in random order, so that no kind of case is always the first."""
+    """The listed cases of a law for a seed, shuffled, so that no range of a property always comes first."""
     number = seed + 1000003 * repeat
     if question.key:
         store = kept("designs", DESIGNS)
@@ -190,7 +190,7 @@ def _designed(question: _Question, seed: int, repeat: int) -> list[Case]:
 
 
 def _explore(log: SearchLog, scheme: Scheme, effort: Effort, question: _Question, examples: int) -> None:
-    """Measure random cases, which Hypothesis drives to a large defect / bound; simplify the first violation."""
+    """Measure random cases, chosen by Hypothesis to make defect/bound large, and simplify the first violation."""
     measured_before = log.checks
     simplifying: _Budget | None = None
 
@@ -242,7 +242,7 @@ def _explore(log: SearchLog, scheme: Scheme, effort: Effort, question: _Question
 
 
 def _visit(log: SearchLog, scheme: Scheme, visited: Iterable[Case], question: _Question) -> None:
-    """Measure cases in turn; stop at the first violation, or after MOST_FAULTS cases that cannot be measured."""
+    """Measure `visited` cases in turn, up to the first violation or the MOST_FAULTS-th case without a measurement."""
     faults: list[tuple[Case, Exception]] = []
     with warnings.catch_warnings(), suppress(_Violation):
         warnings.simplefilter("ignore")
@@ -258,7 +258,7 @@ def _visit(log: SearchLog, scheme: Scheme, visited: Iterable[Case], question: _Q
 
 
 def _simplify(log: SearchLog, scheme: Scheme, effort: Effort, question: _Question) -> None:
-    """Replace the violation or fault by the simplest case that shows it."""
+    """Replace the logged case, which violates or cannot be measured, by the simplest case found that still does."""
     case, _ = log.violation or log.fault or (None, None)
     assert case is not None
     checks = log.checks
@@ -287,7 +287,7 @@ def _simplify(log: SearchLog, scheme: Scheme, effort: Effort, question: _Questio
 
 
 def _measure(log: SearchLog, scheme: Scheme, case: Case, check: Check, faults_violate: bool) -> Measurement:
-    """Measure and log one case; raise _Violation or _Fault, on different lines, by which Hypothesis separates them."""
+    """Measure and log one case, or raise _Violation or _Fault; Hypothesis tells these apart by the line that raises."""
     log.checks += 1
     note_case(lambda: cases_of.to_json(case))
     try:

@@ -22,7 +22,7 @@ LEAST_SHARE = 0.25
 
 
 class SearchLog:
-    """The checks of a law about single steps: their number, the worst one, a violation or fault, and skipped cases."""
+    """The measurements of a law in one search: number, worst, a violation or unmeasurable case, and skipped cases."""
 
     def __init__(self) -> None:
         self.checks = 0
@@ -37,7 +37,7 @@ class SearchLog:
 
     @property
     def failed(self) -> bool:
-        """True if a case violated or could not be measured."""
+        """True if a case violated the law or could not be measured."""
         return self.violation is not None or self.fault is not None
 
     @property
@@ -46,14 +46,14 @@ class SearchLog:
         return sum(self.skipped.values())
 
     def skip(self, reason: str, *, may: bool = False) -> None:
-        """Log a case that the scheme skipped; `may` is True if a correct scheme may refuse the case."""
+        """Log a case that the scheme did not take; `may` is True if a correct scheme may refuse this case."""
         self.checks -= 1
         self.lacking += not may
         self.skipped[reason] = self.skipped.get(reason, 0) + 1
 
 
 def conclude(law: Law, scheme: Scheme, log: SearchLog, check: Check) -> Finding:
-    """The finding that follows from a finished log; a violation gets advice, for which the law measures other cases."""
+    """The finding of a finished search. A violation gets advice on its cause, for which `check` measures more cases."""
     seen: dict[str, Any] = {"checks": log.checks}
     # The defect is that of the simplified witness; before simplification it may have been larger.
     measured = log.worst if log.violation is None else log.violation[1]
@@ -99,7 +99,7 @@ def _witness(law: Law, case: Case) -> dict[str, Any]:
 
 
 def _measured_again(scheme: Scheme, check: Check, case: Case) -> Measurement | None:
-    """The measurement of another case, for advice; None if the scheme or the law raises an error."""
+    """The measurement of a further case that advice needs; None if the scheme or the law raises an error."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:

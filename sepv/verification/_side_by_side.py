@@ -1,4 +1,4 @@
-"""Measurement of groups of laws in worker processes, which get one group at a time and are always ended.
+"""Measurement of groups of laws in worker processes, each of which measures one group at a time.
 
 Each worker is a new interpreter (`sepv.verification._worker`), not a fork, because a scheme's library may have threads,
 and a fork of threads can hang. Messages are pickled. If a worker crashes, one law ends in an error; the run goes on.
@@ -39,7 +39,7 @@ class LawJob:
 
 
 class _Worker:
-    """A process, and a thread that reads its messages into the common queue."""
+    """A worker process, and a thread that puts the messages of this process into the queue of all workers."""
 
     def __init__(self, task: bytes, answers: queue.Queue[tuple[_Worker, Any]]) -> None:
         with TemporaryFile() as file:

@@ -17,8 +17,8 @@ references in binary64. The step gets y0 and ΔW rounded to single precision, so
 step from y0 it leaves r + e + Δ ∂R/∂y0 e; INPUTS counts the terms in e. Cases contain only numbers that single
 precision represents, so that bounds of zero remain zero.
 
-**Several stages.** A stage of an s-stage method leaves r too. Its K has two more sums, over s stages and over ⌈sν/2⌉
-nodes, and a factor for averages that multiply errors of ∇H by up to max_i b_i⁻¹∫|ℓ_i| (1.57 for six stages). Because
+**Several stages.** The equation of each stage is solved up to such an r, whose K also counts sums over s stages and
+⌈sν/2⌉ nodes, times max_i b_i⁻¹∫|ℓ_i| (1.57 for s = 6), by which averages with weights ℓ_i amplify errors of ∇H. Because
 y1 = y0 + Σ b_j z_j with b_j ≥ 0, Σ b_j = 1 and H(y1) − H(y0) = Σ_j b_j g_jᵀ z_j, the bounds below hold for any s.
 
 **Energy.** H(y1) − H(y0) = ∇̄Hᵀ(y1 − y0) (fundamental theorem), and ∇̄Hᵀ B ∇̄H = 0 for the computed skew B, so that
@@ -79,7 +79,7 @@ def structure_majorant(problem: Problem, *states: Array) -> Array:
 
 
 def slopes(function: Function, derivative: Function | None, y: Array) -> Array:
-    """∂function/∂y (…, d, ...) at y (d, ...), for sizes: as given, or else by central differences, to six digits."""
+    """The derivative ∂function/∂y (…, d, ...) at y (d, ...): `derivative`(y), or central differences to six digits."""
     if derivative is not None:
         return derivative(y)
     columns = []
@@ -97,7 +97,7 @@ def _largest(structure: Any, *states: Array) -> Array:
 
 
 def operations(problem: Problem, stages: int = 1) -> float:
-    """The constant K of the residual's bound: a count of the roundings behind one entry (see the module)."""
+    """The constant K of the bound of a step's residual: a count of the roundings behind one entry (see the module)."""
     terms, degree, nodes = 6, 2, 2 * (stages + 4)  # nodes of a quadrature that is refined until it is exact
     if isinstance(problem.gradient, PolynomialMap) and isinstance(problem.structure, PolynomialMap):
         rows = [*problem.gradient.rows, *problem.structure.rows]
@@ -114,9 +114,9 @@ def operations(problem: Problem, stages: int = 1) -> float:
 def step_residual(
     problem: Problem, y0: Array, y1: Array, h: float, dW: Array, scheme: Scheme | None = None
 ) -> Array:
-    """The residual r (d,) that a solved step may leave, given the scheme's tolerance; (d, M) for a batch.
+    """A bound r (d,) of the residual y1 − y0 − R of a correctly solved step; (d, M) for a batch.
 
-    If no scheme is given, the step has one stage and is solved to rounding.
+    `scheme` states a solver's tolerance and a number of stages. Without it, a step of one stage is solved to rounding.
     """
     tolerance, stages, eps = 0.0, 1, EPS
     if scheme is not None:
@@ -141,7 +141,7 @@ LEAST_SINGLE = 2.0**-120
 
 
 def pushes(problem: Problem) -> Array:
-    """The largest |g_j| (d,) over the vectors of additive noise, as a part of every field; zeros for other noise."""
+    """The largest |g_j| (d,), entrywise, over the vectors of additive noise Σ c_j g_j∘dW_j; zeros for other noise."""
     return np.asarray(np.max(np.abs(noise_vectors(problem)), axis=0, initial=0.0))
 
 
@@ -169,7 +169,7 @@ def _of_polynomials(function: object, reach: Array) -> Array:
 
 
 def _any_gradient(problem: Problem, y0: Array, y1: Array) -> Array:
-    """The largest majorant of ∇H and, if there are several Hamiltonians, of all ∇H_j."""
+    """A majorant of |∇H| (d,) at y0 and y1 and, if the noises have Hamiltonians H_j of their own, of all |∇H_j|."""
     stated = gradient_majorant(problem, y0, y1)
     if not isinstance(problem, HamiltoniansProblem) or not problem.noise_gradients:
         return stated
@@ -179,12 +179,12 @@ def _any_gradient(problem: Problem, y0: Array, y1: Array) -> Array:
 
 
 def energy_bound(problem: Problem, y0: Array, y1: Array, residual: Array) -> Any:
-    """A bound of |H(y1) − H(y0)| for a step with this residual."""
+    """A bound of |H(y1) − H(y0)| for a step whose equation is solved up to `residual`."""
     return np.sum(gradient_majorant(problem, y0, y1) * residual, axis=0) + TINY
 
 
 def casimir_bound(A: Array, y0: Array, y1: Array, residual: Array) -> Any:
-    """A bound of |C(y1) − C(y0)| for a step with this residual, for C = yᵀAy (matrix A) or C = bᵀy (vector A)."""
+    """A bound of |C(y1) − C(y0)| for a step solved up to `residual`; C = yᵀAy, or Aᵀy if A is a vector."""
     slope = np.abs(A) if A.ndim == 1 else np.abs(A) @ (np.abs(y0) + np.abs(y1))
     return np.sum(slope.T * residual.T, axis=-1) + TINY
 
@@ -202,7 +202,7 @@ def casimir_ulp(A: Array, y0: Array, y1: Array) -> float:
 
 
 def rounding_variances(gradient: Array, states: Array) -> Array:
-    """Mean square changes (M,) of an invariant by rounding one step to each state ("Many steps" in the module).
+    """Mean squares (M,) of the change of an invariant by the rounding of each state ("Many steps" in the module).
 
     `gradient` (d, M) is its gradient at `states` (d, M). A change that overflows is 0, so that it excuses no defect.
     """
@@ -213,7 +213,7 @@ def rounding_variances(gradient: Array, states: Array) -> Array:
 
 
 def rounding_walk(gradient: Array, states: Array) -> float:
-    """The root mean square change of an invariant by the rounding of one step, averaged over states."""
+    """The rms change of an invariant by the rounding of y1 in one step; the mean is over `states` too."""
     return float(np.sqrt(np.mean(rounding_variances(gradient, states))))
 
 
@@ -230,10 +230,10 @@ def state_error(
     exact: Sequence[Any], condition: Sequence[Sequence[float]], problem: Problem, y0: Array, y1: Array, h: float,
     dW: Array, scheme: Scheme | None = None,
 ) -> tuple[float, float]:  # fmt: skip
-    """(error, bound) of y1 against an exact step, in ulp of the largest component, for the component that is worst.
+    """The error of y1 against an exact step and its bound, for the component with the largest ratio of the two.
 
     `exact` is the exact step, d numbers of extended precision. `condition` (d, d) is |(I − ∂R/∂y1)⁻¹|, which turns
-    residuals into errors. The bound adds the rounding of y1 itself.
+    residuals into errors. The bound adds the rounding of y1. Both are in units of eps times the largest component.
     """
     unit = state_ulp(y0, y1)
     error = np.array([abs(float(a - float(b))) for a, b in zip(exact, y1, strict=True)])

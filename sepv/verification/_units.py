@@ -26,7 +26,7 @@ class Units:
 
 
 def units_for(scheme: Scheme, problem: Problem) -> Units:
-    """The units of a user's problem; 1 for the suite's own problems, whose steps need no other units."""
+    """The units of a problem that a user named; units 1 for the suite's own problems, which need no others."""
     return units_of(problem) if scheme.problems else Units()
 
 
@@ -54,7 +54,7 @@ def units_of(problem: Problem) -> Units:
 
 
 def rates_at(problem: Problem, y: Array) -> tuple[float, float]:
-    """(largest component of a field at y, bound of the field's slope at y: row sums of |B′||∇H| + |B||H″|, plus γ)."""
+    """The largest component of the fields at y, and a bound of their slopes: row sums of |B′||∇H| + |B||H″|, plus γ."""
     B, g, dB, H = sizes_at(problem, y)
     gamma = abs(damping_of(problem))
     slope = float(np.max(np.sum(np.einsum("ijk,j->ik", dB, g) + B @ H, axis=1)))

@@ -172,7 +172,7 @@ def _check_arguments(jobs: Any, timeout: Any, effort: Any, expected: Any) -> Non
 def _side_by_side(
     task: side_by_side.LawJob, chosen: list[Law], workers: Any, receive: Callable[[Law, Finding | None], None]
 ) -> None:
-    """Measure groups of laws in workers. Laws that share sampled paths are the first group, as it takes longest."""
+    """Measure groups of laws in workers; the laws that share sampled paths are one group, which starts first."""
     by_name = {law.name: law for law in chosen}
     shared = [[name for name in by_name if name in family] for family in (SAMPLED, LOCAL)]
     groups = [group for group in shared if group]
@@ -243,7 +243,7 @@ def replay(scheme: str | Scheme | Step, law: str, witness: dict[str, Any], probl
 
 
 def survived(law: Law, key: str, ask: Callable[[], Finding], effort: Effort | None = None) -> Finding:
-    """Get the finding from `ask`, or from an earlier process of this run; an error finding if that process crashed."""
+    """The finding that `ask` returns; if a crashed run is repeated, the stored finding, or an error for the crash."""
     try:
         return attempted(key, ask)
     except Crashed as crash:
@@ -251,7 +251,7 @@ def survived(law: Law, key: str, ask: Callable[[], Finding], effort: Effort | No
 
 
 def crashed(law: Law, crash: Crashed, effort: Effort) -> Finding:
-    """The finding for a law whose process crashed: an error that names the last case."""
+    """The finding for a law whose process crashed: an error that names the case in which the crash occurred."""
     lines = [f"the process ended with {crash.status}: the scheme, or a library that it uses, crashed it"]
     seen: dict[str, Any] = {"replay": f"--law {law.name} --seed {effort.seed} --paths {effort.paths}"}
     if isinstance(crash.note, dict):
@@ -271,7 +271,7 @@ def crashed(law: Law, crash: Crashed, effort: Effort) -> Finding:
 def measure(
     law: Law, scheme: Scheme, run: Run, timeout: float = 600.0, failure: ExpectedFailure | None = None
 ) -> Finding:
-    """Measure one law on one scheme: by the law's search, or on the witness alone if the law is expected to fail."""
+    """Measure one law on one scheme: by a search, or on the stored witness alone if `failure` says that it fails."""
     start = time.perf_counter()
     try:
         with deadline(timeout):
@@ -311,7 +311,7 @@ class TimedOut(BaseException):
 
 @contextmanager
 def deadline(seconds: float) -> Iterator[None]:
-    """Raise `TimedOut` in a block that runs longer than this; only in the main thread of a POSIX system."""
+    """Raise `TimedOut` in a block that runs longer than `seconds`; no limit outside a POSIX system's main thread."""
     if not hasattr(signal, "setitimer") or threading.current_thread() is not threading.main_thread():
         yield
         return

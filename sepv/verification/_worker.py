@@ -18,7 +18,7 @@ from sepv.errors import UsageError
 
 
 def main() -> None:
-    """Measure groups of laws until stdin ends; the process's argument is a file for notes, `sepv._journal.Notes`."""
+    """Measure groups of laws until stdin ends. The process's argument is the number of an open file for its notes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     # Output of the scheme goes to stderr: stdout is for findings.
     out = os.fdopen(os.dup(1), "wb")
@@ -39,7 +39,7 @@ def main() -> None:
 
 
 def answer(say: Any) -> None:
-    """Load the scheme once, then measure group after group."""
+    """Load the scheme once, then measure the groups of laws from stdin; `say` sends a message to the parent."""
     from sepv._kept import save_all
     from sepv.verification._law import Run
     from sepv.verification._laws import load_laws

@@ -1,6 +1,6 @@
 """Hypothesis strategies: random skew B(y), polynomial H, Casimirs by construction, and steps with a solution.
 
-The laws draw the same systems (`sepv.verification._cases.random_cases`). All coefficients are small dyadic rationals.
+The laws draw such systems too (`sepv.verification._cases.random_cases`). All coefficients are small dyadic rationals.
 Products and sums of a few of them are exact in binary64, so that the coefficients of a Casimir satisfy its definition
 exactly and a defect is due to the scheme.
 """

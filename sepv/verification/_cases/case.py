@@ -1,4 +1,4 @@
-"""A case, the input of a law about single steps: a problem as data, a state, a step, with its text forms."""
+"""A case, which is the input of a law about single steps (a problem, a state and a step), and its JSON and token."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ class Case:
     Attributes
     ----------
     given : str
-        The view of the problem that the scheme gets: one of `sepv.problems.shown_to_schemes.GIVEN`.
+        How the scheme gets the problem, as data or as functions: one of `sepv.problems.shown_to_schemes.GIVEN`.
     batch : int
         For laws about batches, the number of states stepped together; if 0, the law chooses it.
     times : int
-        For the law "contract", how often the step is repeated; if 0, the law chooses it.
+        For the law "contract", the number of times that the step is repeated; if 0, the law chooses it.
     """
 
     problem: Description
@@ -57,7 +57,7 @@ class Case:
     times: int = 0
 
     def build(self) -> tuple[Problem, Array, float, Array]:
-        """The arguments of ``step`` with the whole problem, of which `sepv.schemes.ask` gives a scheme only a view."""
+        """The arguments (problem, y, h, dW) of ``step``; the problem is complete, whatever `given` is."""
         problem = as_given(self.problem, self.given)
         return problem, np.array(self.y), self.h, np.array(self.dW, dtype=np.float64)
 
@@ -93,7 +93,7 @@ def _with_coefficients(data: Description, c: tuple[float, ...]) -> Description:
 
 
 def quiet(case: Case) -> Case | None:
-    """The case without noise, with c = () and h = Δ; None if each noise has a field of its own."""
+    """The case without noise, c = (), whose h is the Δ of `case`; None if the noises have other fields than B∇H."""
     if not case.dW:
         return case
     problem, _, h, dW = case.build()
@@ -103,7 +103,7 @@ def quiet(case: Case) -> Case | None:
 
 
 def taken_by(scheme: Scheme, cases: Iterable[Case]) -> Iterator[Case]:
-    """The cases in the form that a scheme takes: a scheme without noise gets c = (), and no case without this form."""
+    """The cases as a scheme takes them: if it is for c = () alone, without noise, or left out if that is impossible."""
     for case in cases:
         taken = quiet(case) if scheme.deterministic else case
         if taken is not None:
@@ -184,7 +184,7 @@ def has_words(witness: Any) -> bool:
 
 
 def require_named(witness: dict[str, Any], scheme: Scheme) -> None:
-    """Apply `require_trusted` to the problem of a witness, which comes from a file or a token."""
+    """Raise unless the user named the code of a witness's problem: a witness comes from a file or a token."""
     problem = witness.get("problem")
     target = problem.get("given") if isinstance(problem, dict) else None
     named = [p if isinstance(p, str) else getattr(p, "text", "") for p in scheme.problems]
@@ -192,7 +192,7 @@ def require_named(witness: dict[str, Any], scheme: Scheme) -> None:
 
 
 def _given_problem(data: dict[str, Any], objects: Iterable[Problem]) -> GivenProblem:
-    """A problem made of functions: loaded by its name, or the only problem with this name among `objects`."""
+    """The problem of a witness without its data: loaded by its name, or the only one so named in `objects`."""
     target = data["given"]
     own = [problem for problem in objects if not target and problem.name == data.get("object")]
     if ":" not in target and target not in problems.EXTENSIONS | problems.HAMILTONIANS and len(own) != 1:
@@ -233,7 +233,7 @@ def witness_of(token: str) -> dict[str, Any]:
 
 
 def _unpacked(packed: bytes) -> bytes:
-    """The text of a token, cut at MOST_BYTES: a few bytes can unpack to gigabytes."""
+    """Unpack the text of a token; ValueError beyond MOST_BYTES, because a few bytes can unpack to gigabytes."""
     unpacker = zlib.decompressobj()
     text = unpacker.decompress(packed, MOST_BYTES)
     if not unpacker.eof:

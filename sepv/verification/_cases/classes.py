@@ -1,4 +1,4 @@
-"""The classes of systems that schemes are for, one record each: the space of their cases, and problems by name."""
+"""The classes of systems for which schemes are made: one record each, with a space of test cases and named problems."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ _RIGHT = {"degree of H": ("1–2",), "degree of B": ("0",), "degree of C": ("1",
 
 @dataclass(frozen=True)
 class SystemsClass:
-    """A class of systems, and the sources of its cases.
+    """A class of systems, and the sources of its test cases.
 
     Attributes
     ----------
     space : Space
         The space of random cases: a system of the class, a state and a step.
     named : names of problems
-        Problems from which the random search takes steps too, near their initial state.
+        Built-in problems of the class; the random search also takes steps from near their initial states.
     more : Random -> Case or None
-        Steps of systems outside the space, for the random search.
+        Functions that draw steps of systems of the class that the space does not contain, for the random search.
     fixed : () -> cases
         Cases that are measured with every seed.
     problems : names of problems
-        Problems for the laws about many steps, for a scheme of a narrow class.
+        Problems on which laws about many steps run a scheme that is only for this class.
     """
 
     space: Space
@@ -47,7 +47,7 @@ class SystemsClass:
 
 
 def _space(make: strata.Make, *axes: Axis, **left: Strata) -> Space:
-    """The space of a class: its axes and the common ones. `left` names the strata and kinds to keep, _ for a blank."""
+    """The space with the given axes and those of all classes; `left` restricts strata, as in degree_of_H=("1–2",)."""
     wanted = {name.replace("_", " "): names for name, names in left.items()}
     kept = [
         replace(a, strata=tuple(s for s in a.strata if s.name in wanted.get(a.name, (s.name,))))

@@ -16,10 +16,10 @@ from sepv.verification._cases.strata import monomials
 
 
 def commuting_step(random: Random) -> Case | None:
-    """A step with Hamiltonians that are functions of the actions of one or two planes, away from the rest points.
+    """A step with Hamiltonians that are polynomials in the actions ½(q² + p²) of one or two planes, where ∇H_0 ≠ 0.
 
-    The structure S_j of a noise is singular where ∇H_0 = 0 and has no majorant near such a point. So the length of the
-    step is measured, not derived: it is a sixteenth of the length that the slopes of the fields at y allow.
+    A noise with such an H_j is written G_j∇H_0, and G_j is singular where ∇H_0 = 0. No majorant bounds it near such a
+    point, so the length of the step is measured: a sixteenth of the length that the slopes of the fields at y allow.
     """
     n, m = random.randint(1, 2), random.randint(1, 2)
     H = poly.add(poly.linear((1.0,) * n), of_actions(n, random))
@@ -35,13 +35,13 @@ def commuting_step(random: Random) -> Case | None:
 
 
 def of_actions(n: int, random: Random) -> Polynomial:
-    """A polynomial in the actions I_1, …, I_n of degree one or two, without constant term."""
+    """A random polynomial of degree one or two in n actions I_k, without constant term."""
     degree = random.randint(1, 2)
     return hamiltonian(n, degree, random.randint(1, min(3, monomials(n, degree))), 1.0, random)
 
 
 def _steepest(problem: Problem, y: Array) -> float:
-    """The largest slope, by differences, or size of the fields B∇H and c_j G_j∇H at y, whichever is larger."""
+    """The largest component at y, or difference quotient of it, of the fields B∇H and c_j G_j∇H."""
     assert isinstance(problem, StructuresProblem)
     worst = 0.0
     for c, G in zip((1.0, *problem.c), (problem.structure, *problem.noise_structures), strict=True):

@@ -1,8 +1,8 @@
-"""Pairwise covering designs: few rows in which every possible pair of levels of two factors occurs.
+"""Pairwise covering designs for test inputs, whose properties (factors) each have a few values (levels).
 
-Such a design shows for certain each fault that shows at one level of a factor, or at two levels of two factors. The
-construction is greedy, like that of Cohen, Dalal, Fredman and Patton (IEEE Trans. Softw. Eng. 23, 1997), with
-constraints. Ties are broken in several fixed ways; the smallest design is returned. Equal factors give equal designs.
+A design is a short list of rows, with one level of each factor, in which every possible pair of levels occurs. It shows
+each fault that depends on the levels of one or two factors alone. The construction is greedy, with constraints, like
+that of Cohen, Dalal, Fredman and Patton (IEEE Trans. Softw. Eng. 23, 1997); the smallest of several tries is returned.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ LEAST = 4
 
 @dataclass(frozen=True)
 class Design:
-    """A design: rows with one level of each factor, and the pairs of levels that no row can have."""
+    """A design: rows with one level (value) of each factor (property), and the pairs of levels that no row can have."""
 
     rows: tuple[Row, ...]
     impossible: frozenset[Pair]
@@ -36,12 +36,12 @@ def pairwise(
     hiding: frozenset[Level] = frozenset(),
     offered: Sequence[Row] = (),
 ) -> Design:
-    """A pairwise design for factors with these numbers of levels.
+    """Find few rows in which all possible pairs of levels occur; factor f has levels[f] levels.
 
-    `allowed` tests a partial row, with None for a level not chosen yet; a refused row must stay refused however it is
-    completed. The levels `hiding` may hide a fault of other factors: a row with such a level does not count for pairs
-    of other levels, unless no other row can have them. The rows `offered` are allowed and cheaper; those that meet many
-    pairs are taken first.
+    `allowed` tests a partial row, with None for a level not chosen yet; a row that it refuses must stay refused however
+    it is completed. A level in `hiding` may hide faults of other factors: in a row with such a level, pairs without it
+    count as not covered, unless no other row can have them. The rows `offered` are allowed and cost less than new rows,
+    so those that cover many pairs are taken first.
     """
     taken = _Greedy(levels, allowed, hiding, 0).taken(offered)
     designs = [_Greedy(levels, allowed, hiding, shift).design(taken) for shift in range(ATTEMPTS)]
@@ -49,13 +49,13 @@ def pairwise(
 
 
 def shown_pairs(row: Row, hiding: frozenset[tuple[int, int]] = frozenset()) -> list[Pair]:
-    """The pairs of levels that count as met by a row: all its pairs or, if it has a hiding level, those with it."""
+    """The pairs of levels that a row covers: all pairs or, if the row has levels in `hiding`, those with all these."""
     hidden = {level for level in enumerate(row) if level in hiding}
     return [pair for pair in combinations(enumerate(row), 2) if hidden <= set(pair)]
 
 
 class _Greedy:
-    """One greedy attempt at a design. Levels of all factors are numbered; a set of levels is an integer's bits."""
+    """One greedy construction of a design. The bits of an integer are a set of levels of all factors."""
 
     def __init__(
         self, levels: Sequence[int], allowed: Callable[[Partial], bool], hiding: frozenset[Level], shift: int
@@ -88,7 +88,7 @@ class _Greedy:
         return Design(tuple(rows), frozenset(impossible))
 
     def taken(self, offered: Sequence[Row]) -> list[Row]:
-        """Choose offered rows, each time the one that meets the most new pairs, as long as these are at least LEAST."""
+        """Choose rows of `offered`, each time the row with the most new pairs, until no row has LEAST new pairs."""
         rows: list[Row] = []
         known = {row: self._partners(row) for row in offered}
         while known:
@@ -100,7 +100,7 @@ class _Greedy:
         return rows
 
     def _partners(self, row: Row) -> list[tuple[int, int, int]]:
-        """For each level of a row, (factor, level, set of the levels that it meets in the row, as in `shown_pairs`)."""
+        """For each level of a row: (factor, level, bits of the levels whose pairs with it count by `shown_pairs`)."""
         levels = list(enumerate(row))
         everyone = sum(1 << self._number(level) for level in levels)
         hidden = [level for level in levels if level in self.hiding]
@@ -112,7 +112,7 @@ class _Greedy:
         return found
 
     def _gain(self, partners: list[tuple[int, int, int]]) -> int:
-        """The number of pairs not met before that a row meets; `partners` lists each pair from both sides."""
+        """The number of new pairs of levels that a row covers; `partners`, from `_partners`, has each pair twice."""
         return sum([(self.open[f][k] & met).bit_count() for f, k, met in partners]) // 2
 
     def _number(self, level: tuple[int, int]) -> int:
@@ -127,7 +127,7 @@ class _Greedy:
             self.open[f][k] &= ~met
 
     def _row(self, goal: Pair) -> Row | None:
-        """A row with the pair `goal` and many other pairs not met before, by a greedy choice; None if there is none."""
+        """A row with the pair `goal` and, chosen greedily, many pairs not covered yet; None if `goal` is impossible."""
         # Fixing factors with one level first rules combinations out at once instead of by search.
         row: Partial = [0 if size == 1 else None for size in self.levels]
         for factor, level in goal:
@@ -138,7 +138,7 @@ class _Greedy:
         return self._fill(list(row), chosen, goal) or self._fill(row, chosen, goal, hidden=True)
 
     def _open_everywhere(self, row: Partial) -> bool:
-        """True if each factor without a chosen level has a level that is allowed with the chosen levels."""
+        """True if each factor whose level is still None has a level that is allowed beside the chosen levels."""
         for factor, value in enumerate(row):
             if value is None:
                 levels = range(self.levels[factor])

@@ -1,6 +1,6 @@
 """States and steps of extreme size, made from a case of usual size by a change of the units of y and of time.
 
-The case is the same in other units, so that a scheme without a number that has a unit gives the same digits.
+A scheme gives the same digits in all units, unless it contains a number that has a unit, such as an absolute tolerance.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ LONG = 8.0
 
 
 def is_usual(size: float) -> bool:
-    """True for sizes |y| that every scheme must take."""
+    """True for a size |y| near enough to 1 that no scheme may refuse a state of this size."""
     return USUAL[0] <= size <= USUAL[1]
 
 
 def beyond(case: Case) -> bool:
-    """True if the state is larger or smaller than the states that every scheme must take."""
+    """True if the state y of a case is so large or so small that a scheme may refuse it."""
     largest = max(map(abs, case.y), default=0.0)
     return largest > 0 and not is_usual(largest)
 
 
 def is_long(case: Case) -> bool:
-    """True if |h| + Σ|c_j ΔW_j| is more than any scheme must take; in other units it is a step of usual length."""
+    """True if |h| + Σ|c_j ΔW_j| is so long that a scheme may refuse it, although it is a usual step in other units."""
     return isinstance(case.problem, PolynomialSystem) and _length(case) > LONG
 
 
 def usual(levels: Levels) -> Levels:
-    """Replace extreme ranges of |y| and |Δ| by usual ones: a case is drawn in these, then `at_the_end` rescales it."""
+    """Replace extreme ranges of |y| and |Δ| by the usual ones in which a case is drawn; `at_the_end` rescales it."""
     ranges = {a.name: {s.name: s._replace(end=0.0) for s in a.strata} for a in (SIZE, STEP)}
     found = {a: ranges[a].get(s.name, s) if a in ranges else s for a, s in levels.items() if s not in FAR}
     far = next((s for s in levels.values() if s in FAR), None)
@@ -50,7 +50,7 @@ def usual(levels: Levels) -> Levels:
 
 
 def at_the_end(case: Case, levels: Levels) -> Case:
-    """Convert a case to units in which |y| and |Δ| are as far beyond their usual ranges as the strata say."""
+    """Rescale the units of a case drawn in usual ranges, so that |y| and |Δ| come into the ranges in `levels`."""
     size = next((s for s in levels.values() if s in FAR), levels[SIZE.name])
     length = levels[STEP.name]
     ordinary = usual(levels)
@@ -59,7 +59,7 @@ def at_the_end(case: Case, levels: Levels) -> Case:
 
 
 def _power(wanted: Stratum, ordinary: Stratum, value: float) -> int:
-    """The exponent of 2 of the factor from a value to the wanted size; 0 if the wanted size is in the usual range."""
+    """The n for which 2ⁿ times `value` has the `wanted` size; 0 if this size is in the `ordinary` range."""
     return (
         0
         if ordinary.low <= wanted.low <= ordinary.high or not value
@@ -102,7 +102,7 @@ def in_other_units(case: Case, power: int, time: int = 0) -> Case:
 
 
 def _scaled(p: Polynomial, weight: int, power: int, time: int = 0) -> Polynomial:
-    """4⁻ᵏ2^(n weight) p(2⁻ⁿy), n = `power` and k = `time`."""
+    """The polynomial 4⁻ᵏ 2^(n weight) p(2⁻ⁿy): p in units of y and time changed by n = `power` and k = `time`."""
     terms = [(e, math.ldexp(c, power * (weight - sum(e)) - 2 * time)) for e, c in p.terms]
     return poly.polynomial(p.dimension, terms)
 
@@ -112,7 +112,7 @@ def _of(B: Structure, power: int) -> Structure:
 
 
 def _exponents(case: Case, system: PolynomialSystem, power: int) -> Iterator[float]:
-    """Exponents of 2 of a case's numbers and of powers of y after the change of units; too large ones if |y| is so."""
+    """The exponents of 2 of coefficients and powers of y in new units, one above EXPONENTS if |y| leaves its range."""
     sizes = [abs(v) for v in case.y if v]
     ends = [math.log2(v) + power for v in (max(sizes), min(sizes))] if sizes else []
     yield from (EXPONENTS + 1 for end in ends[:1] if abs(end) > LARGEST)

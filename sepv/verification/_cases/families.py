@@ -1,4 +1,4 @@
-"""Narrow classes of systems that many schemes are made for, each built from random parts."""
+"""Narrow classes of systems, such as H = T(p) + V(q), for which many schemes are made; systems have random parts."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def mechanical(parts: Parts) -> PolynomialSystem:
 
 
 def _short(p: float, y: tuple[float, ...]) -> float:
-    """Round a momentum to twenty bits, so that libraries that store velocities compute M⁻¹p and p without rounding."""
+    """Round a momentum p to twenty bits, so that a library can compute the velocity M⁻¹p from p without rounding."""
     unit = 2.0 ** (math.floor(math.log2(max(map(abs, y)) or 1.0)) - 20)
     return unit * round(p / unit)
 
@@ -86,7 +86,7 @@ _ALGEBRAS: dict[str, tuple[int, Constants, tuple[dict[tuple[int, int], float], .
 
 
 def algebra(name: str) -> tuple[int, Structure, tuple[Matrix, ...], Matrix]:
-    """(d, B(y) linear in y, quadratic Casimirs, linear Casimirs) of a Lie algebra of `_ALGEBRAS`."""
+    """The tuple (d, B(y) linear in y, quadratic Casimirs, linear Casimirs) of the Lie algebra `name` of `_ALGEBRAS`."""
     d, constants, quadratic, linear = _ALGEBRAS[name]
     B = tuple((i, j, poly.scale(c, poly.variable(d, k))) for i, j, k, c in constants)
     matrices = tuple(
@@ -97,7 +97,7 @@ def algebra(name: str) -> tuple[int, Structure, tuple[Matrix, ...], Matrix]:
 
 
 def lie_poisson(parts: Parts) -> PolynomialSystem:
-    """B(y)_ij = Σ_k c_ij^k y_k of a Lie algebra, with any polynomial H."""
+    """A Lie-Poisson system: B(y)_ij = Σ_k c_ij^k y_k, c_ij^k the structure constants of an algebra, and any H."""
     d, B, quadratic, linear = algebra(parts.levels["algebra"].name)
     return PolynomialSystem(d, parts.hamiltonian(), B, parts.noise(), quadratic, linear)
 
@@ -110,14 +110,14 @@ def rigid_body(parts: Parts) -> PolynomialSystem:
 
 
 def matrix_hamiltonians(parts: Parts) -> PolynomialSystem | None:
-    """B of so(3), so(4) or su(3), with any H_0, …, H_m that do not all commute with H_0."""
+    """The Lie-Poisson B of so(3), so(4) or su(3), with a random H_0 and H_j for the noises, some {H_0, H_j} ≠ 0."""
     H, c = parts.hamiltonian(), parts.noise()
     others = tuple(parts.further() for _ in c)
     return general(matrix_system(parts.levels["matrices"].name, H, c, others))
 
 
 def separable_hamiltonians(parts: Parts) -> PolynomialSystem:
-    """H_0 = ½ Σ w_k p_k² + V(q), B = J⁻¹ and H_j = −Σ_k σ_jk q_k."""
+    """A system with H_0 = ½ Σ w_k p_k² + V(q), B = J⁻¹ of (1.3) and linear H_j = −Σ_k σ_jk q_k for the noises."""
     n, random = parts.d // 2, parts.random
     kinetic = poly.squares([random.choice([1.0, 0.5, 2.0]) for _ in range(n)] + [0.0] * n)
     H = poly.add(kinetic, _of(range(n, 2 * n), parts, parts.degree))
@@ -128,7 +128,7 @@ def separable_hamiltonians(parts: Parts) -> PolynomialSystem:
 
 
 def _homogeneous(parts: Parts) -> PolynomialSystem:
-    """Any B with or without Casimirs, and H with monomials of one degree."""
+    """A system with a random B, with or without Casimirs, and an H whose terms all have the same degree."""
     d, n = parts.d, parts.degree
     B, quadratic, linear = parts.structure()
     count = min(parts.terms, monomials(d, n) - monomials(d, n - 1))
@@ -140,7 +140,7 @@ _UNDAMPED = maker(_homogeneous, shows=False)
 
 
 def damped(levels: Levels, random: Random, attempt: int | None) -> Case | None:
-    """A step of a damped system with a homogeneous H and |γh| between 1/16 and 1/8, where e^{−2γh} is far from 1 − 2γh.
+    """A step of a system with damping −γy dt, homogeneous H and |γh| from 1/16 to 1/8: e^{−2γh} is far from 1 − 2γh.
 
     For h < 0 damping makes the state larger by 7 % at most, so that the step is less than twice as long as the
     contraction radius.
@@ -153,9 +153,9 @@ def damped(levels: Levels, random: Random, attempt: int | None) -> Case | None:
 
 
 def additive(parts: Parts) -> PolynomialSystem:
-    """Any B with or without Casimirs, H = ½ Σ w_k p_k² + p_1 q_1 + V(q), and noise along any directions of p.
+    """A system with additive noise Σ c_j g_j∘dW_j: a random B, and H = ½ Σ w_k p_k² + p_1 q_1 + V(q) with y = (p, q).
 
-    In some cases p is all of y: H is then quadratic and the noise has any directions.
+    The g_j have components in p alone. Sometimes y has no components q: then H = ½ Σ w_k p_k².
     """
     d, random = parts.d, parts.random
     B, quadratic, linear = parts.structure()

@@ -1,8 +1,8 @@
-"""Cases that are measured with every seed: each law that applies to them measures them after its design.
+"""Cases that are the same for every seed; each law to which they apply measures them in each run.
 
-A search with a hundred random examples finds a fault that needs a high degree and a long step with most seeds, but not
-with every seed. These few cases are the same in each run. They come after the design, so that a small counterexample
-is found first, and they are simple already.
+Some faults show only for a high degree and a long step. A search with a hundred random examples finds such a fault with
+most seeds, but not with all. A law measures these cases after its list of small random cases (its design), so that the
+counterexample that is found first is a small one.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ _FAST = (3.0, 1.0)
 
 @cache
 def fixed_cases() -> tuple[Case, ...]:
-    """Polynomial systems of degree 5 and 6 at their contraction radius, and long steps of the paper's problems."""
+    """Steps up to the contraction radius for polynomial H of degree 5 and 6, and long steps of the paper's problems."""
     return (*_polynomial(), *_papers())
 
 
 @cache
 def for_energy() -> tuple[Case, ...]:
-    """Cases that test one degree of H each, and steps that a scheme may refuse but must not return unsolved."""
+    """Cases that each test one degree of H, and long steps: a scheme may refuse these, but return no wrong solution."""
     return (*_degrees(), *long_steps())
 
 
@@ -48,7 +48,7 @@ def long_steps() -> tuple[Case, ...]:
 
 
 def may_be_refused(case: Case) -> bool:
-    """True for a step of a named problem that is longer than the longest step that every scheme must take."""
+    """True if a scheme may refuse the step, because it is longer than `longest_step` of its built-in problem."""
     if not isinstance(case.problem, NamedProblem):
         return False
     problem, _, h, dW = case.build()
@@ -67,18 +67,18 @@ def _polynomial() -> list[Case]:
 
 
 def _dominated(d: int, degree: int) -> Polynomial:
-    """H = ½|y|² + ½ y1^n − ¼ y1 y2^(n−1) for the degree n."""
+    """The Hamiltonian H = ½|y|² + ½ y1^n − ¼ y1 y2^(n−1) of degree n, with y1 and y2 the first components of y."""
     first = (degree, *(0,) * (d - 1))
     mixed = (1, degree - 1, *(0,) * (d - 2))
     return poly.add(poly.squares((1.0,) * d), poly.polynomial(d, {first: 0.5, mixed: -0.25}))
 
 
 def _degrees() -> list[Case]:
-    """For each degree n of H, steps on which a quadrature with too few nodes is wrong by thousands of bounds.
+    """For each degree n of H, steps in which too few quadrature nodes cause thousands of times the allowed defect.
 
     With H = a q^n + p, q changes at a constant rate. It starts at ¼ of |y|, and a is so small that q gets as far as 1
-    inside the contraction radius. H without a stated degree has degree 16 or 20. The longest step whose solution is
-    proved to exist shows one missing node up to degree 14, three missing nodes for degree 17 and four for degree 20.
+    inside the contraction radius. The longest step whose solution is proved to exist shows one missing node up to
+    n = 14, three for n = 17 and four for n = 20. For n = 16 and 20 there are cases that do not state the degree.
     """
     found = []
     for degree, given in (*((n, "data") for n in _DEGREES), *((n, "bare functions") for n in _OPAQUE)):
@@ -93,7 +93,7 @@ _DEGREES, _OPAQUE = (3, 4, 5, 6, 7, 8, 9, 10, 12, 14, 17, 20), (16, 20)
 
 
 def _longest(data: PolynomialSystem, y: tuple[float, ...]) -> tuple[Case, Case]:
-    """Two cases with Δ of either sign and |h| + Σ|c_jΔW_j| up to the contraction radius."""
+    """Two cases, with Δ > 0 and Δ < 0, in which |h| + Σ|c_jΔW_j| is nearly the contraction radius."""
     radius = contraction_radius(problems.build(data), np.array(y))
     return _split(data, y, radius, 1.0), _split(data, y, radius, -1.0)
 
@@ -115,7 +115,7 @@ def _papers() -> list[Case]:
 
 
 def _split(data: PolynomialSystem | NamedProblem, y: tuple[float, ...], length: float, sign: float) -> Case:
-    """The case with Δ = h + Σ c_jΔW_j = ±7/8 of the length, |h| + Σ|c_jΔW_j| at most the length, and h = |Δ|/16."""
+    """The case with |h| + Σ|c_jΔW_j| ≤ `length`, h = |Δ|/16 and Δ = h + Σ c_jΔW_j = ±⅞ `length`, with this `sign`."""
     c = problems.build(data).c
     delta = sign * length * 7 / 8
     h = abs(delta) / 16

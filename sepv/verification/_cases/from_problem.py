@@ -48,7 +48,7 @@ _COMPONENTS = st.one_of(
 
 
 def describe(problem: Problem, text: str = "") -> Description:
-    """The problem's data if they agree with its functions and the references know them; else the problem itself."""
+    """The problem's data if they agree with its functions and can be evaluated in extended precision; else itself."""
     data = problem.data
     known = isinstance(data, PolynomialSystem) or (data is not None and data.name in EXACT_NAMES)
     # Data contain no flows of parts of H and H_j, so a problem built from data would lack flows.
@@ -58,7 +58,7 @@ def describe(problem: Problem, text: str = "") -> Description:
 
 
 def _agrees(problem: Problem, data: PolynomialSystem | NamedProblem) -> bool:
-    """Compare data with functions: a record changed by `dataclasses.replace` may carry the data of the original."""
+    """True if data describe the problem's functions; they need not after `dataclasses.replace` of a function."""
     other = named.build(data)
     if other.dimension != problem.dimension or not np.array_equal(other.c, problem.c):
         return False
@@ -89,8 +89,8 @@ def of_case(value: Any) -> st.SearchStrategy[Case]:
 def near(draw: st.DrawFn, description: Description) -> Case:
     """A state near the problem's initial state, inside its domain, and a step from it.
 
-    If the problem has no initial state, components lie in ±2. The step is at most as long as the contraction radius,
-    which is derived from majorants for polynomial data, and measured for functions.
+    If the problem has no initial state, the components of y lie between −2 and 2. The step is no longer than the
+    contraction radius, which is derived from majorants for polynomial data, and measured for functions.
     """
     problem = named.build(description)
     y = _state(draw, problem)
@@ -111,7 +111,7 @@ def near(draw: st.DrawFn, description: Description) -> Case:
 
 @st.composite
 def steps_within(draw: st.DrawFn, data: Description, y: tuple[float, ...], radius: float) -> Case:
-    """Steps with |h| + Σ|c_j ΔW_j| ≤ radius, each part a share of it."""
+    """Draw a step from y with |h| + Σ|c_j ΔW_j| ≤ radius; |h| and each |c_j ΔW_j| have at most equal shares."""
     c = named.build(data).c
     length = radius * draw(_LENGTHS)
     share = length / (1 + np.count_nonzero(c))
@@ -147,11 +147,11 @@ USUAL, NARROWEST = 5, 20
 
 
 def measured_radius(problem: Problem, y: Array) -> float:
-    """Half of an estimated contraction radius, from maxima over some states of the ball.
+    """Half of an estimated contraction radius, from maxima of B, ∇H and their derivatives at some states around y.
 
-    `sepv.verification._contraction.contraction_radius` has majorants instead of maxima. Maxima are no bounds, because
-    slopes may be larger between the states; the factor ½ is a heuristic for that. If a step inside this radius is
-    refused, the reason may be the radius and not the scheme, so the step is reported as not solved.
+    `sepv.verification._contraction.contraction_radius` takes bounds instead of maxima. Maxima at some states are no
+    bounds, because values may be larger between them; the factor ½ is a heuristic for that. If a scheme refuses a step
+    inside this radius, the radius may be too large, so the step is reported as not solved and not as a violation.
     """
     rng = np.random.default_rng(0)
     d = problem.dimension

@@ -49,12 +49,12 @@ def damping_of_case(case: Case) -> float:
 
 
 def unchanged(case: Case) -> Case:
-    """Return the case as its own adaptation, for a law that applies to every case."""
+    """Return the case unchanged; the default of `Cases.adapt`, for a law that applies to every case."""
     return case
 
 
 def only(holds: Callable[[Problem], object], *, data: bool = False) -> Adapt:
-    """An adaptation that keeps a case if `holds` is true of its problem and, if `data`, the problem is data."""
+    """A filter that keeps a case if `holds` is true of its problem and, with `data`, the problem is stored as data."""
 
     def adapt(case: Case) -> Case | None:
         lacks = data and isinstance(case.problem, GivenProblem)
@@ -65,7 +65,7 @@ def only(holds: Callable[[Problem], object], *, data: bool = False) -> Adapt:
 
 @dataclass(frozen=True)
 class Question:
-    """The sources of a law's cases for one scheme: a design, a random search, and fixed cases."""
+    """The sources of a law's cases for one scheme: a list that covers all ranges, a random search, and fixed cases."""
 
     design: Callable[[int], list[Case]]  # the cases of the design for a seed
     strategy: Strategy
@@ -75,27 +75,27 @@ class Question:
 
 @dataclass(frozen=True)
 class Cases:
-    """The cases of a law: by default every system of the class that a scheme is for, and users' problems.
+    """The test cases of a law, for a scheme of any class of systems: by default all cases of the class.
 
     Attributes
     ----------
     adapt : case -> case or None
-        Adapts a case to the law; None if the law does not apply to the case. An adapted case is its own adaptation.
+        Changes a case so that the law applies, or returns None if it cannot apply. A second call changes nothing.
     why : str
         The reason to report if `adapt` returns None for all of a user's problems.
     where : axis -> strata
-        The strata of an axis (`sepv.verification._cases.strata`) to which the law applies. A class of systems without
-        the axis is not restricted.
+        For some properties of cases (axes), the values or ranges (`sepv.verification._cases.strata`) to which the law
+        applies. Classes without such a property are not restricted.
     blind : axis -> strata
-        Strata in which the law's statement cannot fail. The design meets pairs of other strata in rows without them.
+        Ranges in which no violation can show. Pairs of other ranges must occur in cases outside these ranges.
     not_of : class of systems -> str
-        The reason why the law does not apply to a class. Additive noise counts as several Hamiltonians by default.
+        The reason why the law does not apply to a class. Additive noise has by default that of several Hamiltonians.
     damped : bool
         True if the law applies to damped systems too.
     stays : bool
-        True if the law steps only the given problem. Otherwise it is not run on users' problems.
+        True if the law steps only the problem of the case. If False, it is not run on problems that users name.
     instead : class -> class, or () -> strategy
-        Other cases for a scheme of this class: those of a narrower class, or of a strategy.
+        For a scheme of this class, the source of cases instead of the class: a narrower class, or a strategy.
     fixed : class -> (() -> cases)
         Cases that are measured with every seed, in addition to the fixed cases of the class.
     made : class -> (count, Random -> case)
@@ -130,14 +130,14 @@ class Cases:
                 require_one_of(f"a stratum of {name}", stratum, listed, "see `sepv verify --coverage`")
 
     def space(self, systems: Systems) -> Space | None:
-        """The space of the law's design for a class; None if the law has no design for the class."""
+        """The space of the cases that the law measures for a class; None if they do not come from a space."""
         if self.not_of.get(systems) or systems in self.made:
             return None
         source = self.instead.get(systems, systems)
         return CLASSES[source].space.part(self.where, self.blind) if isinstance(source, Systems) else None
 
     def adapted(self, case: Case) -> Case | None:
-        """Adapt a case of any class to the law; None if the law does not apply to the case."""
+        """Change a case so that the law applies (`adapt`); None if it does not apply to the case or its class."""
         if self.not_of and self.not_of.get(class_of(case.problem)):
             return None
         if not self.damped and damping_of_case(case):
@@ -145,7 +145,7 @@ class Cases:
         return self.adapt(case)
 
     def without_noise(self) -> Cases | str:
-        """The cases for a scheme without noise: steps of the same lengths Δ; or the reason why there are none."""
+        """The cases for a scheme without noise, each with h = Δ of the noisy case; or the reason why there are none."""
         if "0" not in self.where.get(strata.NOISES.name, ("0",)):
             return NO_NOISE
         return replace(self, adapt=partial(_adapted_quietly, self.adapt))
@@ -159,7 +159,7 @@ class Cases:
         return self.adapted(case) == case
 
     def of_class(self, systems: Systems) -> Question | str:
-        """The cases for a scheme that is for a whole class, or the reason why there are none."""
+        """The cases for a scheme that accepts all systems of a class, or the reason why there are none."""
         if why := self.not_of.get(systems):
             return why
         if systems is Systems.DAMPED and not self.damped:
@@ -213,7 +213,7 @@ class Cases:
         )
 
     def all_adapted(self, cases: Iterable[Case]) -> list[Case]:
-        """Adapt cases to the law, and leave out the cases to which the law does not apply."""
+        """Change cases so that the law applies to them (`adapt`), and leave out those to which it cannot apply."""
         return [adapted for case in cases if (adapted := self.adapted(case)) is not None]
 
     def _adapting(self, drawn: Strategy) -> Strategy:
@@ -237,7 +237,7 @@ EVERYTHING = Cases(damped=True)
 
 
 def class_of(description: Description | Problem) -> Systems:
-    """The class of a problem; (1.1), the widest, if it has one structure and one Hamiltonian."""
+    """The class of a problem; for one structure B and one Hamiltonian H it is the whole class (1.1), none narrower."""
     problem = description if isinstance(description, Problem) else named.build(description)
     if isinstance(problem, HamiltoniansProblem):
         return Systems.ADDITIVE if problem.noise_vectors else Systems.HAMILTONIANS
@@ -247,7 +247,7 @@ def class_of(description: Description | Problem) -> Systems:
 
 
 def _present(drawn: st.SearchStrategy[Case | None]) -> Strategy:
-    """A strategy for the drawn cases that are not None."""
+    """The strategy `drawn` without its values None."""
     return drawn.filter(lambda case: case is not None)  # type: ignore[return-value]
 
 

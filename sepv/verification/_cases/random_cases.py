@@ -50,7 +50,7 @@ UNEVENNESS = 4.0
 
 
 class Parts:
-    """Random numbers inside given strata, which systems of every class need, and random parts that fit these numbers.
+    """Random d, degrees and state y inside the strata `levels`, and the H, B and c of a system drawn to fit them.
 
     Attributes
     ----------
@@ -76,7 +76,7 @@ class Parts:
             self.y, self.unit = (0.0,) * self.d, 1.0
 
     def hamiltonian(self) -> Polynomial:
-        """Draw H. At a rest point all terms have degree ≥ 2 in components of y, which are set to zero or made small."""
+        """Draw H. If ∇H should vanish at y, or nearly, all terms have degree ≥ 2 in components made zero or small."""
         d, n, random = self.d, self.degree, self.random
         if self.at_rest:
             self.zero, kept = some.rest_monomials(d, n, self.terms, random)
@@ -89,7 +89,7 @@ class Parts:
         return some.with_constant(H, self.y, random) if random.random() < some.SOMETIMES else H
 
     def further(self) -> Polynomial:
-        """Draw H_j of a noise, with at most the degree and number of terms of H. A rest point of H is one of H_j."""
+        """Draw the H_j of a noise, with at most H's degree and number of terms. If ∇H is made to vanish, so is ∇H_j."""
         low = 2 if self.at_rest else 1
         n = self.random.randint(low, self.degree)
         count = self.random.randint(1, min(self.terms, monomials(self.d, n)))
@@ -102,7 +102,7 @@ class Parts:
         return poly.polynomial(self.d, [(e, some.coefficient(self.random) * unit ** -sum(e)) for e in kept])
 
     def with_slope(self, p: Polynomial) -> Polynomial:
-        """If y = 0, add linear and quadratic terms, so that a field and its slope do not vanish at y."""
+        """Add linear and quadratic terms to p if y = 0, so that a field B∇p and its derivative do not vanish there."""
         if not self.at_origin:
             return p
         linear = poly.linear([some.coefficient(self.random) for _ in range(self.d)])
@@ -118,7 +118,7 @@ class Parts:
         return some.structure(self.levels["Casimirs"].name, self.d, degree, self.unit, self.random)
 
     def noise(self) -> tuple[float, ...]:
-        """Draw the noise coefficients c_j: c_1 is a power of two, and 1 if y = 0."""
+        """Draw the noise coefficients c_j, with a power of two for c_1: the power 1 if y = 0."""
         c = some.noise(self.levels["m"], self.random)
         return (1.0, *c[1:]) if c and self.at_origin else c
 
@@ -127,10 +127,10 @@ SystemOf = Callable[[Parts], PolynomialSystem | None]
 
 
 def maker(system_of: SystemOf, dimensions: Sequence[int] = (), *, shows: bool = True) -> Make:
-    """Return a function that makes the cases of a class, given a function that makes the class's systems from `Parts`.
+    """Return a function that makes test cases of a class of systems; `system_of` makes a system from `Parts`.
 
-    `dimensions` lists the possible dimensions, if some are impossible. If `shows`, a case of a design is drawn again
-    until every fault would show (`sepv.verification._cases.shows_faults`).
+    `dimensions` lists the dimensions that the class can have; empty if all. If `shows`, a case is drawn again (a few
+    times, and not in a random search) until a wrong scheme would show (`sepv.verification._cases.shows_faults`).
     """
 
     def drawn(levels: Levels, random: Random, attempt: int | None) -> Case | None:
@@ -166,7 +166,7 @@ def single(parts: Parts) -> PolynomialSystem:
 
 
 def nambu(parts: Parts) -> PolynomialSystem:
-    """A system with B(y)v = g(y)(v × ∇C(y)) in dimension three."""
+    """A system in dimension three with B(y)v = g(y)(v × ∇C(y)), where g and the Casimir C are random polynomials."""
     levels, unit, random = parts.levels, parts.unit, parts.random
     H, g = parts.hamiltonian(), some.scalar(3, levels["degree of g"], unit, random)
     degree = some.integer(levels["degree of C"], random)
@@ -178,7 +178,7 @@ def nambu(parts: Parts) -> PolynomialSystem:
 
 
 def several(parts: Parts) -> PolynomialSystem:
-    """A system with a structure for each noise."""
+    """A system whose noises have structures of their own: c_j G_j(y)∇H∘dW_j in place of c_j B(y)∇H∘dW_j."""
     d, degree, unit, random = parts.d, parts.levels["degree of B"], parts.unit, parts.random
     H, c = parts.hamiltonian(), parts.noise()
     kind, count = parts.levels["structures"].name, 1 + len(c)
@@ -199,7 +199,7 @@ def several(parts: Parts) -> PolynomialSystem:
 
 
 def hamiltonians(parts: Parts) -> PolynomialSystem | None:
-    """A system with a Hamiltonian for each noise, some of which do not commute with H."""
+    """A system with a Hamiltonian H_j for each noise, or None if each bracket {H, H_j} vanishes."""
     H, (B, quadratic, linear), c = parts.hamiltonian(), parts.structure(), parts.noise()
     others = tuple(parts.further() for _ in c)
     return general(PolynomialSystem(parts.d, H, B, c, quadratic, linear, noise_hamiltonians=others))
@@ -211,7 +211,7 @@ def general(system: PolynomialSystem) -> PolynomialSystem | None:
 
 
 def from_origin(system: PolynomialSystem, levels: Levels, random: Random) -> Case | None:
-    """A step from y = 0, in which h and all noises together are a share of the contraction radius."""
+    """A step from y = 0 in which h and Σ|c_jΔW_j| are small shares of the radius inside which y1(Δ) is analytic."""
     d, m = system.dimension, len(system.noise)
     radius = contraction_ball(problems.build(system), np.zeros(d))[0]
     if not 0 < radius < math.inf:
@@ -226,7 +226,7 @@ def from_origin(system: PolynomialSystem, levels: Levels, random: Random) -> Cas
 def placed(
     system: PolynomialSystem, y: tuple[float, ...], levels: Levels, random: Random, *, moving: bool = True
 ) -> Case | None:
-    """A case in which H is scaled so that a step of the wanted |Δ| is the wanted share of the contraction radius.
+    """A case with H scaled such that |h| + Σ|c_jΔW_j| is the share of the contraction radius that `levels` asks for.
 
     None if the field vanishes at y, or is so small beside the rounding of its terms that no fault would show.
     """
@@ -264,7 +264,7 @@ def placed(
 
 
 def _inside(case: Case) -> Case:
-    """Divide H by a power of two until the step is inside the contraction radius, which differs a little by units."""
+    """Divide H by a power of two so that the step is inside the contraction radius, which a change of units alters."""
     problem, y, h, dW = case.build()
     length = abs(h) + float(np.sum(np.abs(problem.c * dW)))
     power = math.floor(math.log2(contraction_radius(problem, y) / length)) if length else 0
@@ -275,7 +275,7 @@ def _inside(case: Case) -> Case:
 def _undone(
     system: PolynomialSystem, y: tuple[float, ...], levels: Levels, random: Random, radius: float
 ) -> Case:
-    """A step with Δ = 0 exactly: h = c_1 2^n, ΔW_1 = −2^n and no other noise; h > 0, as h < 0 may be refused."""
+    """A step with Δ = 0 exactly: h = c_1 2^n, ΔW_1 = −2^n, no other noise. h > 0, because schemes may refuse h < 0."""
     c, n = system.noise, math.floor(math.log2(some.number(levels["|Δ|"], random)))
     dW = (-(2.0**n), *(0.0 if cj else 2.0**n for cj in c[1:]))
     power = math.floor(math.log2(radius * levels["step/radius"].high / (c[0] * 2.0 ** (n + 1))))
@@ -293,7 +293,7 @@ def _scaled(system: PolynomialSystem, power: int) -> PolynomialSystem:
 
 
 def _moves(problem: Problem, y: Array) -> bool:
-    """True if neither B∇H nor yᵀ∇H, the change of H with the size of y, is small beside the sum of its terms."""
+    """True if B∇H and yᵀ∇H both exceed a small share (GENERIC) of the sums of absolute values of their terms."""
     g, most = problem.gradient(y), gradient_majorant(problem, y)
     flow, whole = vector_field(problem, y), structure_majorant(problem, y) @ most
     motion, growth = float(np.max(np.abs(flow))), abs(float(g @ y))

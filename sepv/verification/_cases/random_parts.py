@@ -1,8 +1,8 @@
 """Random parts of a case inside given strata: states, polynomials, skew structures and their Casimirs.
 
-Coefficients are small dyadic rationals times powers of two, so that the data of a Casimir satisfy its definition
-exactly. If |y| is far from 1, the terms of one degree would outweigh all others in H and B. So in three cases of four
-each coefficient is divided by |y| to the degree of its monomial.
+Coefficients are small dyadic rationals times powers of two, so that a Casimir's B∇C = 0 holds exactly for the stored
+numbers. If |y| is far from 1, the terms of one degree in H or B would be far larger than all others. So in three cases
+of four each coefficient is divided by |y| to the degree of its monomial.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def coefficient(random: Random) -> float:
 
 
 def some_monomials(d: int, n: int, count: int, random: Random, *, least: int = 1) -> list[Exponents]:
-    """Draw different monomials of degree `least` to n: the first of degree n, about half of the others too."""
+    """Draw `count` different monomials of degree `least` to n: the first has degree n, others often have it too."""
     total = monomials(d, n) - monomials(d, least - 1)
     count = min(count, total)
     if total <= FEW:
@@ -92,7 +92,7 @@ def exponents_of(d: int, chosen: Sequence[int]) -> Exponents:
 
 
 def hamiltonian(d: int, n: int, terms: int, unit: float, random: Random, *, least: int = 1) -> Polynomial:
-    """A polynomial of degree n with this number of terms; each coefficient is divided by unit^degree."""
+    """A polynomial of degree n with `terms` terms; a coefficient of a term of degree k is divided by `unit`ᵏ."""
     chosen = some_monomials(d, n, terms, random, least=least)
     return poly.polynomial(d, [(e, coefficient(random) * unit ** -sum(e)) for e in chosen])
 
@@ -105,7 +105,7 @@ def with_constant(p: Polynomial, y: tuple[float, ...], random: Random) -> Polyno
 
 
 def rest_monomials(d: int, n: int, terms: int, random: Random) -> tuple[set[int], list[Exponents]]:
-    """Draw components to be zero, all only if necessary, and monomials of degree ≥ 2 in them, the first of degree n."""
+    """Draw numbers of components that will be zero, and `terms` monomials of degree ≥ 2 in these, so that ∇H = 0."""
     for size in (*random.sample(range(1, d), d - 1), d):
         # Monomials of degree 0 or 1 in the components of the set are not counted.
         left = d - size
@@ -119,7 +119,7 @@ def rest_monomials(d: int, n: int, terms: int, random: Random) -> tuple[set[int]
 
 
 def monomials_at_rest(d: int, n: int, terms: int, zero: Sequence[int], random: Random) -> list[Exponents]:
-    """Draw at most this many monomials of degree ≥ 2 in the components `zero`, the first of degree n."""
+    """Draw at most `terms` monomials that have degree ≥ 2 in the components `zero`; the first has total degree n."""
     found: dict[Exponents, None] = {}
     for _ in range(40 * terms):
         degree = n if not found or random.random() < 0.5 else random.randint(2, n)
@@ -131,7 +131,7 @@ def monomials_at_rest(d: int, n: int, terms: int, zero: Sequence[int], random: R
 
 
 def polynomial(d: int, least: int, most: int, terms: int, random: Random) -> Polynomial:
-    """A polynomial of degree `least` to `most` with at most this many terms."""
+    """A polynomial of degree `least` to `most` with at most `terms` terms."""
     n = random.randint(least, most)
     if n == 0:
         return poly.constant(d, coefficient(random))
@@ -140,7 +140,7 @@ def polynomial(d: int, least: int, most: int, terms: int, random: Random) -> Pol
 
 
 def scalar(d: int, degree: Stratum, unit: float, random: Random) -> Polynomial:
-    """A polynomial 1 plus one or two terms, of this degree."""
+    """A polynomial of this `degree`: 1 plus one or two random terms."""
     n = integer(degree, random)
     if n == 0:
         return poly.constant(d, 1.0)
@@ -149,7 +149,7 @@ def scalar(d: int, degree: Stratum, unit: float, random: Random) -> Polynomial:
 
 
 def noise(m: Stratum, random: Random) -> tuple[float, ...]:
-    """Draw the noise coefficients: c_1 is a power of two, as an exact reversal needs; the other c_j ≥ 0 are any."""
+    """Draw coefficients c_j ≥ 0 of the noise; c_1 is a power of two, so that a ΔW_1 cancels or reverses h exactly."""
     count = integer(m, random)
     more = [random.choice([1.0, 0.5, 0.25, 0.3, 1.7, 0.0, random.uniform(0.25, 2)]) for _ in range(count - 1)]
     c = (random.choice([1.0, 0.5, 2.0]), *more)
@@ -159,7 +159,7 @@ def noise(m: Stratum, random: Random) -> tuple[float, ...]:
 
 
 def skew(d: int, degree: Stratum, unit: float, random: Random) -> Structure:
-    """A random skew B of this degree. Half of the constant B are canonical; some other B have one nonzero block."""
+    """A random skew B of this degree; half of the constant B are canonical, some B are 0 outside one diagonal block."""
     if degree.high == 0 and random.random() < 0.5:
         return planes(d)
     moved = random.sample(range(d), random.randint(2, d)) if random.random() < SOMETIMES else range(d)
@@ -179,7 +179,7 @@ def skew(d: int, degree: Stratum, unit: float, random: Random) -> Structure:
 
 
 def with_constants(d: int, degree: Stratum, random: Random) -> Structure:
-    """Skew B with B(0) ≠ 0 and, from degree one on, linear terms, so that f = B∇H has f(0) ≠ 0 and f′(0) ≠ 0."""
+    """Skew B with B(0) ≠ 0 and, unless constant, with more terms, so that f = B∇H has f(0) ≠ 0 and f′(0) ≠ 0."""
     n, B = integer(degree, random), []
     for i, j in combinations(range(d), 2):
         if j == i + 1 or random.random() < 1 / d:
@@ -192,11 +192,11 @@ def with_constants(d: int, degree: Stratum, random: Random) -> Structure:
 
 
 def poisson(d: int, degree: Stratum, unit: float, random: Random) -> Structure:
-    """Skew B that satisfies Jacobi's identity, of this degree.
+    """A random skew B of this degree that satisfies Jacobi's identity.
 
-    B is constant; or B_ij = b_ij y_i y_j with b skew, which is constant in the logarithms of y; or a direct sum of
-    blocks. A block is b(y)J in a plane, which satisfies the identity for any b, or g hat(∇C) in three dimensions, which
-    satisfies it because w = g∇C has w · curl w = 0.
+    B is constant; or B_ij = b_ij y_i y_j with a constant skew b, so that {ln y_i, ln y_j} is constant; or a sum of
+    blocks. A block is either b(y)J of size 2 with J = ((0, 1), (−1, 0)), or of size 3 the matrix of v ↦ w × v with
+    w = g∇C. Any b satisfies the identity, and so does this w, because w · curl w = 0.
     """
     if degree.high == 0:
         return skew(d, degree, unit, random)
@@ -217,7 +217,7 @@ def poisson(d: int, degree: Stratum, unit: float, random: Random) -> Structure:
 
 
 def _block(size: int, n: int, unit: float, random: Random) -> Structure:
-    """A Poisson structure of degree n in dimension two, b(y)J, or three, g(y) hat(∇C(y))."""
+    """A Poisson structure of degree n and size 2, b(y)J with J skew, or size 3, v ↦ g(y)∇C(y) × v."""
     if size == 2:
         return ((0, 1, exactly(2, n, unit, random)),)
     of_casimir = random.randint(1, n + 1)
@@ -233,7 +233,7 @@ def exactly(d: int, n: int, unit: float, random: Random) -> Polynomial:
 
 
 def embedded(p: Polynomial, d: int, places: Sequence[int]) -> Polynomial:
-    """Write a polynomial of few variables as one of d variables; `places` are the numbers of the few among the d."""
+    """Write p as a polynomial in d variables: its k-th variable becomes the variable with number places[k]."""
 
     def moved(exponents: Exponents) -> Exponents:
         whole = [0] * d
@@ -249,9 +249,9 @@ def structure(
 ) -> tuple[Structure, tuple[Matrix, ...], Matrix]:
     """Draw B with given kinds of Casimirs, and return B, its quadratic Casimirs and its linear Casimirs.
 
-    B_ij = g Σ T_ijk… v_k … with T totally antisymmetric, v = Ay for a Casimir yᵀAy and v = b for bᵀy. Or B leaves out
-    one component, so that any function of this component is a Casimir. Two Casimirs are both linear if B has degree 0,
-    one of each kind for degree 1, both quadratic for higher degrees.
+    B_ij = g Σ T_ijk… v_k … with a scalar g(y), T totally antisymmetric, and one v for each Casimir: Ay for yᵀAy, b for
+    bᵀy. A constant B with a quadratic Casimir has a row and column of zeros, for a component that is conserved. Two
+    Casimirs are both linear if B has degree 0, one of each kind for degree 1, both quadratic for higher degrees.
     """
     if casimirs == "none":
         return skew(d, degree, unit, random), (), ()
@@ -301,7 +301,7 @@ def linear_forms(A: Matrix) -> list[Polynomial]:
 def tensor_terms(
     d: int, indices: Sequence[int], weight: float, forms: list[list[Polynomial]]
 ) -> Iterator[tuple[tuple[int, int], Polynomial]]:
-    """Contributions of the entry `weight` of a totally antisymmetric tensor at these indices to each B_ij, i < j."""
+    """The terms of B_ij = Σ T_ijk… v_k …, i < j, from T's entry `weight` at `indices`; `forms` lists the vectors v."""
     for i, j, *others in permutations(indices):
         if i < j:
             parity = (-1) ** sum(a > b for a, b in combinations((i, j, *others), 2))
@@ -312,7 +312,7 @@ def tensor_terms(
 
 
 def contracted(d: int, forms: list[list[Polynomial]], random: Random) -> Structure:
-    """B_ij = Σ T_ijk… v_k … for a random totally antisymmetric T with few entries; empty if the v are dependent."""
+    """B_ij = Σ T_ijk… v_k … for a random antisymmetric T with few entries, v from `forms`; empty if B = 0."""
     rank = 2 + len(forms)
     entries: dict[tuple[int, int], list[Polynomial]] = {}
     for _ in range(random.randint(1, 3) if d > rank else 1):

@@ -1,4 +1,4 @@
-"""A test that faults show in a case: the design's case for a pair of strata must show the faults of these strata."""
+"""A test whether usual faults of a scheme, such as a wrong quadrature, would exceed the bound of rounding in a case."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LONG = 0.5
 
 
 def shows_faults(case: Case, levels: Levels) -> bool:
-    """True if faults that err by a power of the step would show in this case, as its strata require.
+    """True if usual faults, such as B taken at y0 instead of the midpoint, would exceed rounding in this case.
 
     Let z = Δ B∇H be an explicit step. The step z, and the part of z from each structure, must exceed rounding. Taking
     ∇H at the midpoint instead of its average must change H. Taking B at y instead of the midpoint must change y1 and
@@ -41,7 +41,7 @@ def shows_faults(case: Case, levels: Levels) -> bool:
 
 
 def _curved(problem: Problem, levels: Levels, y: Array, z: Array, residual: Array) -> bool:
-    """True if a quadrature with one node would show, in H and in a Casimir whose gradient is averaged."""
+    """True if averages with one quadrature node in place of enough would show, in H and in a nonquadratic Casimir C."""
     found = []
     if levels["degree of H"].high > 2:
         found.append((problem, energy_bound(problem, y, y + z, residual)))
@@ -53,7 +53,7 @@ def _curved(problem: Problem, levels: Levels, y: Array, z: Array, residual: Arra
 
 
 def _turning(problem: Problem, levels: Levels, y: Array, z: Array, residual: Array, parts: Array) -> bool:
-    """True if the result depends on the place at which B is evaluated."""
+    """True if y1 and all quadratic Casimirs change by more than rounding when B is taken at y instead of y + z/2."""
     degrees = [levels[axis].high for axis in ("degree of B", "degree of g") if axis in levels]
     if max(degrees, default=0) < 1:
         return True

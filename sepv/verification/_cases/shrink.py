@@ -1,7 +1,7 @@
-"""Simplify a case that violates, by steps that a reader would try: drop a term, a noise, a dimension; round a number.
+"""Simplify a case that violates a law, as a reader would: drop a term, a noise or a dimension, or round a number.
 
-Hypothesis shrinks its own examples. Cases of a design need this module, because Hypothesis may not find a violation
-that occurs in one stratum only.
+Hypothesis shrinks its own examples. Cases that come from a list (a law's design) need this module, because Hypothesis
+may not find a rare violation again.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def shrunk(case: Case, fails: Callable[[Case], bool | None]) -> Case:
 
 
 def _stands(case: Case) -> bool:
-    """True if the candidate is a valid problem, with a step inside its contraction radius."""
+    """True if the simplified case is a valid problem with a step inside its contraction radius."""
     try:
         problem, y, h, dW = case.build()
     except SepvError:  # a matrix is no longer a Casimir, a structure no longer that of its factor
@@ -74,7 +74,7 @@ def _candidates(case: Case) -> Iterator[Case]:
 
 
 def _put(entries: tuple[Any, ...], n: int, *new: Any) -> tuple[Any, ...]:
-    """Replace the n-th entry by others, or by none."""
+    """Replace the n-th of the `entries` by the entries `new`, of which there may be none."""
     return (*entries[:n], *new, *entries[n + 1 :])
 
 
@@ -142,7 +142,7 @@ def _simpler_structures(B: Structure) -> Iterator[Structure]:
 
 
 def _without(system: PolynomialSystem, k: int) -> PolynomialSystem:
-    """Set y_k = 0 and remove its row and column of B."""
+    """The system with y_k = 0, without row and column k of B."""
     d = system.dimension - 1
 
     def restricted(p: Polynomial) -> Polynomial:

@@ -26,7 +26,7 @@ def single(case: Case) -> Case:
 
 
 def in_range(case: Case) -> bool:
-    """True if single precision resolves B and ∇H at y and 2y as well as its roundings allow."""
+    """True if B and ∇H at y and 2y, evaluated in single precision, have no error beyond rounding, such as overflow."""
     if isinstance(case.problem, PolynomialSystem) and not all(
         LEAST <= abs(value) <= MOST
         for p in (case.problem.hamiltonian, *(entry for _, _, entry in case.problem.structure))

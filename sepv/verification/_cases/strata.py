@@ -1,10 +1,10 @@
-"""Spaces of cases: axes divided into strata, forbidden combinations with reasons, and designs that cover a space.
+"""Spaces of test cases: axes divided into strata, forbidden combinations with reasons, and designs that cover a space.
 
-An axis is a property of cases, such as the dimension d, and a stratum is a part of an axis. Each class of systems has a
-space, and a law uses a part of the space (`Space.part`). In `Space.cases` each possible pair of strata occurs; the
-content inside strata is random. `Space.strategy` draws cases of the space for Hypothesis.
-`sepv.verification._cases.random_cases` makes the cases of strata, once for all laws with the same strata. A design may
-take rows from the design of another space, its pool, so that many laws share cases.
+An axis is a property of cases, such as the dimension d, and a stratum is a range or value of it, such as d = 4 to 6. A
+row has one stratum of each axis; a design is a list of rows in which each possible pair of strata occurs. Each class of
+systems has a space, and a law uses a part of it (`Space.part`). `Space.cases` makes a random case inside the strata of
+each row, by `sepv.verification._cases.random_cases`; `Space.strategy` draws cases for Hypothesis. Laws with the same
+row share its case. So a design first takes rows from the design of a larger space, its pool.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from sepv.verification._cases.covering import Design, Pair, Partial, Row, pairwi
 
 
 class Stratum(NamedTuple):
-    """A part of an axis: its name and, for a numerical axis, its range from `low` to `high`.
+    """One range or value of a property of cases: its name and, for a number, the range from `low` to `high`.
 
-    If it has an `end` beyond the range, some cases lie between the range and this end (`ended`).
+    If there is an `end` beyond the range, some cases lie between the range and this end (`ended`).
     """
 
     name: str
@@ -41,9 +41,9 @@ class Stratum(NamedTuple):
 
 @dataclass(frozen=True)
 class Axis:
-    """A property of cases, divided into strata.
+    """A property of cases, such as the dimension, divided into strata (ranges or values).
 
-    A law that does not name the axis uses its first `usual` strata, or all strata if `usual` is 0.
+    A law that asks for no particular strata of it gets the first `usual` of them, or all if `usual` is 0.
     """
 
     name: str
@@ -59,7 +59,7 @@ NOTHING: Mapping[str, Strata] = MappingProxyType({})
 
 @dataclass(frozen=True)
 class Rule:
-    """A forbidden combination of strata: `forbids` is called with one stratum of each of the rule's axes."""
+    """A rule against combining strata: `forbids` gets one stratum of each of `axes`, and is True for forbidden ones."""
 
     axes: tuple[str, ...]
     forbids: Callable[..., bool]
@@ -148,7 +148,7 @@ TAIL = {int: 1 / 4, float: 1 / 2}
 
 
 def ended(stratum: Stratum, random: Random) -> Stratum:
-    """Choose the usual range or, sometimes, a number beyond it with uniform logarithm; half of the sizes are `end`."""
+    """Return the stratum or, sometimes, one log-uniform number between its range and its `end`, or the `end` itself."""
     kind = type(stratum.end)
     if not stratum.end or random.random() >= TAIL[kind]:
         return stratum._replace(end=0.0)
@@ -173,10 +173,10 @@ Make = Callable[[Levels, Random, int | None], Case | None]
 
 @dataclass(frozen=True)
 class Space:
-    """A space of cases: its axes, and the function that makes a case from one stratum of each axis.
+    """A space of cases: axes (properties), and the function that makes a case from one stratum (range) of each.
 
-    `beside` lists (axis, stratum) in which faults of other axes may not show, because the law's statement cannot fail,
-    such as a wrong quadrature if H is quadratic. In a row with such a stratum, pairs of other strata count as not met.
+    `beside` lists strata, as (axis, stratum), in which some faults cannot show, such as a wrong quadrature if H is
+    quadratic. If a case has such a stratum, its pairs of other strata count as not tested yet.
     """
 
     axes: tuple[Axis, ...]
@@ -187,10 +187,10 @@ class Space:
     kinds: tuple[Stratum, ...] = ()  # kinds of steps: one case of each kind follows the design
 
     def part(self, where: Mapping[str, Strata] = NOTHING, blind: Mapping[str, Strata] = NOTHING) -> Space:
-        """The part of the space with the strata `where`, and the usual strata of an axis that `where` does not name.
+        """The part of the space with the strata that `where` lists for an axis, and the usual strata of all other axes.
 
-        In the strata `blind` no fault of the law's statement shows. Axes that the space does not have are ignored.
-        Strata that cannot be combined with strata of all other axes are left out.
+        `blind` lists strata in which no violation of the law can show. Axes that the space does not have are ignored,
+        and strata that occur in no allowed combination are left out.
         """
         axes = []
         for axis in self.axes:
@@ -215,7 +215,7 @@ class Space:
 
     @cached_property
     def _refusals(self) -> list[tuple[Rule, tuple[int, ...], set[tuple[int, ...]]]]:
-        """For each rule about axes of this space, the axes' numbers and the combinations of strata that it forbids."""
+        """For each rule whose axes this space has: rule, axis numbers, and the forbidden combinations of strata."""
         numbers = {axis.name: a for a, axis in enumerate(self.axes)}
         found = []
         for rule in self.rules:
@@ -229,22 +229,22 @@ class Space:
 
     @property
     def hiding(self) -> frozenset[tuple[int, int]]:
-        """The strata in which a fault of other axes may not show, as (axis number, stratum number)."""
+        """The strata of `beside`, in which some faults cannot show, as (axis number, stratum number)."""
         numbered = ((a, axis, k, s) for a, axis in enumerate(self.axes) for k, s in enumerate(axis.strata))
         return frozenset((a, k) for a, axis, k, s in numbered if (axis.name, s.name) in self.beside)
 
     def design(self) -> Design:
-        """Rows in which every possible pair of strata occurs."""
+        """The design: rows, each with one stratum of each axis, in which every possible pair of strata occurs."""
         return _design(replace(self, make=_none))
 
     def cases(self, seed: int) -> list[tuple[Row, Case]]:
-        """A case for each row of the design; another seed gives other content in the same strata."""
+        """The rows of the design, each with a random case inside its strata; `seed` sets the random numbers."""
         return [
             (row, _content(self.make, tuple(self.levels(row).items()), seed)) for row in self.design().rows
         ]
 
     def further(self, seed: int) -> dict[str, Case]:
-        """One case of each kind of step in `kinds`; its strata are those of a row of the pool, or of the design."""
+        """One case of each kind of step in `kinds`, in the strata of a row of `offered` or else of the design."""
         found = {}
         for kind in self.kinds:
             of_rows = (
@@ -259,11 +259,11 @@ class Space:
         return found
 
     def strategy(self) -> st.SearchStrategy[Case]:
-        """Cases of the space for Hypothesis. Examples shrink towards the first strata and few terms."""
+        """A Hypothesis strategy for cases of the space; examples shrink towards the first stratum of each axis."""
         return _drawn(self)
 
     def offered(self) -> list[Row]:
-        """The rows of the pool's design that this space has, with every stratum of each axis that the pool lacks."""
+        """The rows of the pool's design that this space has; an axis that the pool lacks takes every stratum."""
         found: list[Row] = []
         if self.pool is None:
             return found
@@ -276,22 +276,22 @@ class Space:
         return found
 
     def impossible(self, pair: Pair) -> str:
-        """The reason why no case has both strata."""
+        """The reason why no case has both strata of the pair."""
         row: Partial = [0 if len(axis.strata) == 1 else None for axis in self.axes]
         for factor, level in pair:
             row[factor] = level
         return self.forbidden(row) or "no other strata go with both"
 
     def shown(self, row: Row) -> list[Pair]:
-        """The pairs of strata that count as met by a row of the design."""
+        """The pairs of strata that count as tested by the case of a row, as `hiding` allows."""
         return shown_pairs(row, self.hiding)
 
 
 def _fits(kind: Stratum, levels: Levels) -> bool:
-    """True if steps with these strata can be of this kind.
+    """True if cases in the strata `levels` can have a step of this kind.
 
-    Such steps are long and start away from rest. A kind about noises needs a noise. A kind with an extreme |y| needs
-    low degrees, so that powers of y do not overflow.
+    All kinds need long steps and a state drawn without a condition such as y = 0. Kinds that are about noises need a
+    noise, and kinds with an extreme |y| need low degrees, so that powers of y do not overflow.
     """
     usual = (
         levels[STATE.name].name == STATE.strata[0].name and (SHARE.name, levels[SHARE.name].name) != HIDING
@@ -317,7 +317,7 @@ def _design(space: Space) -> Design:
 
 @cache
 def _content(make: Make, levels: tuple[tuple[str, Stratum], ...], seed: int) -> Case:
-    """The case of these strata and this seed, stored between runs. Its content does not depend on its batch."""
+    """The random case in these strata for a seed, stored between runs; a batch changes the number of states alone."""
     alone = _without_batch(levels)
     if alone != levels:
         stratum, random = dict(levels)[BATCH.name], Random(f"{seed} {levels}")
@@ -366,7 +366,7 @@ def _drawn(draw: st.DrawFn, space: Space) -> Case:
 
 
 def possible(axes: list[Axis], rules: tuple[Rule, ...]) -> list[Axis]:
-    """The axes without the strata that a rule forbids in combination with all strata of other axes."""
+    """The axes without strata that occur in no combination that the rules allow."""
     for rule in rules:
         named = [axis for axis in axes if axis.name in rule.axes]
         if len(named) < len(rule.axes):

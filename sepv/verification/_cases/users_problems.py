@@ -38,7 +38,7 @@ class Item:
     space: Space | None = None  # the space of cases of a family
 
     def design(self, seed: int, where: Mapping[str, Strata]) -> list[Case]:
-        """Cases of a family, in which each pair of strata of two axes occurs; `where` restricts the family's strata."""
+        """Cases of a family that cover all pairs of property ranges (strata); `where` restricts the ranges."""
         if self.space is None:
             return []
         part = self.space.part(where)
@@ -46,7 +46,7 @@ class Item:
         return [*(case for _, case in whole.cases(seed)), *whole.further(seed).values()]
 
     def meets(self, adapted: Callable[[Case], Case | None], where: Mapping[str, Strata]) -> bool:
-        """True if a law applies to the only problem, to a case of the design, or else to one of thirty drawn cases."""
+        """True if a law applies to the item: to its one problem, a case of its family, or one of thirty drawn cases."""
         if self.fixed is not None:
             return adapted(start_of(describe(self.fixed, self.text))) is not None
         if self.space is not None:
@@ -55,7 +55,7 @@ class Item:
 
 
 class _Met(Exception):
-    """Raised while a strategy is tried, at an example to which a law applies."""
+    """Raised to end the trial of a strategy, at the first example to which the law applies."""
 
 
 def _meets(values: st.SearchStrategy[Any], adapted: Callable[[Case], Case | None]) -> bool:
@@ -120,7 +120,7 @@ def _item(asked: Any) -> Item:
 
 
 def may_ask(scheme: Any, problem: Problem, states: Array) -> bool:
-    """True if a law may step from states (d, ...) that it derived from a drawn state of the problem.
+    """True if a law may step from `states` (d, ...) that it made itself, for example near a drawn state.
 
     If the problem has a domain, the states must lie in it. Otherwise every state is allowed, unless a user named the
     problems: a user's problem may be meant for positive states, or a ball, and only drawn states are sure to be valid.
@@ -134,19 +134,19 @@ NO_START = "the problems have no initial state: name one that has, or give initi
 
 
 def sources(scheme: Any) -> tuple[Item, ...]:
-    """The problems that a scheme was given, or the family that it names; empty for a whole class."""
+    """The problems that a scheme is for, or its family of problems; empty if it is for a wide class of systems."""
     if scheme.problems:
         return items(scheme.problems)
     return items(scheme.systems) if scheme.systems in FAMILIES else ()
 
 
 def objects_of(scheme: Any) -> tuple[Problem, ...]:
-    """The problems of a scheme that were given as Python objects, which a witness can name, but no command."""
+    """The problems of a scheme that were given as Python objects, so that no command line can name them."""
     return tuple(item.fixed for item in sources(scheme) if item.fixed is not None and not item.text)
 
 
 def problems_of(scheme: Any) -> tuple[Problem, ...] | None:
-    """The scheme's problems with an initial state, each once, for laws about many steps; None for a whole class.
+    """The scheme's problems that have an initial state, for laws about many steps; None if it is for a wide class.
 
     A problem that is named and also belongs to a named family is listed once, because a name always gives the same
     object. A scheme without noise gets the problems of (1.1) with c = ().
@@ -165,7 +165,7 @@ def problems_of(scheme: Any) -> tuple[Problem, ...] | None:
 def as_taken(scheme: Any, listed: Iterable[Problem]) -> tuple[Problem, ...]:
     """The problems in the form that the scheme takes: without noise, c = (), if the scheme is only for such systems.
 
-    Raises Skipped if such a scheme gets only problems that have a field for each noise.
+    Raises Skipped if such a scheme gets only problems whose noises have other vector fields than B∇H.
     """
     found = tuple(listed)
     if not scheme.deterministic:
