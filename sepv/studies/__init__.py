@@ -1,4 +1,4 @@
-"""Studies that compare schemes: accuracy against cost, slowdowns, hard cases, rounding errors, long times.
+"""Studies of schemes: error against cost, times of two versions, hard cases, rounding errors, long times.
 
 The studies do not depend on each other. Each has a command and is loaded on demand: `_compare` (error against cost),
 `_bench` (counts of evaluations, times of two versions in pairs), `_hard_cases`, `_ulps`, `_energy_growth`,

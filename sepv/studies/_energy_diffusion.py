@@ -1,7 +1,7 @@
 """Theory of the energy of a symplectic scheme with random steps, one degree of freedom: random walk, drift and offset.
 
-With a step Δ a symplectic scheme keeps a modified Hamiltonian to high order, but another one for each Δ. With random
-steps, therefore, the energy is not kept. For the midpoint rule, f = J⁻¹∇H, L = f·∇ and H₂ = −fᵀH″f/24,
+With a step Δ a symplectic scheme keeps a modified Hamiltonian H + Δ²H₂ + … to high order, another one for each Δ. With
+random steps, therefore, the energy is not kept. For the midpoint rule, f = J⁻¹∇H, L = f·∇ and H₂ = −fᵀH″f/24,
 
     H(y1) − H(y0) = −Δ²(H₂(y1) − H₂(y0)) + O(Δ⁵) = Δ³G + O(Δ⁴),   G = −LH₂ = H‴(f, f, f)/24 = −∇H·(c − c̃),
 
@@ -54,16 +54,16 @@ class EnergyDiffusion:
     period: float
 
     def reaches(self, t: float) -> bool:
-        """True if the rms √(2Dt) of the walk is at most D/drift, the change of the energy over which D changes."""
+        """True if the rms √(2Dt) of the energy at t is at most D/drift, the change of H over which D changes."""
         return 2 * t * self.drift**2 <= self.diffusion
 
     def at(self, t: Array) -> tuple[Array, Array]:
-        """E[H] − H(y0) and the rms of H − E[H] at times t so long that the phase on the orbit is forgotten."""
+        """E[H] − H(y0) and the rms of H − E[H] at times t, for t so long that the phase on the orbit is random."""
         return self.offset + self.drift * t, np.sqrt(np.maximum(2 * self.diffusion, 0) * t)
 
 
 def energy_diffusion(scheme: Scheme, problem: Problem, h: float) -> EnergyDiffusion | None:
-    """The theory's offset, drift and diffusion of the energy, from the problem's initial state.
+    """The energy's offset, drift and diffusion by theory, for paths from the problem's initial state y0.
 
     None if the theory does not apply: the scheme does not claim symplecticity or takes one state at a time, B is not a
     constant (2, 2) matrix, there is no noise, or the orbit through y0 is not closed.
@@ -90,9 +90,9 @@ def energy_diffusion(scheme: Scheme, problem: Problem, h: float) -> EnergyDiffus
 
 
 def _walk(scheme: Scheme, problem: Problem, h: float, orbit: Orbit) -> tuple[float, float]:
-    """The energy's diffusion D near an orbit, and the sum Σ_n E[u_n] of its increments from the orbit's first state.
+    """The diffusion D of the energy near an orbit, and the offset Σ_n E[u_n] for paths from the orbit's first state.
 
-    D is computed from the correlations of the energy's increments u_n in step n.
+    u_n is the energy's increment in step n; D is computed from the correlations of all u_n.
     """
     nodes = rule_for(scheme, problem, h, 12)
     noise, weights = np.sqrt(h) * nodes.zeta[:, nodes.index], nodes.weights

@@ -1,17 +1,17 @@
-"""Energy over long times: E[H(y_n)] − H(y0) and the rms of H(y_n) − H(y0) against t, each judged by an interval.
+"""Energy over long times: E[H(y_n)] − H(y0) and the rms of H(y_n) − H(y0) against t, with a verdict each.
 
 Scheme (2.1) keeps H up to rounding. A symplectic scheme with a fixed step has an error that stays bounded for very
 long. With random steps, its energy does a random walk of rms O(√t), and its mean energy drifts; the drift is smaller
 than the walk until t is of the order 1/h² (`_energy_diffusion`). An explicit scheme drifts by O(h)t, and faster later.
 
-All errors are of the same paths, at the times T/2^k. The growth is the exponent of the rms over the last DOUBLINGS
-doublings of t, by a jackknife over paths; the drift is the mean over paths of (H(T) − H(T/4))/(3T/4). Both have
-Student's interval of level 1 − LEVEL. The probability of taking one kind of growth for another is then at most LEVEL,
-and so is the probability of seeing a drift if there is none, as far as means over many paths are normal.
+The errors at the times T/2^k are taken on the same paths. The growth is the exponent p of rms ∝ t^p over the last
+DOUBLINGS doublings of t; the drift is the mean over paths of (H(T) − H(T/4))/(3T/4). Both have intervals of confidence
+1 − LEVEL, the first by a jackknife over paths. So a kind of growth is taken for another, or a drift is seen where there
+is none, with probability LEVEL at most, as far as means over many paths are normal.
 
-This is a study and no law. Without noise there is the law *long-time-energy*; the laws *energy* and *rounding* check
-every step of schemes that keep H. Other schemes do not claim how their energy grows, and the drift of a symplectic
-scheme takes 10⁷ steps to see, fifty times the steps of all laws.
+This is a study and not a law of the suite. Schemes that do not keep H claim nothing about the growth of its error, and
+the drift of a symplectic scheme takes 10⁷ steps to see, fifty times the steps of all laws. The laws *energy* and
+*rounding* check schemes that keep H; the law *long-time-energy* is for problems without noise.
 """
 
 from __future__ import annotations
@@ -48,9 +48,9 @@ class Growth:
 
     times, mean, error, rms : (L,), E[H(y_n)] − H(y0) with its standard error, and the rms of H(y_n) − H(y0)
     exponent, drift : each a value and half the width of its interval; the drift is per unit of time
-    rounding : the largest rms at T that rounding alone may cause
+    rounding : a bound of the rms at T that rounding alone may cause
     failed : the number of paths with a failed step or an energy that is not finite; if not 0, nothing is judged
-    derived : offset, drift and diffusion of the theory, or None if it does not apply to the scheme and up to T
+    derived : offset, drift and diffusion by theory; None if the theory does not hold for the scheme, or not up to T
     """
 
     scheme: str
@@ -67,9 +67,9 @@ class Growth:
 
     @property
     def kind(self) -> str:
-        """The kind of growth of the rms: "rounding", one of the kinds of the law *rounding*, or "open" (undecided).
+        """How the rms grows: "rounding" if it is no larger than that, else as `growth_kind` of the exponent says.
 
-        It is "open" if the interval of the exponent does not decide, or if paths failed.
+        It is "open" (undecided) if the interval of the exponent does not decide, or if paths failed.
         """
         if self.failed:
             return "open"
@@ -77,11 +77,11 @@ class Growth:
 
     @property
     def drifts(self) -> bool:
-        """True if the mean energy drifts: the interval of the drift excludes 0, and the error is not rounding."""
+        """True if the mean energy drifts: the drift's interval excludes 0, and the error exceeds rounding."""
         return self.kind != "rounding" and not self.failed and abs(self.drift[0]) > self.drift[1]
 
     def to_json(self) -> dict[str, Any]:
-        """The fields and the two verdicts for a JSON file; numbers that are not finite are null."""
+        """The fields, and the verdicts `kind` and `drifts`, for a JSON file; numbers that are not finite are null."""
         fields = {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in asdict(self).items()}
         return {k: finite(v) for k, v in fields.items()} | {"kind": self.kind, "drifts": self.drifts}
 
@@ -132,7 +132,7 @@ def judged(
     scheme: str, times: Array, errors: Array, *, rounding: float, failed: int = 0,
     derived: EnergyDiffusion | None = None,
 ) -> Growth:  # fmt: skip
-    """Judge errors of H, (L, M), of M paths at `times` (L,), the last three of which are T/4, T/2 and T."""
+    """The growth and drift of the `errors` of H (L, M) on M paths at `times` (L,), which end in T/4, T/2 and T."""
     paths = errors.shape[1]
     rates = (errors[-1] - errors[-3]) / (times[-1] - times[-3])
     half = float(students_t(LEVEL / 2, paths - 1) * np.std(rates, ddof=1) / np.sqrt(paths))

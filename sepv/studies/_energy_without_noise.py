@@ -1,7 +1,7 @@
 """Energy over long times without noise, c = (): the largest |H(y_n) − H(y_0)| up to t, with steps h and h/2.
 
-On a closed orbit of one degree of freedom theory applies (`sepv.properties._orders.integrable`), and the method of the
-law *long-time-energy* judges a trend of the energy. For other orbits there are curves without a verdict.
+If the problem has one degree of freedom and the orbit is closed, there is also a verdict on a trend of the energy, by
+the method of the law *long-time-energy*; its theory (`sepv.properties._orders.integrable`) covers no other orbits.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ POINTS, PATHS = 256, 8
 class QuietGrowth:
     """The energy's error of one scheme without noise, with the steps h and h/2.
 
-    times : (L,), largest : (2, L), the largest |H(y_n) − H(y_0)| so far, with h and h/2, NaN from a failed step on
-    rounding : the largest error at the last time that rounding alone may cause
-    trend : the verdict on a trend of the mean energy and its reason, or "not judged" and why
+    times, largest : (L,), (2, L), the largest |H(y_n) − H(y_0)| up to each time, with h and h/2; NaN after a failure
+    rounding : a bound of the error at the last time that rounding alone may cause
+    trend : the verdict whether the mean energy has a trend, such as "no trend" or "not judged", and the reason
     failed : a text on the first step that failed, "" if none did
     """
 
@@ -87,9 +87,9 @@ def quiet_growth(scheme: Scheme, problem: Problem, *, h: float, T: float) -> Qui
 
 
 def _trend(scheme: Scheme, problem: Problem, h: float, T: float) -> tuple[str, str]:
-    """The verdict of the law *long-time-energy* on a trend of the mean energy, in words, and its reason.
+    """The verdict whether the mean energy has a trend, in words, and its reason, as in the law *long-time-energy*.
 
-    The step is about h and the time about T, because both are fitted to the period of the orbit.
+    The step is only about h, and the time about T, because both are fitted to the period of the orbit.
     """
     try:
         orbits = users_orbits(problem)
@@ -105,7 +105,7 @@ def _trend(scheme: Scheme, problem: Problem, h: float, T: float) -> tuple[str, s
 def draw(rows: Sequence[QuietGrowth], title: str, suffix: str, own: dict[str, Look] | None = None) -> bytes:
     """Draw the growth of the energy's error without noise, as the content of a file; needs the extra `plots`.
 
-    The picture shows the largest error so far against time, for each scheme with h and with h/2.
+    The picture shows the largest |H(y_n) − H(y_0)| up to time t against t, for each scheme with h and with h/2.
     """
     look_of = looks((row.scheme for row in rows), own)
     shown = [

@@ -1,4 +1,4 @@
-"""Counts of the evaluations of any scheme, which is given a copy of the problem whose functions count their calls.
+"""Counts of evaluations of B, ∇H and others: a scheme gets a copy of the problem whose functions count their calls.
 
 No count of evaluations depends on what a scheme reports. It is the exact number of states at which a function was
 evaluated, so that a single additional evaluation is seen.

@@ -1,4 +1,4 @@
-"""A scheme on hard cases (`sepv.reference.hard`): how its steps end, and their energy defects in extended precision.
+"""Steps of a scheme on hard cases (`sepv.reference.hard`): how they end, and their errors of H in extended precision.
 
 A step ends well in one of two ways: a value within the derived bound of `sepv.verification._tolerance`, or a
 refusal that the case allows. Everything else is counted: a value that is not finite or outside the domain, a defect
@@ -62,7 +62,7 @@ class Seen:
 
     @property
     def strays(self) -> set[str]:
-        """The names of the endings of steps that occurred although the case does not allow them.
+        """The names of statuses in which steps ended although the case does not allow them.
 
         If the case allows some refusal, it allows StepFailure too, because the exception does not tell the status.
         """
@@ -71,7 +71,7 @@ class Seen:
 
     @property
     def as_expected(self) -> bool:
-        """True if all endings are allowed, no value is wrong, and every law held."""
+        """True if the case allows the statuses of all steps, no returned value is wrong, and every law held."""
         return not self.wrong and not self.strays and all(a == b for a, b in self.laws.values())
 
     def to_json(self) -> dict[str, Any]:
@@ -127,7 +127,7 @@ def run(
 
 
 def _measure(seen: Seen, scheme: Scheme, sample: Sample) -> None:
-    """Solve the steps of one sample and add their endings, defects and wrong values to `seen`."""
+    """Solve the steps of one sample, and add their statuses, energy defects and wrong values to `seen`."""
     problem, (y, h, dW) = seen.case.problem, sample
     value, names, residual, iterations = ask_each(scheme, problem, sample)
     seen.steps += y.shape[1]
@@ -171,7 +171,7 @@ def _measure(seen: Seen, scheme: Scheme, sample: Sample) -> None:
 
 
 def long_steps(problem: Problem, text: str = "") -> HardCase:
-    """Make a hard case of a user's problem: steps from states near its initial state, some too long for its slopes.
+    """Make a hard case of a user's problem: steps from near its initial state, some of them too long to be solved.
 
     The scheme may refuse any step, but every value that it returns must be right.
     """
@@ -205,7 +205,7 @@ def energy_defects(data: Description, y0: Array, y1: Array) -> Array:
 
 
 def ask_each(scheme: Scheme, problem: Problem, sample: Sample) -> tuple[Array, np.ndarray, Array, np.ndarray]:
-    """The values (d, M), names of the statuses, residuals and iterations (M,) of a scheme on the steps of a sample.
+    """The results of a scheme on M steps: values (d, M), and (M,) names of statuses, residuals and iterations.
 
     The scheme's `solve` takes all steps at once. If the scheme has no `solve`, the steps are taken one at a time, and
     residuals and iterations are 0.
@@ -239,9 +239,9 @@ def _count(seen: Seen, sample: Sample, lanes: Array, what: str) -> None:
 
 
 def _tilt(case: HardCase, scheme: Scheme, y0: Array, y1: Array, h: float, dW: Array) -> Array | float:
-    """Bounds (M,) of the change |Δ| gᵀ|S|g of H in a step Δ that the symmetric part S of a nearly skew B causes.
+    """Bounds (M,) |Δ| gᵀ|S|g of the change of H that the symmetric part S of a B that is not quite skew causes.
 
-    g bounds |∇H| along the step. Averages of a scheme with several stages exceed g at most by the `amplification`.
+    g is the largest |∇H| at points from y0 to y1. A scheme's averages of ∇H exceed g by `amplification` at most.
     """
     if not case.skewness:
         return 0.0
@@ -262,7 +262,7 @@ def _as_case(case: HardCase, sample: Sample, lane: int) -> Case | None:
 
 
 def _laws(scheme: Scheme, case: HardCase, sample: Sample, count: int) -> dict[str, tuple[int, int]]:
-    """Check the case's laws that the scheme claims, on `count` steps: law -> (steps that held, steps measured).
+    """Check those laws of the case that the scheme claims, on `count` steps: law -> (steps that held, steps measured).
 
     If the case allows refusals, a refused step is not counted as measured.
     """

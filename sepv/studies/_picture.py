@@ -92,9 +92,9 @@ def looks(names: Iterable[str], own_looks: Mapping[str, Look] | None = None) -> 
 
 
 def looks_of(series: Sequence[Series], look_of: Mapping[str, Look]) -> list[Look]:
-    """The look of each curve: its scheme's look, with other dashes if the scheme has an earlier curve.
+    """The look of each curve: that of its scheme, with other dashes from the scheme's second curve on.
 
-    Beside curves of schemes, all curves without a scheme look alike. In a picture without schemes, all curves differ.
+    Curves without a scheme all look alike if there are curves with one; if there are none, they all differ.
     """
     if not any(s.scheme for s in series):
         return [_free(n) for n in range(len(series))] if len(series) > 1 else [REFERENCE] * len(series)
@@ -139,7 +139,7 @@ def require_matplotlib(otherwise: str) -> None:
 
 @contextmanager
 def figure(width: float, height: float, style: Mapping[str, Any] | None = None, **more: Any) -> Iterator[Any]:
-    """A matplotlib figure, its size in inches, in STYLE with the additions `style`; `more` is passed to `Figure`."""
+    """A matplotlib figure of a size in inches; `style` adds to the rc settings STYLE, `more` is passed to `Figure`."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
@@ -188,7 +188,7 @@ def draw_curves(
     equal : True if both axes have the same scale
     window : if given, the frame shows |y| ≤ window only, and |x| ≤ window if `equal`
     size : the size of markers, in points
-    most : the most points drawn of a cloud; of a long line, two points are drawn for each of `most` strips
+    most : the most markers of a curve without a line; of a long line, two points are drawn for each of `most` strips
     """
     points = [_finite(s, x.log, y.log) for s in series]
     for number, (s, look, (across, up)) in enumerate(
@@ -237,8 +237,8 @@ def _finite(s: Series, x_log: bool, y_log: bool) -> tuple[np.ndarray, np.ndarray
 def _marked(style: str, count: int, number: int, most: int | None) -> Any:
     """The `markevery` of matplotlib for curve `number`, which has `count` points.
 
-    A line has a few markers, staggered so that curves on top of each other stay visible. At most `most` points of a
-    cloud are drawn.
+    A line gets a few markers, at other places than the next curve's. Of a cloud (markers without a line) at most `most`
+    points are drawn.
     """
     if style == "line":
         spacing = max(1, count // 8)
@@ -261,7 +261,7 @@ def _spikes(y: np.ndarray, strips: int) -> np.ndarray:
 
 
 def _slopes(axes: Any, points: list[tuple[np.ndarray, np.ndarray]], slopes: Sequence[float]) -> None:
-    """Draw a line of each slope, from half the least y at the least x, with its name at the right end."""
+    """Draw dashed lines of these slopes below the points; each starts at the least x, at half of the least y."""
     x, y = (np.concatenate([p[k] for p in points]) if points else np.empty(0) for k in (0, 1))
     if not len(x):
         return

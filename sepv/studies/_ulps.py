@@ -1,7 +1,7 @@
 """Defects of one step in units of rounding: energy ulps, eps |∇H||y|, and Casimir ulps, eps |∇C||y|.
 
 The invariants are evaluated at the binary64 states in extended precision, so that the measured defect is the scheme's
-and not an error of the evaluation. The states lie on the exact orbit; the increments are those of a step h.
+and not an error of the evaluation. Steps start on the exact orbit, with increments of variance h, truncated for h < 1.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def one_step(
 
 
 def _defects(problem: Problem, y0: Array, y1: Array) -> tuple[Array, Array]:
-    """The defect of H and the largest defect of a Casimir in each step, in energy ulps and Casimir ulps."""
+    """The defects of M steps from y0 to y1 (d, M): of H in energy ulps, of the worst Casimir in Casimir ulps."""
     data = problem.data if problem.name in EXTENSIONS else describe(problem)
     assert data is not None
     energy = energy_defects(data, y0, y1) / energy_ulp(problem, y0, y1)

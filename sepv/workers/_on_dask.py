@@ -47,7 +47,7 @@ class Unfit(str):
 
 @dataclass(frozen=True)
 class OnWorker:
-    """A function for a worker: it checks the versions on the worker before it runs `function` on a task."""
+    """A callable to send to workers: it runs `function` on a task if the worker has the `wanted` versions."""
 
     function: Callable[[Any], Any]
     wanted: dict[str, str]
@@ -69,7 +69,7 @@ class OnWorker:
 
 @cache
 def versions(alike: tuple[str, ...]) -> dict[str, str]:
-    """The versions on which the bits of results depend: of sepv and of some packages, "none" if not installed."""
+    """The versions of sepv and of the packages `alike`, on which the bits of results depend; "none" if missing."""
     installed = {name: metadata.version(name) if find_spec(name) is not None else "none" for name in alike}
     return {"sepv": __version__, **installed}
 
@@ -124,7 +124,7 @@ class DaskCrew(Futures):
         return max(AHEAD, AHEAD * self.threads)
 
     def submit(self, numbered: Sequence[tuple[int, Any]]) -> None:
-        """Submit tasks in one message, with unique names, because the same chunk of another run is another task."""
+        """Submit tasks in one message, with names of this run, because Dask takes equal names for the same task."""
         keys = [f"{self.name}-{number}" for number, _ in numbered]
         try:
             futures = self.client.map(
@@ -153,7 +153,7 @@ class DaskCrew(Futures):
         return outcomes
 
     def _fetched(self, numbers: list[int]) -> dict[int, Any]:
-        """Fetch the results of several chunks in one message; empty if that fails: each is then fetched alone."""
+        """Fetch the results of several tasks in one message; empty if that fails: each is then fetched alone."""
         ready = [number for number in numbers if self.running[number].status == "finished"]
         if len(ready) < 2:
             return {}
@@ -211,7 +211,7 @@ class DaskCrew(Futures):
         return [Outcome(number, True, result)]
 
     def cancel(self) -> None:
-        """Cancel unfinished tasks; a cluster that is lost has forgotten them."""
+        """Cancel unfinished tasks, unless the client is closed or has lost the cluster."""
         if self.running and self.client.status == "running":
             self.client.cancel(list(self.running.values()), force=True)
         self.running.clear()
@@ -238,7 +238,7 @@ class DaskCrew(Futures):
             )
 
     def _gone(self, why: Any) -> ClusterFailure:
-        """The error for a scheduler that does not answer, or has forgotten the tasks."""
+        """The ClusterFailure for a scheduler that does not answer, or has forgotten the tasks of this run."""
         text = why if isinstance(why, str) else f"{type(why).__name__}: {why}"
         return ClusterFailure(
             f"The scheduler at {self.address} is gone, or has forgotten this run ({text}).",

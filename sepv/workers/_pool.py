@@ -1,4 +1,4 @@
-"""Crews, which compute numbered tasks and report each result: threads, processes, or an executor's futures."""
+"""Crews of workers that compute numbered tasks and report each result: threads, processes, or an executor."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Outcome(NamedTuple):
 
 
 class Halted(Exception):
-    """A chunk of paths was stopped because its result is no longer wanted."""
+    """Raised when a chunk of paths is stopped because nobody wants its result any more."""
 
 
 # A thread's event, which is set if its chunk is no longer wanted; compiled code checks the event between pieces.
@@ -43,7 +43,7 @@ def halted() -> bool:
 
 
 class Futures:
-    """A crew that computes tasks on an executor, or on anything whose futures have `add_done_callback`."""
+    """A crew that computes numbered tasks on an executor whose futures have `add_done_callback`."""
 
     def __init__(self, executor: Any, function: Callable[[Any], Any]) -> None:
         self.executor, self.function = executor, function
@@ -55,7 +55,7 @@ class Futures:
         return AHEAD * int(getattr(self.executor, "_max_workers", UNKNOWN))
 
     def submit(self, numbered: Sequence[tuple[int, Any]]) -> None:
-        """Submit tasks to the executor, one by one; if the executor is broken or shut down, a task counts as lost."""
+        """Submit tasks to the executor, one by one; if it is broken or shut down, its error is a task's outcome."""
         for number, task in numbered:
             try:
                 future = self.executor.submit(self.function, task)
@@ -95,7 +95,7 @@ class Futures:
 
 @contextmanager
 def crew_of_threads(count: int, function: Callable[[Any], Any]) -> Iterator[Futures]:
-    """A context with a crew of threads; if an exception leaves the context, chunks stop at their next piece."""
+    """A context with a crew of threads. If it ends by an exception, running chunks stop soon (`halted`)."""
     event = threading.Event()
 
     def begin() -> None:
@@ -124,7 +124,7 @@ def _end_with_parent() -> None:
 
 @contextmanager
 def crew_of_processes(count: int, function: Callable[[Any], Any]) -> Iterator[Futures]:
-    """A context with a crew of processes, which end with the context even if they still compute."""
+    """A context with a crew of processes; at its end, processes that still compute are terminated."""
     before = set(multiprocessing.active_children())
     with ProcessPoolExecutor(count, initializer=_serve_quietly) as pool:
         crew = _Processes(pool, function)
@@ -152,14 +152,14 @@ def ended_at_once(pool: ProcessPoolExecutor) -> Iterator[ProcessPoolExecutor]:
 
 class _Processes(Futures):
     def cancel(self) -> None:
-        """End the processes of tasks that still run.
+        """Do nothing, because `crew_of_processes` ends the processes of tasks that still run.
 
-        Cancelling their futures too would make the pool's own thread fail when it finds its processes gone.
+        To cancel their futures too would make the pool's own thread fail when it finds its processes gone.
         """
 
 
 def cannot_travel(error: Exception) -> UsageError:
-    """Make the UsageError for an object that cannot be sent to another process."""
+    """Make the UsageError for a scheme, problem or function that cannot be pickled for another process."""
     return UsageError(
         expected="a scheme, a problem and functionals that can go to another process",
         received=f"{type(error).__name__}: {error}",

@@ -1,7 +1,7 @@
-"""Workers for chunks of paths: threads, processes, an executor, a map, or Dask.
+"""Computation of tasks, such as chunks of paths, on threads, processes, an executor, a map, or Dask.
 
-The result of a chunk depends on its arguments alone. So if a worker died or a chunk raised, this chunk is computed
-again, in this process. The number of submitted chunks is limited, so that results never pile up.
+The result of a task must depend on its arguments alone: if a worker dies or a task raises, the task is computed again,
+in this process. The number of submitted tasks is limited, so that results do not pile up behind a slow task.
 """
 
 from __future__ import annotations
@@ -67,8 +67,8 @@ def run_all(
         callable, which gets a function and numbered tasks, and may return their outcomes in any order; or Dask, see
         `sepv.workers._on_dask`
     receive : returns True if no more results are wanted
-    bounded : True if results must not pile up: a map then gets the tasks in lots. Other workers never have more than a
-        few tasks each beyond the first unfinished task.
+    bounded : True if results must not pile up: a map is then called with LOT tasks at a time. Other workers always get
+        a few tasks at a time.
     alike : packages that, like sepv, must have the same version on a worker of a cluster as in this process
     """
     check(workers)
@@ -99,7 +99,7 @@ def run_all(
 def _flow(
     crew: Futures, function: Callable[[T], R], tasks: Sequence[T], receive: Callable[[int, R], bool | None]
 ) -> int:
-    """Compute all tasks on a crew, a few at a time, and return how many were computed again in this process."""
+    """Compute all tasks on a crew, a few at a time; return how many failed there and were computed in this process."""
     first = sent = again = 0
     done: set[int] = set()
     try:
@@ -124,7 +124,7 @@ def _flow(
 
 
 def _guarded(function: Callable[[Any], Any], numbered: tuple[int, Any]) -> tuple[int, bool, Any]:
-    """Run a numbered task, and return its number, success, and result or error, so that no error ends a map."""
+    """Run a numbered task and return (number, True, result) or (number, False, error), so that no error ends a map."""
     number, task = numbered
     try:
         return number, True, function(task)
@@ -135,7 +135,7 @@ def _guarded(function: Callable[[Any], Any], numbered: tuple[int, Any]) -> tuple
 def _map(
     mapper: Any, function: Callable[[T], R], tasks: Sequence[T], receive: Callable[[int, R], bool | None], lot: int
 ) -> int:  # fmt: skip
-    """Compute all tasks by a map-like callable, `lot` a call; return how many were computed again in this process."""
+    """Compute all tasks by calls of a map-like callable, each with `lot` tasks; return how many this process redid."""
     again = 0
     for first in range(0, len(tasks), lot):
         numbered = [(n, tasks[n]) for n in range(first, min(first + lot, len(tasks)))]
@@ -154,7 +154,7 @@ def _map(
 def _mapped(
     mapper: Any, function: Callable[[T], R], numbered: list[tuple[int, T]]
 ) -> Iterator[tuple[int, R]]:
-    """The results that a map-like callable returns, until it raises."""
+    """Call a map-like callable on numbered tasks, and yield (number, result) of successes until it ends or raises."""
     try:
         results = iter(mapper(partial(_guarded, function), numbered))
     except Exception:

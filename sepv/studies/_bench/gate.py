@@ -1,8 +1,8 @@
 """The rules by which one benchmark record (head) is worse or better than another (base).
 
-A counter is worse if it is larger, even by one, because integers have no noise. Errors and defects are compared by the
-ratio over the same paths, with an interval by a jackknife over groups of paths. They are worse if they are larger with
-an error probability of 1e-3, and by more than a tolerance. For times, see `sepv.studies._bench.pairs`.
+A count of work is worse if it is larger, even by one, because counts have no noise. Of an error or a defect, the ratio
+head/base on the same paths is taken, with an interval by a jackknife over groups of paths. It is worse if the interval
+of confidence 1 − 1e-3 lies above 1 and the ratio exceeds a tolerance. For times, see `sepv.studies._bench.pairs`.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ KINDS = {"error": ERROR_TOLERANCE, "energy": DEFECT_TOLERANCE, "casimir": DEFECT
 
 @dataclass(frozen=True)
 class Change:
-    """The change of one figure of a case between two records.
+    """The change of one measured number of a case between two records.
 
-    what : the counter, the error or defect, or the time that is compared
+    what : the name of the number: a count of work, the error, a defect or a time
     verdict : "same", "better", "worse" or, for time alone, "not settled"
     text : both values, or their ratio with its interval
     """

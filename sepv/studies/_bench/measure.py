@@ -29,7 +29,7 @@ _EPS = float(np.finfo(np.float64).eps)
 def measure(scheme: Scheme, case: dict[str, Any]) -> dict[str, Any]:
     """Measure one case: `counters`, and `error`, `energy`, `casimir` as mean squares over groups of paths, in hex.
 
-    The rounding error of their evaluation is added to the two defects, so that ratios of tiny defects mean something.
+    To the defects of H and Casimirs the rounding error of evaluating them is added, so that their ratios stay near 1.
     """
     problem = build(case)
     dW = increments(scheme, problem, case)
@@ -67,7 +67,7 @@ def build(case: dict[str, Any]) -> Problem:
 
 
 def raw_increments(problem: Problem, case: dict[str, Any]) -> np.ndarray:
-    """Increments (N, m, M) from NumPy's generator, so that they do not depend on the random streams of a release."""
+    """Wiener increments (N, m, M) from NumPy's generator alone, so that every release of sepv has the same ones."""
     rng = np.random.Generator(np.random.PCG64(case["seed"]))
     shape = (case["steps"], problem.noises, case["paths"])
     return np.asarray(np.sqrt(case["h"]) * rng.standard_normal(shape))
@@ -81,9 +81,9 @@ def increments(scheme: Scheme, problem: Problem, case: dict[str, Any]) -> np.nda
 def run(
     scheme: Scheme, problem: Problem, case: dict[str, Any], dW: np.ndarray, *, watch: bool = False
 ) -> tuple[tuple[np.ndarray, np.ndarray], dict[str, int]]:
-    """Run all paths through all steps: ((y (d, M), largest defects (2, M)), Newton iterations and failed solves).
+    """Run all paths: ((y (d, M), largest defects (2, M) of H and Casimirs), counts of iterations and failed solves).
 
-    If a step fails, its path is counted as failed, stops and keeps its last state. Only `watch` measures defects.
+    If a step fails, its path counts as failed and stops in its last state. Without `watch` the defects stay 0.
     """
     y = np.repeat(np.asarray(problem.initial, dtype=np.float64)[:, None], dW.shape[2], axis=1)
     first = _invariants(problem, y) if watch else None
@@ -108,7 +108,7 @@ def run(
 def _advance(
     scheme: Scheme, problem: Problem, y: np.ndarray, h: float, dW: np.ndarray, carried: Carried
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    """Take one step of all paths: values (d, M), flags (M,) of the paths that failed, total of Newton iterations."""
+    """Take one step of all M paths: the new states (d, M), flags (M,) of failed paths, the sum of Newton iterations."""
     if scheme.solve is not None:
         solution = scheme.solve(problem, y, h, dW)
         return solution.value, np.asarray(solution.status) != 0, int(np.sum(solution.iterations))
@@ -146,7 +146,7 @@ def _invariants(problem: Problem, y: np.ndarray) -> np.ndarray:
 
 
 def _scales(problem: Problem, y: np.ndarray) -> np.ndarray:
-    """Typical sizes (2,) of the terms of H and of the Casimirs; eps times a size is the rounding of an evaluation."""
+    """Typical sizes (2,) of the terms of H and of the Casimirs; eps times them is the rounding of an evaluation."""
     energy = float(np.mean(np.sum(np.abs(problem.gradient(y) * y), axis=0)))
     casimirs = [np.sum(np.abs(y) * (np.abs(A) @ np.abs(y)), axis=0) for A in problem.casimirs]
     casimirs += [np.sum(np.abs(b[:, None] * y), axis=0) for b in problem.linear_casimirs]

@@ -42,7 +42,7 @@ CLOCKS = ("processor time", "clock time")
 
 
 class Side:
-    """A child process that imports the target from one of the two checkouts."""
+    """A child process that imports the scheme under test, `target`, from one of the two checkouts."""
 
     def __init__(self, target: str, checkout: Path, label: str) -> None:
         self.label = label
@@ -115,7 +115,7 @@ def both(target: str, head: Path, base: Path) -> Iterator[tuple[Side, Side]]:
 
 
 def head_of(target: str) -> Path:
-    """The checkout from which this process loads a target."""
+    """The folder from which this process loads `target`: the working folder for module:attribute, else sepv's own."""
     return Path.cwd() if ":" in target else Path(sepv.__file__).resolve().parents[1]
 
 
@@ -132,18 +132,18 @@ class Times:
     batches: list[list[tuple[float, float]]] = field(default_factory=list)
 
     def bounds(self, clock: int) -> tuple[float, float, float]:
-        """The ratio head/base by one of the two CLOCKS, and its bounds, each wrong with probability ALPHA."""
+        """The ratio head/base of times by CLOCKS[clock], and two bounds of it, each wrong with probability ALPHA."""
         logs = [np.array(batch)[:, clock] for batch in self.batches]
         value, low, high = bootstrap(logs)
         return float(np.exp(value)), float(np.exp(low)), float(np.exp(high))
 
 
 def bootstrap(batches: Sequence[Array]) -> tuple[float, float, float]:
-    """The median of all pairs, and its bounds by a bootstrap that draws batches again, and pairs within the batches.
+    """The median of all pairs, with bounds by a bootstrap that resamples batches, and the pairs within each of them.
 
-    The median is taken over all pairs and not for each batch, because in a batch of few pairs, pairs disturbed by
-    another program reach the median too often. The spread is multiplied by √(B/(B − 1)), because a bootstrap of B
-    batches is too narrow by this factor.
+    It is not a mean of the medians of batches, because a few pairs that another program disturbs can move the median of
+    a small batch. The spread is multiplied by √(B/(B − 1)), because a bootstrap of B batches is too narrow by this
+    factor.
     """
     rng = np.random.default_rng(0)
     pairs = np.stack(batches)
@@ -166,7 +166,7 @@ def time_pairs(
     batches: int = 12,
     progress: Callable[[str, float], None] = lambda _text, _share: None,
 ) -> list[Change]:
-    """Measure the changes of time between two checkouts: one for each case and clock.
+    """Measure the ratio of times head/base between two checkouts, with a verdict, for each case and clock.
 
     Batches are run until the bounds of every case are narrow enough or show a change, but at most `batches`. A built-in
     target is also timed in `sepv.ensemble`, because the engines belong to the same checkout.
@@ -224,7 +224,7 @@ def measured(
     cases: Sequence[dict[str, Any]],
     progress: Callable[[str, float], None] = lambda _text, _share: None,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Measure the records of work and errors of both checkouts, (head, base), by the same code."""
+    """Measure the work and errors of `target` in both checkouts by the same code; return the records (head, base)."""
     ours: list[Any] = []
     theirs: list[Any] = []
     with both(target, head, base) as sides:

@@ -45,7 +45,7 @@ def load(path: str) -> list[dict[str, Any]]:
 
 
 def record_table(record: dict[str, Any]) -> Table:
-    """The table of one record: one row for each case with its counters, rms error and rms defects of H and Casimirs."""
+    """The table of one record: for each case a row with counts of work, rms error and rms defects of H and Casimirs."""
     rows = [
         (
             case["case"]["name"].replace("harmonic-", "harmonic-\n"),

@@ -1,7 +1,7 @@
-"""Methods of a comparison, made from the names that a user gives: drivers of ensembles over given increments.
+"""Methods of a comparison, made from the names that a user gives: solvers of many paths with given increments.
 
-A driver is given the Wiener increments, so that all methods see the same paths. Its `prepare` does what is no work of
-the method (laying out arrays, moving them into another library); only the job that it returns is timed.
+A method is given the Wiener increments, so that all methods see the same paths. Its `prepare` does what is no work of
+the method, such as moving arrays into another library, and returns a job; only this job is timed.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Ends(NamedTuple):
 
 
 class Followed(NamedTuple):
-    """The results of a run that measures defects and counts evaluations, and is not timed.
+    """The results of a method's run that measures invariant defects and counts evaluations, but is not timed.
 
     energy_defect, casimir_defect : (M,), the largest |H(y_n) − H(y_0)| over the steps of each path, and the largest
         |C(y_n) − C(y_0)| over steps and Casimirs C
@@ -55,15 +55,15 @@ Run = Callable[[Problem, Array, float, Array, bool], Callable[[], Array]]
 
 @dataclass(frozen=True)
 class Method:
-    """A solver of whole paths that `compare` measures: a scheme, a peer's driver, or the exact time change.
+    """A solver of whole paths that `compare` measures: a scheme, another library's solver, or the exact flow.
 
     Attributes
     ----------
-    prepare, follow : see `Prepare` and `Follow`
+    prepare, follow : functions that make the timed run, and do the run with defects (`Prepare`, `Follow`)
     source : where the method comes from and how it is run
-    batched : False for drivers that go path by path; they are given fewer paths
+    batched : False for a method that computes one path at a time, which is given fewer paths
     evaluations : evaluations of f = B∇H per step, if they are known from the method but cannot be counted
-    steps_matter : False for the exact time change, which uses W(T) only
+    steps_matter : False for the exact flow φ_θ(y0), which uses W(T) only and no step size
     truncation : the k of Remark 2.1 for the method's increments; None for untruncated increments
     look : the look in pictures; None for a generated one, which no other method has
     deterministic : True for a method without noise; the comparison is then made without noise, c = ()
@@ -90,7 +90,7 @@ def invariant_defects(problem: Problem, states: Array) -> tuple[Array, Array]:
 
 
 def finite_ends(problem: Problem, y: Array) -> Ends:
-    """The ends of a driver without statuses. A path fails if its state y is not finite or outside the domain."""
+    """The `Ends` of a solver that returns states y only; a path fails if its y is not finite or outside the domain."""
     return Ends(y, judged(problem, y, np.zeros(y.shape[1], dtype=np.int64)))
 
 
@@ -114,7 +114,7 @@ def _ends(run: Ensemble) -> Ends:
 
 
 def _in_batches(scheme: Scheme) -> tuple[Prepare, Follow]:
-    """The two functions of a `Method` for a scheme in NumPy batches of at most CHUNK paths."""
+    """The functions `prepare` and `follow` of a `Method` for a scheme that runs in NumPy batches of ≤ CHUNK paths."""
 
     def prepare(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], Ends]:
         parts = [np.ascontiguousarray(dW[:, :, p : p + CHUNK]) for p in range(0, dW.shape[2], CHUNK)]
@@ -136,7 +136,7 @@ def _in_batches(scheme: Scheme) -> tuple[Prepare, Follow]:
 
 
 def _compiled(scheme: Scheme) -> tuple[Prepare, Follow]:
-    """The two functions of a `Method` for a scheme in the compiled engine."""
+    """The functions `prepare` and `follow` of a `Method` for a scheme that runs in the compiled engine."""
 
     def ensemble_for(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], Ensemble]:
         from sepv.simulate import ensemble
@@ -168,7 +168,7 @@ def _compiled(scheme: Scheme) -> tuple[Prepare, Follow]:
 def _watched(scheme: Scheme, problem: Problem, y0: Array, h: float, dW: Array, work: Work) -> Problem:
     """A copy of the problem that counts its evaluations in `work`, after a first step that is not counted.
 
-    The first step may compute values that are then kept for the problem, such as its record, and are no work of a step.
+    The first step may compute values that are kept for later steps, such as the compiled form of the problem.
     """
     watched = counted(problem, work)
     _run(scheme, watched, y0, h, dW[:1], track=False)
@@ -186,7 +186,7 @@ def _run(scheme: Scheme, problem: Problem, y0: Array, h: float, dW: Array, *, tr
 
 
 def from_states(name: str, run: Run, source: str, **more: Any) -> Method:
-    """The `Method` of a driver that returns states and no statuses.
+    """The `Method` of a solver that returns states only, so that failures are told from the states.
 
     run : a function (problem, y0, h, dW, keep) that returns a job. The job returns all states (N + 1, d, M) from y0 on
         if `keep` is true, else an array whose last entry is the states at T

@@ -24,7 +24,7 @@ class Seconds:
     median, low, high : the median and both quartiles of the processor time. Another program on the same core can double
         the clock's time of a run, but not its processor time
     wall : the median by the clock, which is much larger only if a driver waits for another process
-    first : the time of the first call less the median: the time that a library compiles, or else noise around 0
+    first : the time of the first call less the median: the time of compilation, if any, else noise around 0
     """
 
     median: float
@@ -65,7 +65,7 @@ class Point:
 
     @property
     def error(self) -> float:
-        """The strong error, with the error of truncation (which no sample shows) added in squares."""
+        """The rms of the strong error and of `clipping`: √(strong² + clipping²)."""
         return math.hypot(self.strong.value, self.clipping)
 
     @property
@@ -79,7 +79,7 @@ class Point:
         return 1e6 * self.seconds.median / self.paths
 
     def of_energy(self) -> Point:
-        """A copy of the point whose `error` is the energy defect, for `Comparison.times_to_energy_error`."""
+        """A copy of the point with the energy defect as its `error`, for `Comparison.times_to_energy_error`."""
         return replace(
             self, strong=replace(self.strong, value=max(self.energy_defect, TINY), half=0.0), clipping=0.0
         )
@@ -102,10 +102,10 @@ class Point:
 
 @dataclass(frozen=True)
 class TimeToError:
-    """The time in which a method reaches a strong error, in µs per path, and the energy defect that it then has.
+    """The time in µs per path in which a method reaches a target error, and its energy defect at that time.
 
-    how : "between" (on a line in logarithms between two step sizes), "beyond" (from the finest step size, by the slope
-    of the last two errors), "coarsest" (the coarsest step size is good enough) or "never" (errors do not shrink)
+    how : "between" (interpolated log-log between two step sizes), "beyond" (extrapolated from the two finest step
+    sizes), "coarsest" (the coarsest step size is good enough) or "never" (errors do not decrease)
     """
 
     method: str
@@ -136,15 +136,15 @@ class Comparison:
     looks: dict[str, Look] = field(default_factory=dict)
 
     def of(self, method: str) -> list[Point]:
-        """The points of one method, coarsest step first."""
+        """The points of one method, the largest step size first."""
         return sorted((p for p in self.points if p.method == method), key=lambda p: p.steps)
 
     def times_to_error(self) -> list[TimeToError]:
-        """The time in which each method reaches each target error."""
+        """The time in which each method reaches each of `targets` as strong error."""
         return [time_to_error(self.of(m), target) for m in self.sources for target in self.targets]
 
     def times_to_energy_error(self) -> list[TimeToError]:
-        """The time in which each method keeps H to each target along the whole path."""
+        """The time in which each method reaches each of `targets` as largest |H(y_n) − H(y_0)| along the path."""
         return [
             time_to_error([p.of_energy() for p in self.of(m)], target)
             for m in self.sources
@@ -172,7 +172,7 @@ class Comparison:
 
 
 def time_to_error(points: list[Point], target: float) -> TimeToError:
-    """The time in which one method reaches the error `target`, on the line through its points (error, time).
+    """The time in which one method reaches the error `target`, on the log-log polygon through its (error, time).
 
     Errors are those of `Point.error`. A step size counts only if every path was finished, because a method that loses
     its worst paths would look too good.

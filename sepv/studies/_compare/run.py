@@ -47,20 +47,20 @@ def compare(
     workers: Any = 1,
     progress: MethodProgress = lambda *_: None,
 ) -> Comparison:
-    """Measure strong and weak error, defects, time and work of each method for each number of steps.
+    """Measure errors (strong and weak), invariant defects, time and work of each method for each number of steps.
 
     If one of the methods is for problems without noise only, all methods run without noise, c = ().
 
     Parameters
     ----------
-    steps : increasing numbers of steps, each dividing the last
+    steps : numbers of steps up to T, increasing; each must divide the last
     paths : int ≥ 32, optional
-        1000 by default; drivers that go path by path take the first 64. Without noise all paths are equal, and `paths`
-        is 1 by default, or any number for the time of a batch.
+        1000 by default; methods that compute one path at a time take the first 64. Without noise all paths are equal:
+        `paths` is then 1 by default, and a larger number only makes the timed batch larger.
     repeats : int ≥ 1
         The number of timed rounds; in each round every method runs once at every step size, in a rotating order.
     targets : strong errors
-        Errors for which `Comparison.times_to_error` gives the time in which each method reaches them.
+        For each of these errors, `Comparison.times_to_error` gives the time in which each method reaches it.
     progress : callable (text, share), optional
         Called before each piece of work with its name and the fraction of the whole work that is done, 0 to 1.
     workers : int, executor, map-like callable, Dask client or its address
@@ -130,11 +130,11 @@ def compare(
 
 
 class _Cell(NamedTuple):
-    """A method with one number of steps, to be measured.
+    """One pair of a method and a number of steps, to be measured.
 
     job : runs all paths, to be timed
     first : processor seconds of the first call of the job
-    watched : the method's `follow` and its arguments, for the run that measures defects and is not timed
+    watched : the method's `follow` and its arguments, for a further run, not timed, that measures defects
     """
 
     method: Method
@@ -148,7 +148,7 @@ def _prepared(
     methods: Sequence[Method], problem: Problem, start: Array, T: float, coarse: dict[int, Array],
     begin: Callable[[str], None],
 ) -> tuple[list[_Cell], dict[str, str]]:  # fmt: skip
-    """The cells of all methods whose first runs succeed, and the errors of the other methods by name."""
+    """A `_Cell` for each number of steps of each method whose first runs succeed; other methods' errors by name."""
     cells: list[_Cell] = []
     failed: dict[str, str] = {}
     for method in methods:
@@ -168,7 +168,7 @@ def _prepared(
 
 
 def _follow(watched: tuple[Any, ...]) -> Followed | str:
-    """The run of a cell that gives its errors and defects, or the text of its error if it fails."""
+    """Run a `watched` of `_Cell`: the results with their defects, or the message if the method raises an error."""
     follow, *arguments = watched
     try:
         return follow(*arguments)
@@ -179,10 +179,10 @@ def _follow(watched: tuple[Any, ...]) -> Followed | str:
 def _alternate(
     jobs: Sequence[Callable[[], Ends]], repeats: int, progress: MethodProgress, begin: float
 ) -> list[list[tuple[float, float]]]:
-    """Measure the processor seconds and the clock seconds of each job in each round.
+    """Measure (processor seconds, clock seconds) of each job in each of `repeats` rounds.
 
-    Each round begins with another job. For `progress`, `begin` is the fraction of the whole comparison that is already
-    done.
+    Rounds begin with different jobs. `begin` is the fraction of the whole comparison that is done before, from which
+    `progress` goes on.
     """
     inner = [max(1, int(SHORTEST / max(_time(job)[1], 1e-9))) for job in jobs]
     times: list[list[tuple[float, float]]] = [[] for _ in jobs]
@@ -238,7 +238,7 @@ def _point(cell: _Cell, run: Followed, problem: Problem, T: float, exact: Array,
 
 
 def errors(difference: Array) -> tuple[Estimate, Estimate]:
-    """The strong and the weak error from differences y_N − y(T), (d, M), with jackknife intervals over path groups."""
+    """The strong and the weak error from differences y_N − y(T) (d, M), with intervals by a jackknife over paths."""
     unbounded = Estimate(float("inf"), 0.0, ALPHA)
     if difference.shape[1] < GROUPS:
         return unbounded, unbounded

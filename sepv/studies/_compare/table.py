@@ -90,9 +90,9 @@ def _cells(comparison: Comparison, p: Point) -> list[str]:
 
 
 def target_tables(comparison: Comparison) -> list[Table]:
-    """A table of the times of one path to each target error, with the energy defects at these times.
+    """A table of each method's time per path to reach each target as strong error, and of its energy defects then.
 
-    Without noise, a second table has the times in which the largest |H(y_n) − H(y_0)| reaches each target.
+    Without noise, a second table has the times to reach each target as largest |H(y_n) − H(y_0)|.
     """
     tables = {"an error at T" if comparison.deterministic else "a strong error": comparison.times_to_error()}
     if comparison.deterministic:
@@ -116,7 +116,7 @@ def _target_table(comparison: Comparison, times: list[TimeToError], title: str) 
 
 
 def notes(comparison: Comparison) -> list[str]:
-    """Notes for a reader of the table: compilation, fewer paths, failed paths, drivers that wait."""
+    """Notes below the table: on compilation, on methods with fewer paths, on failed paths, on waiting for processes."""
     lines = []
     ways = {t.how for t in comparison.times_to_error()}
     if "beyond" in ways:
@@ -188,7 +188,7 @@ def _estimate(e: Estimate) -> str:
 
 
 def _weak(e: Estimate) -> str:
-    """A weak error as text: "≤" and its upper bound if its interval contains 0."""
+    """A weak error as text: its value, or "≤" and its upper bound if its interval contains 0."""
     if not math.isfinite(e.value):
         return "∞"
     return _estimate(e) if e.value > e.half else f"≤ {e.high:.1e}"

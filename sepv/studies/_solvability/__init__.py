@@ -1,1 +1,1 @@
-"""Solutions of a step's implicit equation: those connected to y0 by a branch in Δ, and those found by Newton."""
+"""The solutions of a step's implicit equation that a branch in Δ connects to y0, and those that Newton finds."""

@@ -1,4 +1,4 @@
-"""The branch of solutions y1(Δ) of y1 = y0 + Δ G(y0, y1) that starts in y0 at Δ = 0, followed to its end.
+"""The branch of solutions y1(Δ) of a step's equation y1 = y0 + Δ G(y0, y1), followed from y0 at Δ = 0 to its end.
 
 The method is pseudo-arclength continuation (H. B. Keller, 1977) of (z, Δ) with z = y1 − y0. A step goes along the
 tangent of the curve F(z, Δ) = z − Δ G = 0 and is corrected across the tangent. A fold, where ∂F/∂z is singular and
@@ -67,9 +67,9 @@ class End(Worded):
 class Branch:
     """The branches of solutions from M states, for Δ > 0 or for Δ < 0.
 
-    reach : (M,), the |Δ| up to which the branch is a function of Δ, at most the end of the range
+    reach : (M,), the |Δ| up to which the branch is a function y1(Δ), at most the end of the range of Δ
     end : (M,), the `End` of each branch
-    delta, z : (P, M), (P, d, M), points of the curves from Δ = 0 to the end of each, then NaN
+    delta, z : (P, M), (P, d, M), points (Δ, y1 − y0) of the curves from Δ = 0 to the end of each, then NaN
     """
 
     reach: Array
@@ -98,9 +98,9 @@ def follow(problem: Problem, y0: Array, furthest: float, scheme: Scheme = energy
 
 
 class _Follower:
-    """The curves (z, Δ) of M states while they are followed, in scaled unknowns w.
+    """The curves (z, Δ) of solutions, z = y1 − y0, for M states y0 while they are followed.
 
-    The d + 1 unknowns w of a state are z over the largest component of y0, and Δ over the end `furthest` of the range.
+    The unknowns w (d + 1, M) are z over the largest component of y0, and Δ over `furthest`, the end of its range.
     """
 
     def __init__(self, problem: Problem, y0: Array, furthest: float, increment: IncrementFunction) -> None:
@@ -113,7 +113,7 @@ class _Follower:
         self.end = np.full(M, -1)
 
     def equations(self, w: Array, lanes: np.ndarray) -> tuple[Array, Array]:
-        """F(z, Δ) = z − Δ G at w (d + 1, M) over the scale of z, (d, M), and its derivative by w, (d, d + 1, M)."""
+        """The scaled F = z − Δ G at w (d + 1, M), of shape (d, M), and ∂F/∂w (d, d + 1, M), for the states `lanes`."""
         y0, scale = self.y0[:, lanes], self.scale[lanes]
         delta, z = self.furthest * w[-1], scale * w[:-1]
         one = np.ones((1, lanes.size))
@@ -128,7 +128,7 @@ class _Follower:
     def slope(self, y0: Array, y1: Array, one: Array, k: int) -> Array:
         """The derivative ∂G/∂y1_k by central differences, with an error of about 1e-10.
 
-        The derivatives locate the fold. Analytic derivatives are averages with a few nodes only for some H.
+        Folds are located by these derivatives. The analytic ones are averages that are exact for some H only.
         """
         size = np.abs(y1[k])
         width = WIDTH * np.where(size > 1e-3 * self.scale_of(y1), size, 1e-3 * self.scale_of(y1))
@@ -172,7 +172,7 @@ class _Follower:
         return t / np.sqrt((t * t).sum(axis=0))
 
     def advance(self, lanes: np.ndarray) -> None:
-        """Try one step of each branch; accept good steps, set the next arclengths, and record branches that end."""
+        """Try a step on each branch of `lanes`, keep it if it is good, set its next arclength, and record an `End`."""
         t, ds = self.tangent[:, lanes], self.ds[lanes]
         w, good, quick = self.correct(self.w[:, lanes] + ds * t, t, lanes)
         new = self.direction(w, lanes, t)
@@ -196,9 +196,9 @@ class _Follower:
         self.end[lanes[short]] = np.where(inside[short], End.LOST, End.BOUNDARY)
 
     def correct(self, start: Array, t: Array, lanes: np.ndarray) -> tuple[Array, np.ndarray, np.ndarray]:
-        """The points of the curves next to `start` (d + 1, M), across the tangents t, and two flags for each curve.
+        """The points of the curves on the hyperplanes through `start` (d + 1, M) normal to t, and two flags for each.
 
-        The flags say if Newton's iteration converged, and if it took at most four evaluations of F.
+        The flags say if Newton's iteration for F = 0 converged, and if it took at most four iterations.
         """
 
         def evaluate(w: Array, numbers: np.ndarray) -> Evaluation:

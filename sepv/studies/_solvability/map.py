@@ -1,4 +1,4 @@
-"""The map of solvability: the solutions of steps Δ from the states of an exact orbit, and probabilities of Δ."""
+"""The map of solvability: where on an exact orbit a step Δ has a solution, and how probable steps without one are."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ NODES = 128
 
 
 class Ending(Worded):
-    """The kind of a point of the map: the solutions that exist and are found at one state and Δ."""
+    """The result at one state y0 and Δ: is there a solution connected to y0, and does Newton's method find it?"""
 
     FOUND = 0, "connected solution, found"
     MISSED = 1, "connected solution, not found"
@@ -38,7 +38,7 @@ class Ending(Worded):
 
 @dataclass(frozen=True)
 class Shortest:
-    """Branches from further states near those with the shortest branches, at the times theta (R,) of the exact flow.
+    """Branches from R further states, near those with the shortest branches, at times theta (R,) on the exact orbit.
 
     forward, backward : (R,), the |Δ| that the branches reach for Δ > 0 and for Δ < 0
     """
@@ -74,20 +74,20 @@ class Map:
 
     @property
     def safe(self) -> tuple[float, float]:
-        """The range (−a, b) of Δ of the shortest branches found, over the states of the map and of `refined`.
+        """The range (−a, b) of Δ in which all branches found, of the map and of `refined`, have solutions.
 
-        This is no bound: between the states it is only known that reaches are continuous if the branches end in folds.
+        For other states of the orbit this is no bound; where branches end in folds, their ends vary continuously.
         """
         ends = [(self.backward.reach, self.forward.reach), (self.refined.backward, self.refined.forward)]
         low, high = (float(min(r[side].min(initial=np.inf) for r in ends)) for side in (0, 1))
         return -low, high
 
     def chances(self, h: float, k: int | None) -> Array:
-        """The probability, for each state of the map, (M,), that the Δ of a step h is beyond the state's branches."""
+        """The probabilities (M,), for each state of the map, that the Δ of a step h is beyond the state's branches."""
         return chance_outside(h, self.problem.c, -self.backward.reach, self.forward.reach, k)
 
     def worst(self, h: float, k: int | None) -> float:
-        """The largest of the `chances`, over the states of the map and of `refined`."""
+        """The largest probability that Δ is beyond a branch, over the states of the map and of `refined`."""
         further = chance_outside(h, self.problem.c, -self.refined.backward, self.refined.forward, k)
         return float(max(self.chances(h, k).max(), further.max(initial=0.0)))
 
@@ -163,9 +163,9 @@ def solvability_map(
 
 
 def _refine(problem: Problem, scheme: Scheme, y0: Array | None, furthest: float, known: Array) -> Shortest:
-    """Follow branches from further states near the lowest local minima of both reaches, 5 times closer in each round.
+    """Follow branches from further states, 5 times closer in each round, where the |Δ| that they reach is smallest.
 
-    `known` (3, M) has times of the exact flow, and the reaches for Δ > 0 and Δ < 0 from the states at these times.
+    `known` (3, M): times of the exact flow, and the |Δ| that branches from these states reach for Δ > 0 and Δ < 0.
     """
     theta = known[0]
     for _ in range(ROUNDS):
@@ -181,9 +181,9 @@ def _refine(problem: Problem, scheme: Scheme, y0: Array | None, furthest: float,
 
 
 def _between(theta: Array, reach: Array, furthest: float) -> list[float]:
-    """New times near the lowest local minima of `reach`, POINTS on either side of each.
+    """New times next to the local minima of `reach`: POINTS times between a minimum and each of its two neighbours.
 
-    The LOWEST lowest minima are taken, among those whose branches end before `furthest`.
+    Only the LOWEST smallest minima below `furthest` are used.
     """
     padded = np.concatenate([[np.inf], reach, [np.inf]])
     minima = np.flatnonzero((reach <= padded[:-2]) & (reach <= padded[2:]) & (reach < furthest))
@@ -227,7 +227,7 @@ def _on_branch(problem: Problem, scheme: Scheme, y: Array, delta: float, branch:
 
 
 def _place(branch: Branch, delta: float) -> tuple[np.ndarray, Array]:
-    """The last point before |Δ| and the next point of each curve, and the position (0 to 1) of |Δ| between them."""
+    """Numbers of the points of each curve before and after |Δ|, and the position (0 to 1) of |Δ| between them."""
     reached = np.abs(branch.delta)
     before = np.nanargmax(np.where(reached <= abs(delta), reached, -1.0), axis=0)
     lanes = np.arange(branch.reach.size)
@@ -255,8 +255,8 @@ def chance_outside(h: float, noise: ArrayLike, low: ArrayLike, high: ArrayLike, 
 
     Notes
     -----
-    For one noise, these are the tails of a normal law, which are 0 beyond √h A_h if truncated. For several truncated
-    noises, the law of each but one is integrated by Gauss nodes on (−A_h, A_h) and two atoms.
+    One noise gives two tails of a normal law, which are 0 beyond √h A_h if truncated. Over all but one of several
+    truncated noises, a sum over Gauss nodes in (−A_h, A_h) and over the two atoms ±A_h integrates.
     """
     c = np.asarray(noise, dtype=np.float64).reshape(-1)
     c = c[c > 0] * np.sqrt(h)
@@ -270,7 +270,7 @@ def chance_outside(h: float, noise: ArrayLike, low: ArrayLike, high: ArrayLike, 
 
 
 def _truncated(c: Array, below: Array, above: Array, bound: float) -> Array:
-    """P(S ≤ below or S ≥ above) for the sum S = Σ c_j ζ_j of normal ζ_j truncated to |ζ_j| ≤ bound."""
+    """P(S ≤ below or S ≥ above) for S = Σ c_j ζ_j, with independent standard normal ζ_j clipped to |ζ_j| ≤ `bound`."""
     if c.size == 1:
         up, down = above / c[0], -below / c[0]
         return np.where(up <= bound, _tail(up), 0.0) + np.where(down <= bound, _tail(down), 0.0)

@@ -1,4 +1,4 @@
-"""Numerical paths of a scheme followed until a step is refused: they show for how long a step size is safe.
+"""Numerical paths of a scheme, each until a step is refused, to see for how long a step size is safe.
 
 The map of solvability takes states of the exact orbit. A numerical path leaves this orbit if the scheme does not keep
 all invariants. Scheme (2.1), for example, steadily loses the logarithmic Casimir of Lotka-Volterra, and comes to states
@@ -33,7 +33,7 @@ CONFIDENCE = 0.95
 class Exits:
     """The times at which paths of one scheme and step size ended because a step was refused.
 
-    until, asked : the time to which paths were followed, and the time requested, later if the seconds ran out
+    until, asked : the time to which paths were followed, and the time requested, which is later if seconds ran out
     times : (F,), the start of the refused step of each of the F paths that failed, increasing
     statuses : the number of refused steps by name of `Status`
     """
@@ -94,11 +94,11 @@ def follow_paths(
     seconds: float = 60.0,
     progress: Callable[[str], None] = lambda _: None,
 ) -> list[Exits]:
-    """Follow paths of `scheme` with each step size until a step is refused, up to the time `until`, for some seconds.
+    """Follow paths of `scheme` with each of the step sizes `steps` up to the time `until` or their first refused step.
 
-    Paths are followed to a horizon, a multiple of h. Each next horizon is twice as far and has new paths. The last one
-    is `until`, or one at which all paths failed, or one after which too few seconds are left. The step sizes left share
-    the seconds left. k is the truncation of the increments (Remark 2.1), None for untruncated increments.
+    For each h, all paths are run to a short time; if some survive, a new run is twice as long, up to `until`, while
+    seconds are left. The step sizes that remain share the `seconds` that remain. k is the truncation of the increments
+    (Remark 2.1), None for untruncated increments.
     """
 
     def horizon(h: float, count: int, most: int) -> Exits:
