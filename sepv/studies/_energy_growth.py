@@ -67,7 +67,7 @@ class Growth:
 
     @property
     def kind(self) -> str:
-        """How the rms grows: "rounding" if it is no larger than that, else as `growth_kind` of the exponent says.
+        """The kind of growth of the rms: "rounding", "bounded", "a random walk", "linear" or "faster than linear".
 
         It is "open" (undecided) if the interval of the exponent does not decide, or if paths failed.
         """

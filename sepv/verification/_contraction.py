@@ -18,7 +18,7 @@ CONTRACTION = 0.25
 
 
 def has_majorants(case: Case) -> bool:
-    """True if a case's contraction radius is derived: polynomial data, no H_j for the noises that commute with H."""
+    """True if a case's contraction radius is derived: polynomial data, and if noises have H_j, not all commute."""
     data = case.problem
     if not isinstance(data, PolynomialSystem):
         return False
@@ -28,7 +28,7 @@ def has_majorants(case: Case) -> bool:
 def shortened(case: Case) -> Case:
     """Shorten a step by a power of two to half its contraction radius, for polynomial data; other cases are unchanged.
 
-    The law poisson-map needs this, because its Cauchy estimate needs solutions from all complex states around y.
+    The law poisson-map needs this, because its Cauchy estimate takes the step from all states in a ball around y.
     """
     problem, y, h, dW = case.build()
     if not isinstance(problem.gradient, PolynomialMap):

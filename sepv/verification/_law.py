@@ -212,7 +212,7 @@ class Law:
         Processor seconds that the law takes for scheme (2.1), without the time of `steps`; used to estimate how long a
         run still takes. If laws share paths, the cost of the first of these laws includes the paths.
     steps : int
-        The number of steps that the law takes with scheme (2.1) on fixed problems, M for a batch of M states.
+        The number of steps that the law takes with scheme (2.1) on fixed problems; a step of M states counts M times.
     cases : sepv.verification.Cases or None
         The cases of a law about single steps; None for other laws.
     spared : int

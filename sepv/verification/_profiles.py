@@ -4,7 +4,7 @@ A profile is a named set of laws. It is found if each of its laws was measured a
 laws is not applicable, inconclusive or expected to fail.
 
 A profile such as "order" states a measured order. Each of its laws measures, on each of its problems, the slope of the
-errors in log-log scale, and takes the largest order whose bound is not above this slope. If paths are sampled, the
+errors in log-log scale, and takes the largest order whose bound lies below this slope. If paths are sampled, the
 lower end of the slope's confidence interval is used. The profile has the least of these orders over problems and laws.
 For mean-square order p the laws are Milstein's conditions on one step, (3.8) and (3.9) of the paper, and the rms error
 of paths. The last must have been measured; the first two are ignored where there is no reference solution of one step.

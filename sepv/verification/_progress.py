@@ -35,7 +35,7 @@ class Course:
         self.started = time.monotonic()
 
     def heard(self, law: Law, finding: Finding | None) -> None:
-        """Record that a law begins (None) or ends, by new containers, because a display thread reads the old ones."""
+        """Record that a law begins (no `finding`) or ends. Nothing is changed in place: a display thread reads it."""
         others = {name: since for name, since in self.began.items() if name != law.name}
         if finding is None:
             self.began = {**others, law.name: time.monotonic()}

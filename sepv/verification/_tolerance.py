@@ -1,9 +1,10 @@
-"""The bounds of the laws, derived: the meaning of "exact" in binary64.
+"""Derivation of the bounds of the laws, which say what "exact" means in binary64.
 
-Notation: u = eps/2; |·| of a matrix or vector is entrywise; M_g ≥ |∇H| and M_B ≥ |B| are majorants (sums of the
-absolute values of all terms). Rounding errors are relative to the majorants, even if terms cancel.
+Notation: u = eps/2; |·| of a matrix or vector is entrywise; ∇̄H is the average of ∇H from y0 to y1; M_g ≥ |∇H|,
+M_B ≥ |B| and M_C ≥ |∇C| are majorants (sums of the absolute values of all terms). Rounding errors are relative to the
+majorants, even if terms cancel.
 
-**Residual.** A step that solves y1 = y0 + R, R = ΔB∇̄H, as well as binary64 allows leaves in component i at most
+**Residual.** If y1 = y0 + R, R = ΔB∇̄H, is solved as well as binary64 allows, component i of |y1 − y0 − R| is at most
 
     r_i = K u (max(|y0|_∞, |y1|_∞) + |Δ|₁ Σ_j M_B,ij M_g,j),     |Δ|₁ = |h| + Σ_j |c_j ΔW_j|:
 
@@ -13,16 +14,16 @@ d for the product B∇̄H, and 8 for Δ, weights and the final sum. A factor of 
 same operations differently. If a scheme states its solver's tolerance, |y| times the tolerance is added to r.
 
 **Single precision** (`Scheme.dtype`). u is 2⁻²⁴ in the residual alone, because the suite evaluates H, Casimirs and
-references in binary64. The step gets y0 and ΔW rounded to single precision, so y0 + e with |e| ≤ u|y0|. Taken as a
-step from y0 it leaves r + e + Δ ∂R/∂y0 e; INPUTS counts the terms in e. Cases contain only numbers that single
-precision represents, so that bounds of zero remain zero.
+references in binary64. The step starts from y0 rounded to single precision, y0 + e with |e| ≤ u|y0|. Taken as a
+step from y0, its residual is r + e + Δ ∂R/∂y0 e at most; INPUTS counts the terms in e and the rounding of ΔW. Cases
+contain only numbers that single precision represents, so that bounds of zero remain zero.
 
 **Several stages.** The equation of each stage is solved up to such an r, whose K also counts sums over s stages and
 ⌈sν/2⌉ nodes, times max_i b_i⁻¹∫|ℓ_i| (1.57 for s = 6), by which averages with weights ℓ_i amplify errors of ∇H. Because
 y1 = y0 + Σ b_j z_j with b_j ≥ 0, Σ b_j = 1 and H(y1) − H(y0) = Σ_j b_j g_jᵀ z_j, the bounds below hold for any s.
 
 **Energy.** H(y1) − H(y0) = ∇̄Hᵀ(y1 − y0) (fundamental theorem), and ∇̄Hᵀ B ∇̄H = 0 for the computed skew B, so that
-|ΔH| ≤ Σ_i M_g,i r_i. **Casimirs**: |ΔC| ≤ Σ_i M_∇C,i r_i. **Error of y1**: at most |(I − ∂R/∂y1)⁻¹| r.
+|ΔH| ≤ Σ_i M_g,i r_i. **Casimirs**: |ΔC| ≤ Σ_i M_C,i r_i. **Error of y1**: at most |(I − ∂R/∂y1)⁻¹| r.
 
 **Many steps** (Brouwer 1937). A step adds an increment z to y0. The sum is rounded to nearest, with errors spread
 evenly over ±½ulp(y1_i) in component i, so one step moves an invariant I by √(Σ_i (∂_iI ulp(y_i))²/12) in the root mean

@@ -29,7 +29,7 @@ _EPS = float(np.finfo(np.float64).eps)
 def measure(scheme: Scheme, case: dict[str, Any]) -> dict[str, Any]:
     """Measure one case: `counters`, and `error`, `energy`, `casimir` as mean squares over groups of paths, in hex.
 
-    To the defects of H and Casimirs the rounding error of evaluating them is added, so that their ratios stay near 1.
+    The rounding error of evaluating H and C is added to their defects, so that ratios of tiny defects are near 1.
     """
     problem = build(case)
     dW = increments(scheme, problem, case)

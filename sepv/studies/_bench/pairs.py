@@ -141,9 +141,8 @@ class Times:
 def bootstrap(batches: Sequence[Array]) -> tuple[float, float, float]:
     """The median of all pairs, with bounds by a bootstrap that resamples batches, and the pairs within each of them.
 
-    It is not a mean of the medians of batches, because a few pairs that another program disturbs can move the median of
-    a small batch. The spread is multiplied by √(B/(B − 1)), because a bootstrap of B batches is too narrow by this
-    factor.
+    It is no mean of medians of batches, because a few disturbed pairs can move the median of a small batch. The spread
+    is multiplied by √(B/(B − 1)), because a bootstrap of B batches is too narrow by this factor.
     """
     rng = np.random.default_rng(0)
     pairs = np.stack(batches)

@@ -168,7 +168,7 @@ def _compiled(scheme: Scheme) -> tuple[Prepare, Follow]:
 def _watched(scheme: Scheme, problem: Problem, y0: Array, h: float, dW: Array, work: Work) -> Problem:
     """A copy of the problem that counts its evaluations in `work`, after a first step that is not counted.
 
-    The first step may compute values that are kept for later steps, such as the compiled form of the problem.
+    The first step may compute values that are kept for the problem, and whose evaluations are no work of a step.
     """
     watched = counted(problem, work)
     _run(scheme, watched, y0, h, dW[:1], track=False)

@@ -65,7 +65,7 @@ class Point:
 
     @property
     def error(self) -> float:
-        """The rms of the strong error and of `clipping`: √(strong² + clipping²)."""
+        """The strong error with `clipping`, which no sample shows, added in squares: √(strong² + clipping²)."""
         return math.hypot(self.strong.value, self.clipping)
 
     @property
@@ -172,7 +172,7 @@ class Comparison:
 
 
 def time_to_error(points: list[Point], target: float) -> TimeToError:
-    """The time in which one method reaches the error `target`, on the log-log polygon through its (error, time).
+    """The time in which one method reaches the error `target`, by log-log interpolation of its (error, time).
 
     Errors are those of `Point.error`. A step size counts only if every path was finished, because a method that loses
     its worst paths would look too good.

@@ -27,7 +27,7 @@ NODES = 128
 
 
 class Ending(Worded):
-    """The result at one state y0 and Δ: is there a solution connected to y0, and does Newton's method find it?"""
+    """The result at one state y0 and one Δ: if a solution connected to y0 exists, and if Newton's method finds it."""
 
     FOUND = 0, "connected solution, found"
     MISSED = 1, "connected solution, not found"
@@ -255,8 +255,8 @@ def chance_outside(h: float, noise: ArrayLike, low: ArrayLike, high: ArrayLike, 
 
     Notes
     -----
-    One noise gives two tails of a normal law, which are 0 beyond √h A_h if truncated. Over all but one of several
-    truncated noises, a sum over Gauss nodes in (−A_h, A_h) and over the two atoms ±A_h integrates.
+    For one noise, these are two tails of a normal law, which are 0 beyond √h A_h if truncated (|ΔŴ_j| ≤ √h A_h). Of
+    several truncated noises, all but one are integrated, by Gauss nodes on (−A_h, A_h) and the two atoms ±A_h.
     """
     c = np.asarray(noise, dtype=np.float64).reshape(-1)
     c = c[c > 0] * np.sqrt(h)

@@ -57,7 +57,7 @@ class Case:
     times: int = 0
 
     def build(self) -> tuple[Problem, Array, float, Array]:
-        """The arguments (problem, y, h, dW) of ``step``; the problem is complete, whatever `given` is."""
+        """The arguments (problem, y, h, dW) of ``step``; a scheme gets what `given` says of this whole problem."""
         problem = as_given(self.problem, self.given)
         return problem, np.array(self.y), self.h, np.array(self.dW, dtype=np.float64)
 

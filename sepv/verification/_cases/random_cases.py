@@ -118,7 +118,7 @@ class Parts:
         return some.structure(self.levels["Casimirs"].name, self.d, degree, self.unit, self.random)
 
     def noise(self) -> tuple[float, ...]:
-        """Draw the noise coefficients c_j, with a power of two for c_1: the power 1 if y = 0."""
+        """Draw the noise coefficients c_j, of which c_1 is a power of two, and exactly 1 if y = 0."""
         c = some.noise(self.levels["m"], self.random)
         return (1.0, *c[1:]) if c and self.at_origin else c
 

@@ -105,7 +105,7 @@ def with_constant(p: Polynomial, y: tuple[float, ...], random: Random) -> Polyno
 
 
 def rest_monomials(d: int, n: int, terms: int, random: Random) -> tuple[set[int], list[Exponents]]:
-    """Draw numbers of components that will be zero, and `terms` monomials of degree ≥ 2 in these, so that ∇H = 0."""
+    """Choose components to set to zero, and `terms` monomials that have degree ≥ 2 in these, so that ∇H = 0."""
     for size in (*random.sample(range(1, d), d - 1), d):
         # Monomials of degree 0 or 1 in the components of the set are not counted.
         left = d - size

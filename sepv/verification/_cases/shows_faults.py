@@ -41,7 +41,7 @@ def shows_faults(case: Case, levels: Levels) -> bool:
 
 
 def _curved(problem: Problem, levels: Levels, y: Array, z: Array, residual: Array) -> bool:
-    """True if averages with one quadrature node in place of enough would show, in H and in a nonquadratic Casimir C."""
+    """True if gradients averaged with one node, too few, would show in H and in a Casimir C of degree > 2."""
     found = []
     if levels["degree of H"].high > 2:
         found.append((problem, energy_bound(problem, y, y + z, residual)))
