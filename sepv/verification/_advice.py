@@ -57,7 +57,7 @@ def _may_be_a_tolerance(
 
 
 def _has_a_unit(case: Case, again: MeasuredAgain) -> str:
-    """Advice on a constant with a unit, if an extreme |y| violates and the same case scaled to |y| ≈ 1 does not."""
+    """Advice on a constant with a unit, if a case of extreme |y| violates the law, but not in units where |y| ≈ 1."""
     if not beyond(case) or not isinstance(case.problem, PolynomialSystem):
         return ""
     measured = again(in_other_units(case, -round(math.log2(max(map(abs, case.y))))))

@@ -93,7 +93,7 @@ def slopes(function: Function, derivative: Function | None, y: Array) -> Array:
 
 
 def _largest(structure: Any, *states: Array) -> Array:
-    """Majorant M_G (d, d) of a noise structure G over states: by absolute coefficients if G is polynomial, else |G|."""
+    """Majorant (d, d) of |G| over `states`, G the `structure` of a noise: by coefficients if polynomial, else |G|."""
     return np.asarray(np.max([majorant(structure, y) for y in states], axis=0))
 
 

@@ -172,7 +172,7 @@ class _Follower:
         return t / np.sqrt((t * t).sum(axis=0))
 
     def advance(self, lanes: np.ndarray) -> None:
-        """Try a step on each branch of `lanes`, keep it if it is good, set its next arclength, and record an `End`."""
+        """Try a step on each branch of `lanes`: keep it if Newton converges and the tangent turns little; note ends."""
         t, ds = self.tangent[:, lanes], self.ds[lanes]
         w, good, quick = self.correct(self.w[:, lanes] + ds * t, t, lanes)
         new = self.direction(w, lanes, t)

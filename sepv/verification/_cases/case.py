@@ -103,7 +103,7 @@ def quiet(case: Case) -> Case | None:
 
 
 def taken_by(scheme: Scheme, cases: Iterable[Case]) -> Iterator[Case]:
-    """The cases as a scheme takes them: if it is for c = () alone, without noise, or left out if that is impossible."""
+    """The cases as a scheme takes them: if it is for c = () alone, noise is removed, or the case is left out."""
     for case in cases:
         taken = quiet(case) if scheme.deterministic else case
         if taken is not None:
@@ -184,7 +184,7 @@ def has_words(witness: Any) -> bool:
 
 
 def require_named(witness: dict[str, Any], scheme: Scheme) -> None:
-    """Raise unless the user named the code of a witness's problem: a witness comes from a file or a token."""
+    """Raise unless the user named the code that a witness's problem loads, as a witness comes from a file or token."""
     problem = witness.get("problem")
     target = problem.get("given") if isinstance(problem, dict) else None
     named = [p if isinstance(p, str) else getattr(p, "text", "") for p in scheme.problems]

@@ -47,7 +47,7 @@ class SystemsClass:
 
 
 def _space(make: strata.Make, *axes: Axis, **left: Strata) -> Space:
-    """The space with the given axes and those of all classes; `left` restricts strata, as in degree_of_H=("1–2",)."""
+    """A space with properties `axes` and those of all classes; `left` restricts ranges, as degree_of_H=("1–2",)."""
     wanted = {name.replace("_", " "): names for name, names in left.items()}
     kept = [
         replace(a, strata=tuple(s for s in a.strata if s.name in wanted.get(a.name, (s.name,))))

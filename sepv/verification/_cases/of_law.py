@@ -93,7 +93,7 @@ class Cases:
     damped : bool
         True if the law applies to damped systems too.
     stays : bool
-        True if the law steps only the problem of the case. If False, it is not run on problems that users name.
+        True if the law takes steps of the case's problem alone. If False, users' problems are not measured.
     instead : class -> class, or () -> strategy
         For a scheme of this class, the source of cases instead of the class: a narrower class, or a strategy.
     fixed : class -> (() -> cases)

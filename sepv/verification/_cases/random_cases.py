@@ -1,4 +1,4 @@
-"""Random cases inside given strata: a system, a state and a step inside the contraction radius.
+"""Random cases (a system, a state and a step inside the contraction radius) with sizes inside given ranges (strata).
 
 The parts of a system come from `sepv.verification._cases.random_parts`. The contraction radius is inversely
 proportional to H, so H is multiplied by a power of two that makes the radius fit a step of the wanted |Δ|.

@@ -1,4 +1,4 @@
-"""Random parts of a case inside given strata: states, polynomials, skew structures and their Casimirs.
+"""Random parts of a case: states, polynomials, skew B and their Casimirs, with degrees and sizes in given ranges.
 
 Coefficients are small dyadic rationals times powers of two, so that a Casimir's B∇C = 0 holds exactly for the stored
 numbers. If |y| is far from 1, the terms of one degree in H or B would be far larger than all others. So in three cases
@@ -28,17 +28,17 @@ SOMETIMES = 1 / 8
 
 
 def integer(stratum: Stratum, random: Random) -> int:
-    """Draw a whole number inside the stratum, ends included."""
+    """Draw a whole number from the `low` to the `high` of a stratum (range), ends included."""
     return random.randint(int(stratum.low), int(stratum.high))
 
 
 def number(stratum: Stratum, random: Random) -> float:
-    """Draw a number inside the stratum, whose logarithm is uniform."""
+    """Draw a number between the `low` and the `high` of a stratum (range), with uniform logarithm."""
     return math.exp(random.uniform(math.log(stratum.low), math.log(stratum.high)))
 
 
 def less(stratum: Stratum, by: int) -> Stratum:
-    """Lower both ends of a stratum by a number, but not below zero."""
+    """The stratum (range) with both ends lowered by the number `by`, but not below zero."""
     return Stratum(stratum.name, max(0, stratum.low - by), max(0, stratum.high - by))
 
 
@@ -226,7 +226,7 @@ def _block(size: int, n: int, unit: float, random: Random) -> Structure:
 
 
 def exactly(d: int, n: int, unit: float, random: Random) -> Polynomial:
-    """A polynomial of this degree with one to three terms."""
+    """A random polynomial of degree n with one to three terms; a constant if n = 0."""
     if n == 0:
         return poly.constant(d, coefficient(random))
     return hamiltonian(d, n, min(random.randint(1, 3), monomials(d, n)), unit, random)
@@ -277,7 +277,7 @@ def times(factor: Polynomial, entries: Structure) -> Structure:
 
 
 def symmetric(d: int, random: Random) -> Matrix:
-    """The identity, or a symmetric matrix of small integers."""
+    """A random symmetric (d, d) matrix of small integers, sometimes the identity."""
     some = random.random() < 0.5
     A = np.diag([random.choice([1.0, 1.0, 2.0, -1.0]) if some else 1.0 for _ in range(d)])
     for _ in range(random.randint(0, 2)):
