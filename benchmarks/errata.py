@@ -24,8 +24,8 @@ def to_markdown() -> str:
         "",
         "These sentences of D. Cohen and G. Dujardin, *Energy-preserving integrators for stochastic Poisson systems*",
         "(2014) are quoted with their neighbours; […] replaces text quoted above. Each verdict rests on computed",
-        "evidence; the brackets after *evidence* say how it satisfies the passage's assumptions.",
-        "`sepv reproduce --errata` prints this.",
+        "evidence; brackets say how the evidence satisfies the passage's assumptions.",
+        "`sepv reproduce --errata` prints this page.",
     ]
     quoted: set[str] = set()
     for entry, measured in errata():

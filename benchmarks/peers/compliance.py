@@ -46,7 +46,7 @@ ENERGY_STEPS = 64
 # The columns of `kept`, and a sentence for the laws that they do not name.
 KEPT = ("claimed laws that hold", "hold, not claimed")
 UNNAMED = (
-    "A measured law that a line does not name is not claimed, and violated, inconclusive or not applicable."
+    "Measured laws missing from a line are not claimed; they are violated, inconclusive or not applicable."
 )
 HOLDS = MARKS[Verdict.HOLDS]
 # Marks that are read as words.
@@ -174,16 +174,16 @@ def _introduction() -> str:
     steps = ", ".join(map(str, setup.steps))
     return f"""\
 The laws were measured on dy = B(y)∇H(y)(dt + Σ_j c_j ∘dW_j). Other libraries' solvers are not made to preserve energy
-or Casimirs, so a violated law that they do not claim is no fault. They claim that a step depends on its arguments alone
-(the law *contract*), and the order for commutative noise that the documentation states, or theory if the documentation
-states none. The noise is commutative because all noises drive one field. Each solver runs through its own library's
-code in float64, with given increments. See also [orders by kind of noise](solvers.md).
+or Casimirs, so a violated law that they do not claim is no fault. They claim the law *contract* (a step depends on its
+arguments alone), and an order for commutative noise, which is taken from the documentation or else from theory. The
+noise is commutative because all noises drive one field. Each solver runs its library's code in float64, with given
+increments.
 
-- Paths run over [0, {setup.T:g}] with {steps} steps; sepv's own scheme begins with {setup.steps[0] // 2}. Solvers of
-  one state at a time get {FIRST_LOOK} paths, so more of their verdicts are open (inconclusive). The nominal
-  false-alarm rate of a run is {FALSE_ALARM:g}.
-- If a solver carries a state from step to step, laws about paths carry it too. Laws about one step ask its first step.
-- A space-time Lévy area is a normal variable from a stream whose key is the increment. Other Lévy areas are zero,
+- Paths run over [0, {setup.T:g}] with {steps} steps (sepv's scheme: {setup.steps[0] // 2} instead of {setup.steps[0]}).
+  Solvers without batches of states get {FIRST_LOOK} paths, so more of their verdicts are open (inconclusive). The
+  nominal false-alarm rate of a run is {FALSE_ALARM:g}.
+- If a solver carries a state from step to step, laws about paths carry it too. Laws about one step measure the first.
+- A space-time Lévy area is a normal random number, generated with the increment as seed. Other Lévy areas are zero,
   because the brackets of these noise fields vanish."""
 
 

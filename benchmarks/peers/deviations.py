@@ -118,11 +118,7 @@ TITLES = {
 
 def document(page: str, deviations: Sequence[Deviation]) -> str:
     """One of the two pages, in Markdown."""
-    head = (
-        "Each section quotes a library, and shows the output of a script without sepv. "
-        "The library's README, docstrings, source and issues were read first. "
-        f"Made by `{COMMAND}`."
-    )
+    head = f"Each section quotes a library, and shows what a script without sepv prints. Made by `{COMMAND}`."
     sections = [d.text.removeprefix("#") for d in deviations if d.page == page]
     return "\n\n".join([TITLES[page], head, *sections]) + "\n"
 

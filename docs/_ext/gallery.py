@@ -52,8 +52,8 @@ def _example() -> str:
 INTRODUCTIONS = {
     "problems": "One path of each problem that sepv brings, up to T = {T:g}: the exact solution, which is the "
     "deterministic flow at the random time t + Σ c_j W_j(t).",
-    "schemes": "The energy along one path of the pendulum, T = {T:g} in {steps} steps, the same increments for each "
-    "scheme. What each keeps exactly, to rounding, is what `sepv verify NAME` says.",
+    "schemes": "Each picture shows the energy error along one path of the pendulum, T = {T:g} in {steps} steps with "
+    "the same increments for each scheme. `sepv verify NAME` says what a scheme keeps to rounding.",
 }
 
 
@@ -98,7 +98,7 @@ def _schemes(folder: Path, T: float) -> Iterator[str]:
             (folder / f"{name}.png").write_bytes(content(drawn, ".png", dpi=120))
         largest = float(np.max(np.abs(energy - energy[0])))
         yield (
-            f"{heading} Largest energy error here: {largest:.1e}.\n\n"
+            f"{heading} Largest energy error on this path: {largest:.1e}.\n\n"
             f"![The energy error of {name} against time]({name}.png)"
         )
 

@@ -110,7 +110,8 @@ def _product() -> Evidence:
     mean = 0.5 * (D @ y0 + e) + 0.5 * (D @ y1 + e)
     gap = float(np.max(np.abs(B @ mean - B @ (D @ (0.5 * (y0 + y1)) + e))))
     measured = (
-        f"shapes {B.shape} and {row.shape}; with the column D(·) + e the midpoint rule is met to {gap:.1g}"
+        f"B and the integral have shapes {B.shape} and {row.shape}; with the column D(·) + e, (2.1) and the "
+        f"midpoint rule differ by {gap:.1g}"
     )
     return Evidence(conforms, not conforms and gap < 8 * EPS, measured)
 
@@ -168,7 +169,7 @@ def _comparison() -> Evidence:
     bounded = ours <= 1 + 1e-12
     measured = (
         f"H = ½p² + ¼q⁴, y0 = (0.5, 1), h = 2^-4, t ≤ 1, 256 paths: H reaches {ours:.6g} H(y0) along (2.1), and "
-        f"{theirs:.4g} H(y0) along (3.4)"
+        f"{theirs:.4g} H(y0) along the midpoint scheme (3.4)"
     )
     return Evidence(bounded and theirs <= 1 + 1e-12, bounded and theirs > 1 + 1e-6, measured)
 
@@ -227,7 +228,8 @@ ENTRIES = (
         right="a step of the proof is missing: if the convex set is compact, change H and B outside a neighbourhood of "
         "it, so that they and their derivatives are bounded. The change affects neither (2.1) nor the exact solution, "
         "so Theorem 3.3 applies, and the conclusion is right. §4 does not need this step: on the oscillator and the "
-        "rigid body (3.4) is (2.1), and the pendulum's f has bounded derivatives on ℝ² (Remark 3.4)",
+        "rigid body the midpoint scheme (3.4) is (2.1), and the pendulum's f has bounded derivatives on ℝ² (Remark "
+        "3.4)",
         evidence=_comparison,
     ),
     Erratum(
@@ -254,7 +256,7 @@ ENTRIES = (
         right="the level set of H is unbounded, and f is unbounded on it, so neither this argument nor the assumption "
         "of Theorem 3.4 covers §4.4. The Casimir y1² y2 y3 = K keeps the exact solution in a compact set: with this "
         "Casimir H is 2y1 − 2 ln y1 + 2y3 − 3 ln y3 + y2 + ln K. (2.1) does not keep that Casimir. Order 1 is "
-        "observed all the same (`sepv reproduce 4.6`), and `sepv reproduce theory` shows what becomes of long paths",
+        "observed all the same (`sepv reproduce 4.6`; long paths: `sepv reproduce theory`)",
         evidence=_level,
     ),
 )  # fmt: skip

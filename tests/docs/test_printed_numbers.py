@@ -86,7 +86,7 @@ def test_the_midpoint_rule_loses_energy_by_a_third_power_of_h() -> None:
 
 def test_the_isospectral_rule_loses_energy_by_a_square_of_h() -> None:
     """The noise is a Casimir, which moves nothing: (2, 3) are the powers of the two rules."""
-    printed("class.md", "up to h³ a step for the midpoint rules, and up to h² for *isospectral-midpoint*")
+    printed("class.md", "O(h³) for the midpoint rules, and O(h²) for *isospectral-midpoint*")
     H = poly.add(poly.squares((1, 1, 1)), poly.polynomial(3, {(1, 0, 0): 1.0, (2, 1, 0): 1.0}))
     data = PolynomialSystem(3, H, hat(), (1.0,), noise_hamiltonians=(poly.squares((1, 1, 1)),))
     problem, h = started(data, "noise by a Casimir", (1.0, 1.0, 1.0)), np.array([2e-3, 1e-3])
