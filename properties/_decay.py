@@ -38,7 +38,7 @@ def factor(exact: Any, problem: Problem, h: float, degree: int) -> Any:
 
 
 def residual(scheme: Scheme, problem: Problem, y: Array, y1: Array, h: float, dW: Array) -> Array:
-    """Return bounds (d,) of the residual plus the rounding of factors e^{−γh/2}. Raise Skipped if |γh| > LONGEST."""
+    """Bound the residual r (d,) of the undamped step and the rounding by ρ. Raise Skipped if |γh| > LONGEST."""
     if abs(damping_of(problem) * h) > LONGEST:
         raise Skipped(f"the law speaks of |γh| ≤ {LONGEST:g}")
     rounding = 4 * EPS * max(float(np.max(np.abs(v))) for v in (y, y1))

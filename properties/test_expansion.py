@@ -42,11 +42,11 @@ NODES, LAST = 24, 8
 def check(scheme: Scheme, case: Case) -> Measurement:
     """Measure a and b of y1 = aΔ + bΔ² + c3Δ³ + … from steps with ±Δ and ±Δ/2, by parity and extrapolation.
 
-    y1(Δ) is analytic and at most r for |Δ| ≤ ϱ (contraction radius), so that |c_k| ≤ r/ϱ^k (Cauchy). The odd part
+    y1(Δ) is analytic and |y1| ≤ r for |Δ| ≤ ϱ (contraction radius), so that |c_k| ≤ r/ϱ^k (Cauchy). The odd part
     divided by Δ is a + c3Δ² + c5Δ⁴ + …, the even part divided by Δ² is b + c4Δ² + c6Δ⁴ + …. One Richardson step removes
     the terms in Δ². With x = Δ/ϱ, at most (r/ϱ)x⁴/(1 − x²) remains in a and (r/ϱ²)x⁴/(1 − x²) in b. A step's rounding
-    has factors of at most 4/Δ in a, 16/Δ² in b (weights 4/3 and 1/3 at Δ/2 and Δ). With one structure, h is positive in
-    all steps and the noise gives Δ either sign, so that h and ΔW have different weights in Δ and in −Δ.
+    has factors of at most 4/Δ in a, 16/Δ² in b (weights 4/3 and 1/3 at Δ/2 and Δ). Here y0 = 0. If the system has one
+    structure, h stays positive and ΔW sets the sign of Δ: a scheme that weighs h and ΔW differently then shows it.
     """
     problem, y, h, dW = case.build()
     radius, r = contraction_ball(problem, y)

@@ -26,8 +26,9 @@ BEGIN, RESULT, BACK, ANSWERED, LOST, END = b"b", b"r", b"k", b"a", b"l", b"e"
 
 
 class Crashed(Exception):
-    """The work crashed its process. `note` is its last input as JSON, or its last step in words; None without a note.
+    """The work crashed its process.
 
+    `note` is what the process noted last: an input as JSON, or a step of the scheme in words; None if it noted nothing.
     `violated` is an earlier input, as JSON, that violated the law, or None.
     """
 

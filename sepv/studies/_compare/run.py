@@ -148,7 +148,7 @@ def _prepared(
     methods: Sequence[Method], problem: Problem, start: Array, T: float, coarse: dict[int, Array],
     begin: Callable[[str], None],
 ) -> tuple[list[_Cell], dict[str, str]]:  # fmt: skip
-    """A `_Cell` for each number of steps of each method whose first runs succeed; other methods' errors by name."""
+    """Run each method once with each number of steps; return its `_Cell`s if all succeed, else its error by name."""
     cells: list[_Cell] = []
     failed: dict[str, str] = {}
     for method in methods:
