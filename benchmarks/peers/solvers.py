@@ -196,26 +196,26 @@ def _is_about(script: str, entry: str) -> bool:
 def _introduction() -> str:
     problems = "\n".join(f"- {kind}: {text} (`{problem_of(kind).name}`)" for kind, text in KINDS.items())
     return f"""\
-Each solver ran on dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j) with c_j = ½, through its own library's code in float64, with
-given increments. Noise is *commutative* if the brackets of its fields vanish, *additive* if its fields are constant:
+Each solver ran on dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j) with c_j = ½, by its library's code in float64. The
+increments were given. Noise is *commutative* if the brackets of its fields vanish, *additive* if the fields are constant:
 
 {problems}
 
 A cell has the measured *strong order; weak order*, and in brackets the documented order if it differs by more than
-0.1. A weak order of 1.00 is left out if the documentation states no other. † marks an order or limit that falls short
-of the documentation. A cell is empty if the solver does not support the kind of noise. The mean of a short step shows
-whether the limit is Itô's or Stratonovich's solution: the documented one, unless the last section says otherwise.
-Solvers of Itô equations got Itô's form of the same equation.
+0.1. A weak order of 1.00 is left out if the documentation states no other. A cell is empty if the solver does not
+support the kind of noise. † marks an order more than 0.25 below the documented one, or a limit other than the
+documented one. For orders over paths the whole confidence interval must lie so low. The mean of a short step shows
+whether the solver converges to Itô's or to Stratonovich's solution. Solvers of Itô equations got Itô's form.
 
 - **Orders** follow from errors of one step, computed by quadrature as in the laws *local-mean*, *local-mean-square* and
-  *local-weak*. The reference solution can show strong orders up to 1, or up to 1.5 if the solver uses space-time areas
-  of commutative noise.
-- **Paths**: the rms error at T = {T:g} with {", ".join(map(str, STEPS))} steps gives the strong order again. The last
-  section has confidence intervals below the documented order. They miss the true order with
-  nominal probability {ALPHA:g}.
+  *local-weak*. The reference solution can show strong orders up to 1. If the solver uses space-time areas of
+  commutative noise, it can show 1.5.
+- **Paths**: the rms error at T = {T:g} with {", ".join(map(str, STEPS))} steps gives a second strong order. The last
+  section has confidence intervals of this order. Each misses the true order with nominal
+  probability {ALPHA:g}.
 - **§** marks a solver that carries a state from step to step; its strong order is measured over paths.
 - **Lévy areas** A_ij of the reference's path are given to the solver. Otherwise torchsde and sdeint draw approximate
-  A_ij, whose fixed accuracy makes the order ½ again for small steps (P. Kloeden and E. Platen 1992, §5.8)."""
+  A_ij. As their accuracy is fixed, the order falls to ½ for small steps (P. Kloeden and E. Platen 1992, §5.8)."""
 
 
 @click.command()

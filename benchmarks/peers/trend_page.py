@@ -15,8 +15,8 @@ LEAST_SLOPE = 0.25
 
 INTRODUCTION = """\
 This page shows with which version of a library a verdict on its Stratonovich solvers changed. Each version was
-installed in a fresh environment, and its solvers ran unchanged. A solver claims the orders that its documentation
-states for commuting noise, in the laws *local-mean*, *local-mean-square*, *local-weak*, *mean-square-order* and
+installed in a fresh environment. Its solvers ran unchanged. A solver claims the orders that its documentation
+states for commuting noise. The laws are *local-mean*, *local-mean-square*, *local-weak*, *mean-square-order* and
 *right-limit*. If a verdict changed, a cell names the claimed laws that do not hold or are undecided. The records,
 `results/LIBRARY/VERSION.json`, have every verdict, defect, seed and package.
 
