@@ -196,8 +196,9 @@ def _is_about(script: str, entry: str) -> bool:
 def _introduction() -> str:
     problems = "\n".join(f"- {kind}: {text} (`{problem_of(kind).name}`)" for kind, text in KINDS.items())
     return f"""\
-Each solver ran on dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j) with c_j = ½, by its library's code in float64. The
-increments were given. Noise is *commutative* if the brackets of its fields vanish, *additive* if the fields are constant:
+Each solver ran on dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j) with c_j = ½, by its library's code in float64.
+The increments were given. Noise is *commutative* if the brackets of its fields vanish, *additive* if its fields are
+constant:
 
 {problems}
 

@@ -99,7 +99,7 @@ def test_how_often_a_step_from_the_orbit_is_off_the_branch() -> None:
     """On [0, 5], the paper's interval, by the means over the states of the orbit."""
     printed(
         "solvability.md",
-        "some step of the paper's interval [0, 5] is 0.44 at h = 2⁻⁴, 0.062 at 2⁻⁵ and 4e-4 at 2⁻⁶",
+        "some step has no connected solution with probability 0.44 at h = 2⁻⁴, 0.062 at 2⁻⁵ and 4e-4 at 2⁻⁶",
     )
     found = solvability_map(problems.lotka_volterra(), states=96, grid=2)
     shares = [1 - (1 - float(found.chances(h, 2).mean())) ** (5 / h) for h in (2.0**-4, 2.0**-5, 2.0**-6)]
@@ -122,8 +122,8 @@ def test_a_refused_step_counts_as_solvable_where_continuation_solves_it() -> Non
 def test_the_midpoint_rule_keeps_the_impulse_of_vortices_and_two_one_their_energy() -> None:
     printed(
         "vortices.md",
-        "The midpoint rule keeps the angular impulse and changes H by 2e-06.",
-        "The scheme `energy-preserving` keeps H and changes the angular impulse by 8e-06.",
+        "With the midpoint rule H moves by 2e-06, and the angular impulse is kept.",
+        "With `energy-preserving` the angular impulse moves by 8e-06, and H is kept.",
     )
     block = block_in(doc("vortices.md"), "python").partition("\nif __name__")[0]
     vortices: dict[str, Any] = {}
