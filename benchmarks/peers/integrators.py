@@ -126,21 +126,21 @@ def _reasons(found: Sequence[Row], marked: Collection[str]) -> Iterator[str]:
 
 
 INTRODUCTION = """\
-Each integrator runs through its own library's code, in float64, on random systems H = ½pᵀM⁻¹p + V(q) with up to three
-degrees of freedom. Only the options in its name are set. For libraries with one mass for each particle M is diagonal.
-All integrators claim the law *contract*. Their documentation, or the method's name, makes the other claims:
+Each integrator runs through its own library's code, in float64, with only the options in its name set. The systems
+are random, H = ½pᵀM⁻¹p + V(q), with up to three degrees of freedom. For libraries with one mass for each particle M is
+diagonal. All integrators claim the law *contract*. Their documentation, or the method's name, makes the other claims:
 *symplecticity* and *volume*, *symmetry* and *reversibility*, *deterministic-order*. A violated law that is not claimed
 is no fault.
 
 Steps are so short that an implicit step provably has one solution. In such steps an explicit method of order 8 has
-only rounding errors, so laws hold that it violates in longer steps. REBOUND's integrators of planetary systems,
-WHFAST to EOS, run on the problem `planets`."""
+only rounding errors, so laws hold that it violates in longer steps. REBOUND's integrators of planetary systems
+(whfast, saba, mercurius, trace, eos) run on the problem `planets`."""
 
 
 # Issues: as far as a search of public threads finds them.
 READ = """\
-Docstrings and source of each integrator (for REBOUND documentation and changelog), the history of JAX MD's and mici's,
-and 16 issues and pull requests."""
+Docstrings and source of each integrator; for REBOUND documentation and changelog. The history of JAX MD's and mici's
+integrators. 16 issues and pull requests."""
 
 
 @click.command()

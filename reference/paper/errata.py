@@ -225,9 +225,9 @@ ENTRIES = (
         "global bounds, stays in the smallest convex set that contains the energy level, as (2.1) does",
         hypotheses="as in Theorem 3.4, H and B are smooth, and each level set of H lies in the compact convex set that "
         "it bounds",
-        right="a step of the proof is missing: if the convex set is compact, change H and B outside a neighbourhood of "
-        "it, so that they and their derivatives are bounded. The change affects neither (2.1) nor the exact solution, "
-        "so Theorem 3.3 applies, and the conclusion is right. §4 does not need this step: on the oscillator and the "
+        right="a step of the proof is missing. If the convex set is compact, change H and B outside a neighbourhood of "
+        "it, so that they and their derivatives are bounded. The change affects neither (2.1) nor the exact solution. "
+        "So Theorem 3.3 applies, and the conclusion is right. §4 does not need this step: on the oscillator and the "
         "rigid body the midpoint scheme (3.4) is (2.1), and the pendulum's f has bounded derivatives on ℝ² (Remark "
         "3.4)",
         evidence=_comparison,
@@ -253,9 +253,9 @@ ENTRIES = (
         "on which f is bounded",
         criterion="the energy level H(y) = H(y0) is bounded: energy is what the argument rests on",
         hypotheses="parameters and y0 of §4.4; the states satisfy y > 0 and H(y) = H(y0) to rounding",
-        right="the level set of H is unbounded, and f is unbounded on it, so neither this argument nor the assumption "
-        "of Theorem 3.4 covers §4.4. The Casimir y1² y2 y3 = K keeps the exact solution in a compact set: with this "
-        "Casimir H is 2y1 − 2 ln y1 + 2y3 − 3 ln y3 + y2 + ln K. (2.1) does not keep that Casimir. Order 1 is "
+        right="the level set of H is unbounded, and f is unbounded on it. So neither this argument nor the assumption "
+        "of Theorem 3.4 covers §4.4. The exact solution stays in a compact set, because it keeps the Casimir y1² y2 y3 "
+        "= K: then H is 2y1 − 2 ln y1 + 2y3 − 3 ln y3 + y2 + ln K. (2.1) does not keep that Casimir. Order 1 is "
         "observed all the same (`sepv reproduce 4.6`; long paths: `sepv reproduce theory`)",
         evidence=_level,
     ),
