@@ -1,7 +1,7 @@
 """rebound whfast, coordinates=barycentric: symplectic with one planet, but not with two.
 
 The script computes the derivative Φ′ of one step by differences of order four, and prints the largest entry of
-Φ′JΦ′ᵀ − J. With barycentric coordinates and two planets this defect falls like h³. In the other cases it is only the
+Φ′JΦ′ᵀ − J. With barycentric coordinates and two planets this defect falls like h³. In the other cases it is the
 error of the differences. Positions Q_i and velocities V_j relative to the centre of mass have the Poisson brackets
 {Q_i, V_j} = δ_ij/m_i − 1/M. The Kepler step moves each planet by itself, which preserves δ_ij/m_i alone. The step
 stays reversible, and of order 2.
