@@ -64,9 +64,14 @@ CLAIMS = (
 TITLE = """# Several Hamiltonians: what schemes claim, and what was found
 
 Choose a scheme for dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j) with {H_0, H_j} ≠ 0
-(`sepv.problem.HamiltoniansProblem`). For mean-square order 1 with any noises take *area-midpoint*, for a Poisson map
-*stochastic-splitting* or *isospectral-midpoint*, for positive populations *darboux-lie*, for additive noise
-*drift-preserving*. `python -m benchmarks.hamiltonians` prints this page.
+(`sepv.problem.HamiltoniansProblem`):
+
+- for mean-square order 1 with any noises: *area-midpoint*;
+- for a Poisson map: *stochastic-splitting* or *isospectral-midpoint*;
+- for positive populations: *darboux-lie*;
+- for additive noise: *drift-preserving*.
+
+`python -m benchmarks.hamiltonians` prints this page.
 """
 DIFFERENCES = """## Verdicts compared with the papers
 
@@ -75,15 +80,15 @@ and order ½ for three noises whose fields do not commute (`random-lotka-volterr
 only increments has a higher order (J. Clark and R. Cameron 1980). Liu and Wang prove order 1 of another
 integrator; only abstract and introduction of their paper were read, so no verdict here is about that integrator.
 
-The papers on the other schemes are confirmed where their statements were measured. The error of E[H] in a step is
+For the other five schemes every measured statement of the papers is confirmed. The error of E[H] in a step is
 O(h³) for the midpoint rules, and O(h²) for *isospectral-midpoint*.
 """
 ADDITIVE = """## Additive noise
 
 *drift-preserving* is for dy = B(y)∇H dt + Σ c_j g_j dW_j with constant vectors g_j. By the abstract of its paper it
-keeps the exact drift of the energy and of quadratic Casimirs. The paper's experiments were not read: the test
-problem `pushed-rigid-body` is one of sepv. The table shows the growth of E|y|² and E[H] from t = 0 to T = 1, estimated
-from 10,000 pairs of paths with opposite noise, with standard errors (`python -m benchmarks.additive_noise`):
+keeps the exact drift of the energy and of quadratic Casimirs. The paper's experiments were not read; the test
+problem `pushed-rigid-body` is sepv's own. The table shows the growth of E|y|² and E[H] from t = 0 to T = 1. Estimates
+are from 10,000 pairs of paths with opposite noise, and have standard errors (`python -m benchmarks.additive_noise`):
 
 """
 VERDICTS = """## Verdicts

@@ -171,16 +171,16 @@ def _laws(found: Sequence[Row], contradicted: Collection[str]) -> str:
 
 def _introduction() -> str:
     setup = SETUPS[0]
-    steps = ", ".join(map(str, setup.steps))
+    steps, own = (", ".join(map(str, (first, *setup.steps[1:]))) for first in (setup.steps[0], setup.steps[0] // 2))
     return f"""\
 The laws were measured on dy = B(y)∇H(y)(dt + Σ_j c_j ∘dW_j). Other libraries' solvers are not made to preserve energy
 or Casimirs, so a violated law that they do not claim is no fault. They claim the law *contract* (a step depends on its
-arguments alone), and an order for commutative noise, which is taken from the documentation or else from theory. The
-noise is commutative because all noises drive one field. Each solver runs its library's code in float64, with given
+arguments alone), and an order. It is the documented order for commutative noise, because all noises here drive one
+field. If none is documented, it is the order by theory. Each solver runs its library's code in float64, with given
 increments.
 
-- Paths run over [0, {setup.T:g}] with {steps} steps (sepv's scheme: {setup.steps[0] // 2} instead of {setup.steps[0]}).
-  Solvers without batches of states get {FIRST_LOOK} paths, so more of their verdicts are open (inconclusive). The
+- Paths run over [0, {setup.T:g}] with {steps} steps (sepv's scheme: {own}).
+  Solvers that take one state at a time get {FIRST_LOOK} paths, so more of their verdicts are open (inconclusive). The
   nominal false-alarm rate of a run is {FALSE_ALARM:g}.
 - If a solver carries a state from step to step, laws about paths carry it too. Laws about one step measure the first.
 - A space-time Lévy area is a normal random number, generated with the increment as seed. Other Lévy areas are zero,

@@ -119,8 +119,8 @@ TITLES = {
 def document(page: str, deviations: Sequence[Deviation]) -> str:
     """One of the two pages, in Markdown."""
     head = (
-        "Each section quotes a library, and shows what a script without sepv prints. README, docstrings, source and "
-        f"issues were read first. Made by `{COMMAND}`."
+        "Each section quotes a library, and shows what a script without sepv prints. Its README, docstrings, source "
+        f"and issues were read. Made by `{COMMAND}`."
     )
     sections = [d.text.removeprefix("#") for d in deviations if d.page == page]
     return "\n\n".join([TITLES[page], head, *sections]) + "\n"

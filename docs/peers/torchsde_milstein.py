@@ -1,9 +1,9 @@
 """torchsde milstein: scalar noise, several components: not the Stratonovich solution; Itô: order ½, not 1.0.
 
-Let J be the rotation by 90°. The solution of dy = Jy ∘dW is y0 rotated by the angle W(T); that of dy = Jy dW (Itô) is
-longer by the factor e^(T/2). With 16, 64, 256 steps the error should fall fourfold each time. Milstein's term
-is ½ΔW² (∂g/∂y)g for dy = g(y) ∘dW, and ½(ΔW² − h)(∂g/∂y)g for dy = g(y) dW. By default torchsde transposes ∂g/∂y
-in both. This changes nothing if ∂g/∂y is symmetric, as in one component, or in ExScalar of the library's tests.
+Let J be the rotation by 90°. The solution of dy = Jy ∘dW is y0 rotated by the angle W(T). That of dy = Jy dW (Itô) is
+longer by the factor e^(T/2). With 16, 64, 256 steps the error should fall fourfold each time. For dy = g(y) ∘dW
+Milstein's term is ½ΔW² (∂g/∂y)g. For dy = g(y) dW it is ½(ΔW² − h)(∂g/∂y)g. By default torchsde transposes ∂g/∂y in
+both terms. This changes nothing where ∂g/∂y is symmetric, as in ExScalar of the library's tests.
 
 Exit code 1 while this is so, 0 where the error falls as declared.
 """

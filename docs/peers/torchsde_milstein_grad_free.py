@@ -1,8 +1,9 @@
 """torchsde milstein grad_free: strong order ½; the source declares 1.0.
 
 The solution of dy = g(y) ∘dW with g = √(1 + y²) and y(0) = 0 is sinh W. With 16, 64, 256 steps the error should fall
-fourfold each time. With grad_free, Milstein's term is the one-sided difference (g(y + g√h) − g(y))/(2√h) · ΔW², which
-contains ¼ g″(g, g) √h ΔW². This term's mean is of order h^1.5 a step, so the method has order ½.
+fourfold each time. With grad_free, Milstein's term is the one-sided difference (g(y + g√h) − g(y))/(2√h) · ΔW². Its
+Taylor series has the term ¼ g″(g, g) √h ΔW². This term's mean is of order h^1.5 a step, and adds up to an error of
+order ½.
 
 Exit code 1 while this is so, 0 where the error falls as declared.
 """
