@@ -80,7 +80,7 @@ and order ½ for three noises whose fields do not commute (`random-lotka-volterr
 only increments has a higher order (J. Clark and R. Cameron 1980). Liu and Wang prove order 1 of another
 integrator; only abstract and introduction of their paper were read, so no verdict here is about that integrator.
 
-For the other five schemes every measured statement of the papers is confirmed. The error of E[H] in a step is
+Every statement of the other schemes' papers that was measured is confirmed. The error of E[H] in a step is
 O(h³) for the midpoint rules, and O(h²) for *isospectral-midpoint*.
 """
 ADDITIVE = """## Additive noise

@@ -171,7 +171,9 @@ def _laws(found: Sequence[Row], contradicted: Collection[str]) -> str:
 
 def _introduction() -> str:
     setup = SETUPS[0]
-    steps, own = (", ".join(map(str, (first, *setup.steps[1:]))) for first in (setup.steps[0], setup.steps[0] // 2))
+    steps, own = (
+        ", ".join(map(str, (first, *setup.steps[1:]))) for first in (setup.steps[0], setup.steps[0] // 2)
+    )
     return f"""\
 The laws were measured on dy = B(y)∇H(y)(dt + Σ_j c_j ∘dW_j). Other libraries' solvers are not made to preserve energy
 or Casimirs, so a violated law that they do not claim is no fault. They claim the law *contract* (a step depends on its
