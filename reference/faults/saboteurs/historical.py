@@ -167,7 +167,7 @@ _in(
 _in(
     euler_heun,
     ("matrix-noise-as-diagonal",
-     "the matrix of noise fields is read as diagonal: component i gets noise i alone",
+     "the matrix of noise fields is read as diagonal. Component i gets only noise i",
      ("noise-sum", "equivariance", "local-mean-square", "right-limit", "mean-square-order"), _matrix_as_diagonal,
      f"{_SCIML}/DiffEqGPU.jl/issues/331, an error since pull 350"),
     ("friction-inverted", "the noise is scaled by 1/c_j and not by c_j",
@@ -180,7 +180,7 @@ _in(
 )  # fmt: skip
 _in(
     milstein,
-    ("noises-crossed", "each noise drives the sum of all fields: Σ_jΔW_j · Σ_jc_j",
+    ("noises-crossed", "the noise is Σ_jΔW_j · Σ_jc_j and not Σ_jc_jΔW_j",
      ("noise-sum", "local-mean-square", "right-limit", "mean-square-order", *_LOCAL), _noises_crossed,
      "https://github.com/brian-team/brian2/issues/330, mended in pull 347: milstein with several noises"),
 )  # fmt: skip
@@ -198,7 +198,7 @@ _in(
          problem, y, h, _noise(problem, dW), np.sum((problem.c[:, None] * dW) ** 2, axis=0)),
      "https://github.com/horchler/SDETools/issues/2: the formula of diagonal noise for every noise"),
     ("index-repeated",
-     "ΔW_i² replaces ΔW_iΔW_j in Milstein's term of the Itô form: the limit is right, the order ½",
+     "ΔW_i² replaces ΔW_iΔW_j in Milstein's term of the Itô form. The limit is right, but the order is ½",
      ("noise-sum", "local-mean-square", "mean-square-order"), _index_repeated,
      "https://github.com/qutip/qutip/pull/1283: an index in smesolve's milstein with two noises"),
     ("as-many-noises-as-components", "the loop over noises ends at the number of components",
@@ -214,7 +214,7 @@ _in(
 _in(
     milstein,
     ("transposed-derivative",
-     "(f′)ᵀf replaces f′f in Milstein's term: a vector-Jacobian product for a Jacobian-vector product",
+     "Milstein's term has (f′)ᵀf (a vector-Jacobian product) and not f′f",
      ("local-mean-square", *_LOCAL), _transposed_derivative,
      "docs/peers/torchsde_milstein.py, torchsde 0.2.6 with scalar noise and several components"),
 )  # fmt: skip
