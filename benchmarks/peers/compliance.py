@@ -185,7 +185,7 @@ increments.
   Solvers that take one state at a time get {FIRST_LOOK} paths, so more of their verdicts are open (inconclusive). The
   nominal false-alarm rate of a run is {FALSE_ALARM:g}.
 - If a solver carries a state from step to step, laws about paths carry it too. Laws about one step measure the first.
-- A space-time Lévy area is a normal random number, generated with the increment as seed. Other Lévy areas are zero,
+- A space-time Lévy area is a normal number whose seed is the increment. Other Lévy areas are set to zero,
   because the brackets of these noise fields vanish."""
 
 
