@@ -153,6 +153,8 @@ class Scheme:
                 raise _wrong(attribute, expected, value)
         if self.dtype != "float64" and self.solve is not None:
             raise _wrong("solve", "in float64, or none with dtype='float32'", self.solve)
+        if self.batched and isinstance(self.step, PathSolver):
+            raise _wrong("batched", "False, because a PathSolver computes one path at a time", self.batched)
         law = point_law(self.increments)
         object.__setattr__(self, "increments", law)
         if law is not None:
@@ -164,9 +166,8 @@ class Scheme:
                     remedy="sepv.schemes.weakly(scheme, increments) drops what a scheme claims of paths",
                 )
         if self.mean_square_order is not None:
-            claims |= PATHWISE - {"commutation"}
-            if isinstance(self.step, PathSolver):
-                claims -= {"local-mean", "local-mean-square"} - set(self.claims)
+            of_one_step = ("local-mean", "local-mean-square") if isinstance(self.step, PathSolver) else ()
+            claims |= PATHWISE - {"commutation", *of_one_step}
         if self.weak_order is not None:
             claims |= {"weak-order", "local-weak"}
         if self.order is not None:

@@ -173,7 +173,6 @@ def test_a_rule_alone_is_a_scheme_and_what_is_no_function_is_refused() -> None:
 
 
 def test_a_solver_of_whole_paths_is_judged_by_its_paths() -> None:
-    """Euler's limit is that of Itô's equation."""
     for euler, verdict in ((False, "holds"), (True, "violated")):
         scheme = Scheme("whole", PathSolver(partial(by_hand, euler=euler)), mean_square_order=1.0)
         assert scheme.claims == {"mean-square-order", "right-limit"}
@@ -191,6 +190,8 @@ def test_whole_paths_are_those_of_the_steps_and_a_refused_step_is_named() -> Non
     np.testing.assert_array_equal(path.y[:, -1], many.y[:, 0])
     path = sepv.integrate(solver, calm := problems.pendulum(noise=()), h=1 / N, T=1.0)
     np.testing.assert_array_equal(path.y, by_hand(calm, path.y[:, 0], 1 / N, np.zeros((N, 0, 1)))[:, :, 0].T)
+    with pytest.raises(UsageError, match="one path at a time"):
+        replace(solver, batched=True)
     with pytest.raises(SchemeCrash, match=r"states \(N \+ 1, d, M\) = \(2, 3, 1\)"):
         ask(replace(solver, step=PathSolver(lambda *_: np.zeros(3))), problem, np.ones(3), h, np.zeros(1))
 
