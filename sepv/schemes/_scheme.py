@@ -153,8 +153,14 @@ class Scheme:
                 raise _wrong(attribute, expected, value)
         if self.dtype != "float64" and self.solve is not None:
             raise _wrong("solve", "in float64, or none with dtype='float32'", self.solve)
-        if self.batched and isinstance(self.step, PathSolver):
-            raise _wrong("batched", "False, because a PathSolver computes one path at a time", self.batched)
+        if isinstance(self.step, PathSolver) and (given := (self.batched, self.asks, self.dtype)) != (
+            False,
+            "",
+            "float64",
+        ):
+            raise _wrong(
+                "batched, asks, dtype", "none: a PathSolver takes dW of one path at a time in float64", given
+            )
         law = point_law(self.increments)
         object.__setattr__(self, "increments", law)
         if law is not None:
