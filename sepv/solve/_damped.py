@@ -52,9 +52,9 @@ def approach(equations: Equations, numbers: Lanes) -> Solution:
 def _take_share(
     equations: Equations, numbers: Lanes, state: Solution, share: Array, active: Lanes, A: Array, p: Array
 ) -> Flags:
-    """Move the active paths to z − λp with Newton's correction p = A⁻¹F, and return True for paths that moved.
+    """Move the active paths to z − λp, with Newton's correction p = A⁻¹F, and return True for paths that moved.
 
-    The factor λ is halved until z − λp is in the domain, R is finite at z − λp, and the simplified correction
+    Here F = z − R(z), and A is its derivative. The factor λ is halved until z − λp is in the domain, R is finite at z − λp, and the simplified correction
     A⁻¹F(z − λp) is at most (1 − λ/4)|p|. Linear changes of the equations do not change this test (P. Deuflhard, Newton
     Methods for Nonlinear Problems, 2004, §3.3).
     """

@@ -39,7 +39,7 @@ class Fields(Protocol):
         """The structure matrix B(y), (d, d, ...)."""
 
     def combined(self, y: Any, step: Any) -> Any:
-        """The structure of a step, h B(y) + Σ c_jΔW_j G_j(y), (d, d, ...); `step` holds h and the c_jΔW_j."""
+        """h B(y) + Σ c_jΔW_j G_j(y), (d, d, ...), with the structure G_j of noise j; `step` holds h and the c_jΔW_j."""
 
     def apply(self, y: Any, v: Any) -> Any:
         """The product B(y)v, (d, ...)."""

@@ -1,8 +1,8 @@
 """Newton's iteration as straight-line code: z − R(z) and (1 − K)⁻¹(z − R), K = ∂R/∂z, for a formula of R.
 
-The code is made from the recorded operations of the formula. An iteration is then one function of arrays, or of numbers
-for a single state, with the same bits. Because recording takes as long as a few steps, only problems given by name are
-recorded, not problems drawn at random.
+The formula is called with symbols that record its operations (`sepv.record`), and the code is made from this record. An
+iteration is then one function, of arrays or of the numbers of a single state; both give the same bits. Recording takes
+as long as a few steps. So only problems given by name are recorded, and not problems drawn at random.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Record(NamedTuple):
 
 
 class Corrections(NamedTuple):
-    """Newton's corrections by recorded code, for steps from y0 (d, M) with the data `step` (k, M), such as Δ."""
+    """Newton's corrections by straight-line code, for steps from y0 (d, M) with the data `step` (k, M), such as Δ."""
 
     record: Record
     y0: Array
@@ -61,7 +61,7 @@ class Corrections(NamedTuple):
         return F, corrections, np.full(lanes.shape, stays, dtype=bool)
 
     def of_one(self, lane: Lanes) -> Callable[[list[float]], tuple[list[float], list[float], bool]]:
-        """The function of z (d,) that gives residual, correction, domain test of one path, to the bit as `of_lanes`."""
+        """A function of z (d,) for one path: it returns the residual, correction and test that `of_lanes` does, bit by bit."""
         y, step = self.y0[:, lane].ravel().tolist(), self.step[:, lane].ravel().tolist()
         evaluate, parameters, d = self.record.source.function, self.record.source.parameters, len(y)
 
@@ -77,7 +77,7 @@ class Corrections(NamedTuple):
 
 
 def corrections(problem: Problem, formula: Formula, y0: Array, step: Array) -> Corrections | None:
-    """Newton's `Corrections` of steps from y0 (d, M); None if nothing is recorded; `step` (k, M) as in `solve`."""
+    """Newton's `Corrections` for steps from y0 (d, M) with the numbers `step` (k, M); None if `record` returns None."""
     recorded = record(problem, formula, len(step))
     return None if recorded is None else Corrections(recorded, y0, step)
 

@@ -60,8 +60,8 @@ class NoDerivative(Exception):
 class Linearised:
     """The functions of `Fields` for which there are derivatives by z, for steps from y0 to y1 (d, M).
 
-    `computed` are the lists of averaged gradients and of structures that `counted` made for the same step, or nothing.
-    The result of B(y)v has a derivative but no value, because R is not needed here.
+    If `computed` is given, it has the lists of averaged gradients and of structures that `sepv.solve._formula.counted`
+    made for this step. The result of B(y)v has a derivative but no value, because R is not needed here.
     """
 
     def __init__(self, problem: Problem, y0: Array, y1: Array, *computed: Sequence[Array]) -> None:

@@ -1,8 +1,8 @@
 """The implicit equation of a step, y1 = y0 + R(y0, y1), by Newton's method iterated until corrections stagnate.
 
 A solver that stops at a tolerance leaves a residual that acts as a force: with a tolerance of 1e-12 the energy drifts
-linearly. After iteration to stagnation it has only a random walk of rounding. Each lane (a path of a batch) has its
-own status, so that convergence is reported and never assumed.
+linearly. After iteration to stagnation the energy makes only a random walk of roundings. Each lane (a path of a batch)
+has its own status, so that convergence is reported and never assumed.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ from sepv.solve._stop_rule import QUANTA, ROUNDING, STAGNATION
 # The most iterations. Newton's method needs 3 to 5 for usual steps, and more after a damped start.
 MAX_ITERATIONS = 40
 MAX_HALVINGS = 40
-# The most iterations by recorded code, which also needs 3 to 5 for usual steps.
+# The most iterations by straight-line code (`_from_record`), which also needs 3 to 5 for usual steps.
 MOST = 7
-# The number of halvings of a correction for which the domain is tested in one call.
+# A correction that leaves the domain is halved: the number of halvings that are tested in one call of the domain.
 SHARES = 8
 # The most unknowns of a single path for which Python's numbers are faster than arrays.
 FEW = 64
@@ -71,7 +71,7 @@ def solve(
     start : (d, M), optional
         A guess of y1 − y0; by default 0.
     corrections : Corrections, optional
-        R and Newton's correction from recorded code (`sepv.solve._from_record`).
+        Straight-line code that computes R and Newton's correction (`sepv.solve._from_record`).
 
     Notes
     -----
@@ -117,12 +117,12 @@ def iterate(equations: Equations, start: Array, lanes: Lanes | None = None) -> S
 
     `lanes` are the numbers of the M lanes (paths) in `equations`, by default 0 … M − 1. `Solution.value` is z.
 
-    A lane that ends close to a solution, but not at rounding, goes on with a Jacobian from differences of R. Analytic
-    Jacobians may average H″ with a few nodes, too few for long steps of some H. A lane that fails starts again from
-    z = 0 by damped steps, and then goes on with differences too.
+    A lane may end close to a solution, but not at rounding: an analytic Jacobian may average H″ with too few nodes for
+    a long step. Such a lane goes on with a Jacobian from differences of R. A lane that still fails starts again from
+    z = 0 by damped steps (`_damped`), and then also goes on with differences.
 
-    A lane that does not converge by recorded code in MOST iterations starts again without the code. So if there are
-    several solutions, the one that is found does not depend on whether a problem is recorded.
+    A lane that does not converge by straight-line code in MOST iterations starts again without the code. So if there
+    are several solutions, the one that is found does not depend on whether a problem has such code.
     """
     numbers = np.arange(start.shape[1]) if lanes is None else lanes
     solution = newton(equations, start, numbers, differences=False)
@@ -208,7 +208,7 @@ def _newton_of_many(equations: Equations, start: Array, numbers: Lanes, *, diffe
             if stagnated.any():
                 stagnated &= _is_rounding(equations, lanes, residual_norm, z, scale, stagnated & exact)
             goes_on = np.ones(lanes.size, dtype=bool)
-            # The comparisons are False too if a residual or a correction is NaN.
+            # These comparisons are False for a residual or a correction that is NaN, so that the branch is taken.
             if stagnated.any() or not (
                 residual_norm.min(initial=np.inf) > QUANTA and move.max(initial=0) < np.inf
             ):
@@ -253,9 +253,9 @@ def _corrections(
 def _moved(
     equations: Equations, recorded: bool, z: Array, correction: Array, lanes: Lanes, stays: Flags
 ) -> tuple[Array, Flags]:
-    """The next z, z minus the correction, and True for paths in the domain; for other paths the old z and False.
+    """Return z minus the correction, and True, for each path that stays in the domain; for others z and False.
 
-    A correction that leaves the domain is shortened, except one by recorded code.
+    A correction that leaves the domain is shortened first, except if straight-line code made it (`recorded`).
     """
     if stays.all():
         return z - correction, stays
@@ -264,7 +264,7 @@ def _moved(
 
 
 def _entries(lanes: Any, *values: Any) -> Any:
-    """The entries of each array for some paths, `lanes`, contiguous in memory, because v[..., lanes] is not."""
+    """The entries of each array for the paths `lanes`, as arrays that are contiguous in memory: v[..., lanes] is not."""
     return values if isinstance(lanes, slice) else [v.take(lanes, axis=-1) for v in values]
 
 
@@ -310,7 +310,7 @@ def _outcome(
 
 
 def _newton_of_one(equations: Equations, start: Array, number: Lanes, *, differences: bool) -> Solution:
-    """`newton` for one lane (path), with the bits of `_newton_of_many`; decisions use Python's numbers, not NumPy."""
+    """`newton` for one lane (path): the bits are those of `_newton_of_many`, but comparisons use Python's numbers."""
     exact, recorded = differences or equations.exact, not differences and equations.corrections is not None
     z, y = start.ravel().tolist(), equations.size[:, number].ravel().tolist()
     before = _largest(y)
@@ -398,10 +398,10 @@ def _is_rounding(
 ) -> Flags:
     """True for paths whose residual is as small as the rounding of y or, for paths flagged in `closely`, of R.
 
-    The rounding of R has two parts: that of its terms, and the effect |K||y0|, K = ∂R/∂y1, of a rounding of y. Stiff
-    equations, in whose R terms cancel, need the second. Both are computed only if the rounding of y is too small. K is
-    taken at y1 = y0, times 16 for its change along the step. K at y1 would allow any residual next to a singularity of
-    ∇H, although R can no longer be computed there.
+    The rounding of R has two parts: that of its terms, and the effect |K||y0|, K = ∂R/∂y1, of a rounding of y. The
+    second part matters for stiff equations, in which terms of R cancel. Both are computed only if the residual exceeds
+    the rounding of y. K is taken at y1 = y0, and a factor 16 allows for its change along the step. K at y1 would allow
+    any residual next to a singularity of ∇H, although R can no longer be computed there.
     """
     rounding: Flags = stop.is_rounding(residual, scale)
     larger = np.flatnonzero(closely & ~rounding)
@@ -416,7 +416,7 @@ def _is_rounding(
 
 
 def into_domain(equations: Equations, z: Array, correction: Array, lanes: Lanes) -> tuple[Array, Flags]:
-    """The next z, z − λ·correction with the largest λ = 2⁻ⁿ that stays in the domain; True for paths with such a λ."""
+    """z − λ·correction with the largest λ = 2⁻ⁿ that keeps it in the domain, and True for paths with such a λ."""
     moved = z - correction
     inside = np.ones(z.shape[1], dtype=bool)
     if equations.inside is None or not z.shape[1]:

@@ -1,4 +1,4 @@
-"""A problem and a scheme's formula recorded as operations on symbols: B and H as given, all derivatives from them."""
+"""B, H and a scheme's formula recorded as operations on symbols, and all derivatives derived from these operations."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ class Recorded:
 
     @cached_property
     def mean(self) -> Mean:
-        """The averaged gradient ∫₀¹∇H(y + τz)dτ by the rules of `sepv.record`, else by `Problem.mean_gradient`."""
+        """∫₀¹∇H(y + τz)dτ by the rules of `sepv.record`, or if none applies by `Problem.mean_gradient`."""
         try:
             return mean(self.H, self.y, self.z)
         except NoClosedForm:
@@ -98,7 +98,7 @@ class Recorded:
 
     @cached_property
     def field(self) -> Sequence[Polynomial] | None:
-        """B∇H multiplied out into polynomials; None if they are longer than B∇H, or H is not of degree 2 or less."""
+        """B∇H multiplied out into polynomials; None if they are longer than B∇H, or H has a degree above 2."""
         f = [
             sum((b * g for b, g in zip(row, self.slope, strict=True)), self.tape.constant(0.0))
             for row in self.B
@@ -109,7 +109,7 @@ class Recorded:
     def equation_of(self, formula: Formula, count: int, apart: bool = True) -> Equation:
         """The equation z = R of a scheme's formula that uses `count` numbers of a step.
 
-        If `apart` is False, as for explicit steps, B∇H is multiplied out if this is shorter.
+        If `apart` is False, as for explicit steps, B∇H is multiplied out wherever the product is shorter.
 
         Raises CannotRecord or NoClosedForm if the formula cannot be recorded.
         """
@@ -187,7 +187,7 @@ class _RecordedFields(Fields):
         return matvec(self._at(jacobian(matvec(recorded.B, recorded.slope), recorded.y), y), v)
 
     def mean_gradient(self, y: Any, z: Any) -> Any:
-        """The averaged gradient: the recorded one for the record's own symbols z, else the same at other y and z."""
+        """The averaged gradient as recorded; if z is not the record's own symbol, y and z are put in their places."""
         means, nodes = self._recorded.mean
         self.gradients += nodes
         return means if z is self._recorded.z else self._at(means, y, z)

@@ -1,4 +1,4 @@
-"""The records that solvers and schemes share: the equations z = R(z) of a batch, and the result of solving them.
+"""The data types that solvers and schemes share: the equations z = R(z) of a batch, and the result of solving them.
 
 A lane is a path of a batch of M paths.
 """
@@ -19,7 +19,7 @@ from sepv.problem import DENSE, Algebra, Array, Problem
 if TYPE_CHECKING:
     from sepv.solve._from_record import Corrections
 
-# Arrays (M,) of the numbers of lanes, of flags of lanes, and of counts of lanes. A lane is a path of a batch.
+# Arrays (M,) with a value for each lane: its number in the batch, a flag (True or False), a count.
 Lanes = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 Counts = NDArray[np.int64]
@@ -76,9 +76,9 @@ class Solution:
     value : (d, M)
         y1 for each path that converged, and the last iterate for the others.
     residual : (M,)
-        Largest component of |y1 − y0 − R(y0, y1)|; for a path that converged, before the last correction of y1.
+        Largest component of |y1 − y0 − R(y0, y1)|. For a path that converged, y1 is here the iterate before `value`.
     iterations, gradient_evaluations, structure_evaluations : (M,)
-        Newton iterations, and evaluations of ∇H and B (without those for an analytic Jacobian).
+        Newton iterations, and evaluations of ∇H and B. Evaluations for an analytic Jacobian are not counted.
     status : (M,)
         `Status` of each path.
     change : (d, M), optional
@@ -115,7 +115,7 @@ class Evaluation(NamedTuple):
 
 @dataclass(frozen=True)
 class Equations:
-    """The equations z = R(z) of M lanes (paths), each with n unknowns; `lanes` are the numbers of the lanes in a call.
+    """The equations z = R(z) of M lanes (paths), each with n unknowns; a call is for the lanes with numbers `lanes`.
 
     Attributes
     ----------
@@ -125,13 +125,13 @@ class Equations:
     inside : (z, lanes) -> (M,) of bool, optional
         True for each lane for which the states that belong to z lie in the domain of the problem.
     exact : bool
-        True if the Jacobian is ∂R/∂z; False if it is approximate, with H″ averaged by a few nodes.
+        True if the Jacobian is ∂R/∂z; False if it is approximate, because H″ is averaged by a few nodes only.
     magnitude : (z, lanes) -> (M,), optional
         The sum of the absolute values of the terms of R, the scale of its rounding if R cancels.
     algebra : Algebra
         The kind of Jacobian: dense matrices (n, n, M) by default.
     corrections : `sepv.solve._from_record.Corrections`, optional
-        Newton's corrections by recorded code, used instead of `evaluate` unless the Jacobian comes from differences.
+        Straight-line code for Newton's corrections. It replaces `evaluate` unless the Jacobian comes from differences.
     """
 
     size: Array

@@ -19,7 +19,7 @@ from sepv.record import EPS, TINY
 
 # The largest residual that counts as zero: a few of the smallest positive numbers.
 QUANTA = 4 * float(np.finfo(np.float64).smallest_subnormal)
-# The largest correction, relative to the state, for which no further shrinking means rounding, not divergence: √eps.
+# Corrections that stop shrinking mean rounding, not divergence, if they are at most √eps relative to the state.
 STAGNATION = float(np.sqrt(EPS))
 # The largest residual, relative to the state, that counts as rounding: R has a few hundred operations, each rounded at
 # the scale of y. Without this bound, corrections that shrink slowly, because Newton's matrix is approximate for some H,
@@ -44,9 +44,9 @@ def relative(moves: Any, magnitude: Any, scale: Any) -> Any:
 def is_last(size: Any, last_size: Any, residual: Any, scale: Any) -> Any:
     """True where a correction is the last one, because after it the error is only rounding.
 
-    This holds for a correction below half an ulp of every component. After a larger one the next is at most
+    This holds for a correction below half an ulp of every component. After a larger correction the next one is at most
     size²/last_size, because corrections shrink at least as fast as before (E. Hairer, G. Wanner, Solving Ordinary
-    Differential Equations II, 1996, IV.8). This bound must be far below a rounding, and the residual below a rounding.
+    Differential Equations II, 1996, IV.8). It is the last if this bound is far below a rounding, the residual below one.
     """
     shrinks = (last_size < np.inf) & (size * size <= LEFT * last_size)
     return (size <= 0.5 * EPS) | shrinks & (residual <= EPS * scale)
