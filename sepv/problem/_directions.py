@@ -27,7 +27,7 @@ class Directions(NamedTuple):
     def without(self, w: Any) -> Any:
         """The part of w (d, ...) that is orthogonal to all gradients.
 
-        The parts along the q_k are subtracted twice, because the first subtraction leaves the rounding of a longer w.
+        The parts along the q_k are subtracted twice, because the first subtraction leaves a rounding of w in them.
         """
         for _ in range(2):
             for b, inverse in zip(self.q, self.inverse, strict=True):
@@ -62,7 +62,7 @@ def projections(B: Any, gradient: Any, casimirs: Sequence[Any]) -> Directions:
     """Make the directions in which a projection corrects Casimirs, given their gradients `casimirs`, and then H.
 
     A Casimir is corrected along its gradient, and H along v = BᵀB∇H, for which ∇Hᵀv = |B∇H|². v is orthogonal to all
-    gradients of Casimirs. Where Ay = 0 for a Casimir yᵀAy, BAy = 0 has the derivative BA = 0: v keeps yᵀAy exactly.
+    gradients of Casimirs. At a y with Ay = 0 the derivative of BAy = 0 gives BA = 0: moves along v keep yᵀAy exactly.
     """
     basis, size = directions(casimirs), dot(B, B).sum(axis=0) * dot(gradient, gradient)
     _append(basis, basis.without(-matvec(B, matvec(B, gradient))), gradient, size)

@@ -172,7 +172,7 @@ def forward_differences(R: OfLanes, inside: OfLanes | None, z: Array, base: Arra
     return jacobian
 
 
-# Powers of |y| as widths of differences: f may vary over a length |y| or 1, and only values of f show over which.
+# Exponents s of the widths ∝ |y|^s of differences: f may vary over lengths |y| or 1, and only its values show which.
 _SCALES = (1.0, 2 / 3, 1 / 3, 0.0)
 
 

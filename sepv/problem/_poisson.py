@@ -16,7 +16,7 @@ bounds its n-th derivative by n! M/ρⁿ. The first term of the error has n = 7 
 
     |D_j − ∂Φ/∂y_j| ≤ 37 (w/ρ)⁶ M/ρ + 11/6 δ/w,
 
-where δ is the error of one step, 37 bounds 36 and all further terms while w ≤ ρ/64, and 2 Σ|a_k| = 11/6.
+where δ is the error of one step and 2 Σ|a_k| = 11/6. For w ≤ ρ/64 the factor 37 covers 36 and all further terms.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ import numpy as np
 from sepv.problem._problem import Array, Problem
 
 _WEIGHTS = (3 / 4, -3 / 20, 1 / 60)
-# The formula of order four on the points of _WEIGHTS: the distance of both bounds the error of order six.
+# Weights of order four for the same points. The distance of the two results bounds the error of order six.
 _FOURTH = (2 / 3, -1 / 12, 0.0)
 POINTS = len(_WEIGHTS)
 TRUNCATION, ROUNDING = 37.0, 2 * sum(abs(a) for a in _WEIGHTS)
-# The ratio w/ρ. It gives a truncation error of 37 · 2⁻⁴² of M/ρ, below the error of rounding for most ρ.
+# The ratio w/ρ. The truncation error is then at most 37 · 2⁻⁴² M/ρ, below the error of rounding for most ρ.
 WIDTH = 2.0**-7
 # The width of differences relative to the scale of y, if no radius ρ is known.
 BLIND_WIDTH = 2.0**-9

@@ -24,7 +24,7 @@ from sepv.record import Polynomial
 Array = NDArray[np.float64]
 Function = Callable[[Array], Array]
 Flow = Callable[[Array, Array], Array]
-# The functions that make up a problem. The first three are always set: a `gradient` to be derived is set to a mark.
+# The functions that make up a problem. The first three are always set: `to_be_derived` marks a `gradient` not given.
 _FUNCTIONS = (
     "structure", "hamiltonian", "gradient", "hessian", "structure_derivative", "mean_gradient", "domain",
 )  # fmt: skip
@@ -41,14 +41,14 @@ class Systems(StrEnum):
     nambu
         (1.1) in dimension three with a Casimir and a factor, B(y)v = g(y)(v × ∇C(y)): `Problem.nambu`.
     several
-        A structure G_j for each noise, or Hamiltonians H_j with {H_0, H_j} = 0. The flow keeps H.
+        A structure G_j for each noise, or Hamiltonians H_j with {H_0, H_j} = ∇H_0ᵀB∇H_j = 0. The flow keeps H.
     hamiltonians
         A Hamiltonian H_j for each noise, whether or not {H_0, H_j} = 0.
 
     Laws draw random systems from narrower classes too (`sepv.verification._cases.families`):
 
     canonical-separable
-        (1.1) with H = T(p) + V(q), y = (p, q) and B = J⁻¹.
+        (1.1) with H = T(p) + V(q), y = (p, q) and B = J⁻¹, where J = [[0, I], [−I, 0]].
     mechanical
         (1.1) with H = ½ pᵀM⁻¹p + V(q), y = (q, p), positions first, and B = J: `sepv.problem.mechanics`.
     lie-poisson
@@ -96,7 +96,7 @@ class PolynomialSystem:
     nambu : (g, C), optional
         For d = 3, B(y)v = g(y)(v × ∇C(y)); `structure` must say the same. See `sepv.problems.nambu_system`.
     noise_structures : tuple of structures, optional
-        G_1, …, G_m of several structures, each like `structure`. Casimirs are then those common to B and all G_j.
+        G_1, …, G_m, one for each noise, each like `structure`. Casimirs are then those common to B and all G_j.
     noise_hamiltonians : tuple of polynomials, optional
         H_1, …, H_m: several Hamiltonians (`sepv.problem._hamiltonians`), whether or not {H, H_j} = 0.
     noise_vectors : tuple of d numbers each, optional

@@ -42,11 +42,11 @@ ClosedForm = Callable[[Array, float, Array], Array]
 # The largest {H_0, H_j} relative to |∇H_0||B∇H_j| that counts as zero: a few hundred roundings.
 BRACKET_TOLERANCE = 1e-12
 # The largest error |S_j∇̄H_0 − B∇H_j| that a step may have, relative to |B∇H_j|. Next to a curved set of nondegenerate
-# critical points it is a third for every h, because ∇̄H_0 and w are the mean of a parabola over a chord and its value
-# in the middle, 1/12 and 1/8. Elsewhere it is of the order of |y1 − y0|², and a step with a quarter is useless anyway.
+# critical points it is a third for every h: over a chord ∇̄H_0 is the mean of a parabola, 1/12, and w is its value in
+# the middle, 1/8. Elsewhere it is of the order of |y1 − y0|², and a step with a quarter is useless anyway.
 MISSED = 0.25
-# S_j is undefined if w is below its own rounding, the first factor times its terms, and v is above the second factor
-# times its terms. The margin is wide because both w and v vanish next to an isolated critical point.
+# S_j counts as undefined if w is below the first factor times the terms of w, its rounding, and v is above the second
+# factor times the terms of v. The margin is wide because both w and v vanish next to an isolated critical point.
 ROUNDING_OF_W, ROUNDING_OF_V = 16 * EPS, 1024 * EPS
 
 

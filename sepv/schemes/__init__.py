@@ -1,8 +1,8 @@
 """The schemes, one file each: those of the paper, and families of higher order by their number of stages.
 
-Read `_scheme` first (the record of a scheme), `_energy_preserving` (equation (2.1)) and `_one_step` (how a formula
-becomes a scheme). `_guard` calls a scheme and checks its result, `_load_target` finds a scheme by name,
-`_point_distributions` has increments with two or three values, and `_division` and `_continuation` solve long steps.
+Read first `_scheme` (the data of a scheme), `_energy_preserving` (equation (2.1)) and `_one_step` (how a formula
+becomes a scheme). `_guard` calls a scheme and checks its result. `_load_target` finds a scheme by name.
+`_point_distributions` has increments with two or three values. `_division` and `_continuation` solve steps that fail.
 `_catalogue` lists the schemes by name. Each is also an attribute of this package, such as `schemes.midpoint`.
 """
 

@@ -1,15 +1,15 @@
 """Energy-preserving collocation with s Gauss nodes and the random step: mean-square order s for (1.1).
 
 D. Cohen and E. Hairer, Linear energy-preserving integrators for Poisson systems, BIT Numerical Mathematics 51
-(2011), with the step size replaced by Δ = h + Σ_j c_j ΔŴ_j: u is the polynomial of degree s with u(0) = y0 and
+(2011), with the step size replaced by Δ = h + Σ_j c_j ΔŴ_j (ΔŴ_j: truncated ΔW_j). For the s nodes c_i of Gauss
+quadrature, its weights b_i and their Lagrange polynomials ℓ_i, u is the polynomial of degree s with u(0) = y0 and
 
     u̇(c_i) = Δ B(u(c_i)) b_i⁻¹ ∫₀¹ ℓ_i(τ) ∇H(u(τ)) dτ,  i = 1 … s,      y1 = u(1).
 
 **Energy.** With the averages g_i = b_i⁻¹∫ℓ_i ∇H(u), H(y1) − H(y0) = ∫∇H(u)ᵀu̇ dτ = Σ_i b_i g_iᵀ u̇(c_i)
 = Δ Σ_i b_i g_iᵀ B(u(c_i)) g_i = 0 for every skew B.
-**Quadratic Casimirs.** d/dτ uᵀAu has degree 2s − 1, which Gauss nodes integrate exactly, and
-vanishes at each of them.
-**Quadratic H.** Then g_i = ∇H(u(c_i)), and the method is the s-stage Gauss method. With s = 1 it is (2.1).
+**Quadratic Casimirs.** d/dτ uᵀAu has degree 2s − 1, which Gauss nodes integrate exactly. It vanishes at each node.
+**Special cases.** For quadratic H, g_i = ∇H(u(c_i)), and this is the s-stage Gauss method. With s = 1 it is (2.1).
 
 **Order.** The deterministic order is 2s. The local error C(y)Δ^{2s+1} has the mean O(h^{s+1}) and the root mean square
 O(h^{s+1/2}), so that Milstein's theorem gives mean-square order s and weak order s. Truncating the increments as in
@@ -62,7 +62,7 @@ class _Stages:
         self.A, self.b = gauss_tableau(stages).A, gauss_tableau(stages).b
 
     def polynomial(self, z: Array, lanes: np.ndarray, integrals: Array) -> Array:
-        """The collocation polynomial u at N points τ_n, (d, N, M), by ∫₀^{τ_n} ℓ_j (N, s) of Lagrange polynomials."""
+        """The collocation polynomial u at N points τ_n, (d, N, M); `integrals` (N, s) has the entries ∫₀^{τ_n} ℓ_j."""
         u = np.repeat(self.y0[:, None, lanes], integrals.shape[0], axis=1)
         for j in range(self.stages):
             u += integrals[:, j, None] * z[:, j, None]
@@ -99,7 +99,7 @@ class _Stages:
     def jacobian(self, z: Array, lanes: np.ndarray, Y: Array, g: Array) -> Array:
         """The derivative K of the right sides Δ B(Y_i) g_i by z_j, (d·s, d·s, M); Newton's matrix is 1 − K.
 
-        K = Δ(a_ij B′(Y_i)[·]g_i + B(Y_i) b_i⁻¹∫ℓ_i A_j H″(u)), A_j = ∫₀^τ ℓ_j, Lagrange polynomials ℓ_i. The average
+        K = Δ(a_ij B′(Y_i)[·]g_i + B(Y_i) b_i⁻¹∫ℓ_i A_j H″(u)) with A_j(τ) = ∫₀^τ ℓ_j and a_ij = A_j(c_i). The average
         of H″ uses few nodes, which changes the speed of Newton's iteration and not its limit.
         """
         d, s = self.problem.dimension, self.stages
@@ -145,9 +145,9 @@ def solve_stages(
 
     If `averaged` is False, the step is one of the Gauss method, with g_i = ∇H(u(c_i)).
 
-    For a polynomial H of degree ν, ⌈sν/2⌉ nodes are exact. Otherwise the averages with N nodes are compared with
-    averages with 3N/2 nodes. If both differ by more than rounding, the step is solved again with 2N nodes. A path for
-    which MAX_NODES nodes are too few gets the status QUADRATURE.
+    For a polynomial H of degree ν, quadrature with ⌈sν/2⌉ nodes is exact. For any other H the averages of ∇H with N and
+    with 3N/2 nodes are compared. If they differ by more than rounding, the step is solved again with 2N nodes. A path
+    for which MAX_NODES nodes are too few gets the status QUADRATURE.
     """
     exact = problem.degree is not None or stages == 1 or not averaged
     nodes = exact_nodes(stages, problem.degree or 2) if exact else stages + FIRST_NODES

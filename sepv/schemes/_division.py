@@ -1,9 +1,9 @@
 """Division of steps that have no solution: a step is replaced by two halves (h/2, ΔW/2), and each half likewise.
 
-For large Δ the implicit equation may have no solution near y. The exact solution of (1.1) after a step is a flow at the
-time Δ, so that two halves lead to the state after the whole step. For several structures the end depends on
-the path of W, for which the halves take a straight line. Halves keep the invariants that the scheme keeps, and a step
-with a solution is not changed. Divisions are counted for each path. Laws never divide steps.
+For large Δ the implicit equation may have no solution near y. The exact solution of (1.1) after a step is the flow of
+B∇H at the time Δ, so that two halves lead to the state after the whole step. For several structures that state depends
+on the path of W, and two halves assume that W is a straight line. Halves keep the invariants that the scheme keeps. A
+step with a solution is not changed. Divisions are counted for each path. Laws never divide steps.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Explicit Runge-Kutta methods of order 4 and 8 with the random step Δ = h + Σ_j c_j ΔŴ_j: no invariant is kept.
 
-y(t) is the deterministic flow at the random time t + Σ c_j W_j(t). So a method of order p for y′ = f(y), used with
-the step Δ, has a local error C(y)Δ^{p+1} of root mean square O(h^{(p+1)/2}) and mean O(h^{⌈(p+1)/2⌉}). For even p
-Milstein's theorem gives mean-square and weak order p/2.
+The solution of (1.1) is the deterministic flow at the random time t + Σ c_j W_j(t). So a method of order p for
+y′ = f(y), used with the step Δ, has a local error C(y)Δ^{p+1} of root mean square O(h^{(p+1)/2}) and mean
+O(h^{⌈(p+1)/2⌉}). For even p Milstein's theorem gives mean-square and weak order p/2.
 """
 
 from __future__ import annotations

@@ -54,7 +54,7 @@ def carry(
 ) -> tuple[Any, Any]:
     """One step of a path from y: y1, and the state that the scheme carries to its next step.
 
-    `state` is that after the step before; None at first and without a `StatefulStep`. `any_path` is as in `answer`.
+    `state` is the state after the step before; None at first and without a `StatefulStep`. For `any_path` see `answer`.
     """
     rule = scheme.step
     if not isinstance(rule, StatefulStep):
@@ -72,9 +72,9 @@ def joined(asks: str, dW: Array, further: Array) -> Array:
 def rows_of_any_path(asks: str, h: float, dW: Array) -> Array:
     """Further rows (k, ...) of one possible path with the increments dW, for laws that hold for every path.
 
-    The rows are not random. With u_i = ΔW_i/(1 + ΔW_i²/|h|) the areas are an eighth of u ∧ ΔW, the space-time areas an
-    eighth of ±u, and the increments over the first half ½ΔW ± ¼u. Exchanging noises exchanges the rows. The reverse
-    step, with −h and −ΔW, has areas −A, space-time areas H, and as first half the negative of the second half.
+    The rows are not random. With u_i = ΔW_i/(1 + ΔW_i²/|h|) and s = ±1, the sign of h, A_ij is s(u_iΔW_j − u_jΔW_i)/8,
+    H_i is su_i/8, and the increments over the first half are ½ΔW + ¼su. Exchanging noises exchanges the rows. The
+    reverse step, with −h and −ΔW, has areas −A, space-time areas H, and as first half the negative of the second half.
     """
     size = abs(h) if h else 1.0
     u = dW / (1 + dW * dW / size)

@@ -1,6 +1,6 @@
 """Gauss Runge-Kutta methods with the random step: they keep quadratic invariants, but no H that is not quadratic.
 
-Y_i = y0 + Δ Σ_j a_ij f(Y_j), y1 = y0 + Δ Σ_j b_j f(Y_j), with the s Gauss nodes: order 2s, mean-square order s. Every
+Y_i = y0 + Δ Σ_j a_ij f(Y_j), y1 = y0 + Δ Σ_j b_j f(Y_j), for s Gauss nodes: order 2s, mean-square order s. Every
 quadratic first integral is kept (G. J. Cooper, IMA Journal of Numerical Analysis 7, 1987): quadratic Casimirs, and a
 quadratic H. With s = 1 the method is the midpoint rule (3.4). For every s it is the collocation method of Cohen and
 Hairer with ∇H averaged by s nodes only.

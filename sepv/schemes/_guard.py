@@ -23,12 +23,12 @@ from sepv.schemes._stateful import REFUSALS, PathSolver, StatefulStep, whole
 class Refusal(StepFailure):
     """An ArithmeticError or LinAlgError raised by the scheme, which counts as a step that it did not solve.
 
-    A scheme may refuse a step whose equation may have no solution. For other steps the law reports an error.
+    A scheme may refuse a step whose equation may have no solution. If it refuses another step, a law reports an error.
     """
 
     def __init__(self, error: BaseException, problem: Problem, y: Array, h: float, dW: Array) -> None:
         self.problem, self.y, self.status = problem.name, y, "refused"
-        # A batch has many Δ, and several structures have none.
+        # The message gives Δ if there is one: a batch has many, and several structures have none.
         whole = y.ndim == 1 and not is_several(problem)
         self.delta = float(problem.random_step(h, dW)) if whole else float(h)
         self.residual, self.iterations = float("nan"), 0
@@ -246,7 +246,7 @@ def takes_batches(scheme: Scheme, given: Iterable[Problem] = ()) -> bool:
         unit = 2.0**-6 if candidates else 1.0
         if not candidates:
             y = y * (1 + 0.1 * rng.standard_normal(y.shape))
-        # The five paths start from one state, and their states differ from the second step on.
+        # For a user's problem the five paths start from one state, and their states differ from the second step on.
         for h in (unit / 16, unit / 32, unit / 64)[: 3 if candidates else 1]:
             dW = 0.1 * unit * rng.standard_normal((problem.noises, 5))
             try:

@@ -1,17 +1,17 @@
 """The isospectral midpoint rule on so(3)*ⁿ, so(n)* and su(n)*: a Poisson integrator without an exponential map.
 
 S. Ephrati, E. Jansson, A. Lang and E. Luesink, An exponential map free implicit midpoint method for stochastic
-Lie-Poisson systems (arXiv 2408.16701), after K. Modin and M. Viviani (Found. Comput. Math. 20, 2020). With the matrix W
-of y, W′ = [W, M] (`sepv.problems._matrix_algebras`), X the matrix of x, M that of h∇H_0(x) + Σ c_j ΔŴ_j ∇H_j(x),
+Lie-Poisson systems (arXiv 2408.16701), after K. Modin and M. Viviani (Found. Comput. Math. 20, 2020). The coordinates
+y of a matrix W (`sepv.problems._matrix_algebras`) go from W_0 to W_1 in a step. Let x be those of a matrix X, and M the
+matrix of h∇H_0(x) + Σ c_j ΔŴ_j ∇H_j(x) (ΔŴ_j: truncated ΔW_j). Then X and W_1 follow from
+    W_0 = (1 + ½M)X(1 − ½M),  W_1 = (1 − ½M)X(1 + ½M).
 
-    W_0 = (1 + ½M)X(1 − ½M),  W_1 = (1 − ½M)X(1 + ½M),
-
-an equation for X and a formula for W_1. So W_1 = UW_0U⁻¹ with the unitary matrix U = (1 − ½M)(1 + ½M)⁻¹, and all
-eigenvalues are kept, and with them all Casimirs tr Wᵏ and the coadjoint orbit. The solver gets the form
+So W_1 = UW_0U⁻¹ with the unitary matrix U = (1 − ½M)(1 + ½M)⁻¹. All eigenvalues are kept, and with them all
+Casimirs tr Wᵏ and the coadjoint orbit. The solver gets the form
 
     X = W_0 + ½[X, M] + ¼MXM,   W_1 = W_0 + [X, M].
 
-On su(n) MXM has a trace, so that X has one: X = X′ + iτ·1 with X′ of trace zero and the unit matrix 1. ∇H does not
+On su(n) MXM has a trace, so that X has one too: X = X′ + iτ·1 with X′ of trace zero and the unit matrix 1. ∇H does not
 depend on the number τ. From tr W_0 = 0 follows iτ(n − ¼ tr M²) = ¼ tr MX′M, where tr M² ≤ 0.
 
 The paper proves that the rule is a Poisson map of mean-square order ½ and weak order 1. If the noises commute, the

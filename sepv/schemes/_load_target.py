@@ -38,9 +38,9 @@ def load_scheme(
         A built-in name (``energy-preserving``), a solver of another library (``sdeint-strat-heun``),
         ``module:attribute``, a `Scheme`, or a function ``step(problem, y, h, dW)``, which claims nothing.
     claims : iterable of law names
-        Laws that the scheme claims beside its own claims.
+        Laws that the scheme is to claim, added to its own claims.
     problems : iterable of Problem
-        Problems on which a function is tested for batches; by default two of the paper's.
+        Problems on which a function is called to see whether it takes batches; by default two of the paper's.
 
     Raises
     ------

@@ -15,9 +15,9 @@ place of f both terms vanish: E[Δ³ − 3c²hΔ] = O(h³), and E[Δ⁴ − 3c²
 
     y1 = y0 + Δ [B(ȳ) − 3c²h S₃(ȳ)] ∇̄H,   with ∇̄H in the place of g in S₃,
 
-has weak order 2, and like (2.1) mean-square order 1. S₃ is skew if H″ is symmetric, so that H is kept. And C = yᵀAy is
-kept because ∇C(ȳ)ᵀS₃∇̄H = 0, by ∇CᵀB = 0, ∇CᵀB′(w) = −2wᵀAB and ∇CᵀB″(w, w) = −4wᵀAB′(w), for any symmetric matrix
-in the place of H″ and any vector in the place of g.
+has weak order 2, and like (2.1) mean-square order 1. S₃ is skew, so that H is kept. C = yᵀAy is kept because
+∇C(ȳ)ᵀS₃∇̄H = 0, by ∇CᵀB = 0, ∇CᵀB′(w) = −2wᵀAB and ∇CᵀB″(w, w) = −4wᵀAB′(w). Both hold for any symmetric matrix in
+the place of H″ and any vector in the place of g.
 
 **Large steps.** If 3c²h|S₃| exceeds |B|, the correction is no longer small, and the equation may have no solution. The
 correction is therefore divided by 1 + θ², θ = 3c²h|S₃|/|B| in the Frobenius norm, so that it is at most half of |B|.

@@ -1,4 +1,4 @@
-"""One-step schemes made of a formula of y1 − y0: their step, their solver and their `Scheme` record."""
+"""One-step schemes made from a formula for y1 − y0: the step, its solver, and the `Scheme`."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from sepv.solve import solve as solve_implicit
 # A function (problem, h, dW, ...) -> (k, M): the numbers of each step that a formula uses, such as Δ = h + Σ c_j ΔW_j.
 Parts = Callable[..., Array]
 
-# Claims of all built-in schemes; of methods for y′ = f(y) with step Δ; of symmetric ones; of energy-preserving ones.
+# Laws that schemes claim: all built-in ones, methods for y′ = f(y) with step Δ, symmetric ones, energy-preserving ones.
 EVERY = frozenset(("contract", "reproducibility", "truncation"))
 RANDOM_STEP = EVERY | {"identity", "noise-sum", "random-step", "expansion", "equivariance"}
 SYMMETRIC = RANDOM_STEP | {"casimir", "midpoint", "symmetry", "reversibility"}
@@ -46,7 +46,7 @@ def drift_and_noise(problem: Problem, h: float, noise: Array) -> Array:
 
 
 def noise_and_areas(problem: Problem, h: float, noise: Array, areas: Array) -> Array:
-    """The numbers h, c_j ΔW_j and c_i c_j A_ij with i < j of M paths, (k, M), for skew A (m, m) or (m, m, M)."""
+    """h, the c_j ΔW_j, and the c_i c_j A_ij with i < j of M paths, (k, M), for Lévy areas A, (m, m) or (m, m, M)."""
     rows = as_rows(np.asarray(areas)).reshape(-1, noise.shape[1])
     weights = [problem.c[i] * problem.c[j] for i, j in combinations(range(problem.noises), 2)]
     return np.concatenate([each_noise(problem, h, noise), np.reshape(weights, (-1, 1)) * rows])
@@ -67,9 +67,9 @@ class Implicit:
     parts : (problem, h, dW) -> (k, M)
         The k numbers of each step that R uses, such as Δ = h + Σ c_j ΔW_j.
     formula
-        The formula of R, if there is one, for the compiled engine, which records its operations.
+        The formula of R, if there is one. The compiled engine records its operations.
     requires : (problem) -> anything
-        A function that raises `Skipped` for a problem that the scheme does not take.
+        A function that raises `Skipped` for a problem for which the scheme is not made.
     examine : (problem, y0, step, solution) -> None
         A function that may change the status of a path in the solution.
     """
@@ -145,7 +145,7 @@ def implicit(formula: Formula, jacobian: JacobianFunction = no_jacobian, **more:
 
 
 def resolved(scheme: Scheme, word: str, of_lanes: Solve, how: str) -> Scheme:
-    """A copy of a scheme with the solver `of_lanes`, without claims; `word` and `how` extend its name and source."""
+    """A copy of a scheme with the solver `of_lanes` and no claims; `word` and `how` extend its name and source."""
     step = Solved(of_lanes)
     return replace(
         scheme, name=f"{scheme.name}, {word}", step=step, solve=step.solve, claims=(),
@@ -154,9 +154,9 @@ def resolved(scheme: Scheme, word: str, of_lanes: Solve, how: str) -> Scheme:
 
 
 def one_step(name: str, step: Any, claims: Any, source: str, order: float = 1.0, **facts: Any) -> Scheme:
-    """The record of a scheme with a step of this module; `facts` are further attributes of `Scheme`.
+    """The `Scheme` with a step of this module; `facts` are further attributes of `Scheme`.
 
-    Mean-square and weak order are `order`, and `truncation_for` gives the truncation, unless `facts` say otherwise.
+    Unless `facts` say otherwise, mean-square and weak order are `order`, and `truncation_for` gives the truncation.
     """
     usual: dict[str, Any] = {"mean_square_order": order, "weak_order": order}
     usual |= {"truncation": truncation_for(order), "solve": getattr(step, "solve", None)}

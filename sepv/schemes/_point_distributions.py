@@ -3,13 +3,13 @@
 A weak order q needs only that the increments have the moments up to 2q + 1 of N(0, h) (G. N. Milstein, Numerical
 Integration of Stochastic Differential Equations, 1995, §9; Kloeden and Platen 1992, §14.1-2):
 
-    two points,   P(ΔW = ±√h) = ½:                       E ΔW^k as of N(0, h) for k ≤ 3, weak order 1;
-    three points, P(ΔW = ±√(3h)) = 1/6, P(ΔW = 0) = 2/3: for k ≤ 5, weak order 2.
+    two points,   P(ΔW = ±√h) = ½:                       moments of N(0, h) up to the third, weak order 1;
+    three points, P(ΔW = ±√(3h)) = 1/6, P(ΔW = 0) = 2/3: moments of N(0, h) up to the fifth, weak order 2.
 
 Such increments are bounded, so that an implicit step needs no truncation. They are not increments of a Wiener process,
 so that no scheme converges in mean square with them. Each increment √h ζ is made from the normal increment √h ξ of the
-step: ζ is the quantile of its law at the rank of ξ. So a path number means the same random stream for all schemes, and
-E ζξ is as large as possible: 0.80 for two points, 0.87 for three.
+step: ζ is the quantile of its distribution at the probability Φ(ξ). So the path with a given number uses the same
+random stream for all schemes, and E ζξ is as large as possible: 0.80 for two points, 0.87 for three.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class PointLaw:
 
     @cached_property
     def thresholds(self) -> tuple[float, ...]:
-        """The normal values at which this law's quantile of the same rank jumps: Φ⁻¹ of the sums of weights.
+        """The values of the normal ξ at which ζ jumps to its next value: Φ⁻¹ of the partial sums of the weights.
 
         Sums are taken from the nearer end of the distribution, because Φ⁻¹ then loses fewer digits.
         """

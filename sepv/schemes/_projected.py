@@ -26,7 +26,7 @@ from sepv.schemes._one_step import Solved, one_step
 from sepv.schemes._scheme import Scheme
 from sepv.solve import CountedFields, Equations, Evaluation, Increment, Lanes, Solution, Status, newton
 
-# The operations of Newton's iteration if R contains the inverse of the simplified matrix: the correction is z − R.
+# Newton's iteration if R already contains the inverse of the simplified matrix: the correction is z − R itself.
 SIMPLIFIED = Algebra(lambda _, F: F, lambda K: np.ones(K.shape[-1], dtype=bool), lambda _, size: 0 * size)
 
 
@@ -39,7 +39,7 @@ def solve_projection(problem: Problem, order: int, y0: Array, delta: Array) -> S
     casimirs = problem.casimirs, problem.linear_casimirs
 
     def evaluate(z: Array, lanes: Lanes) -> Evaluation:
-        """The right side R of z = R(z): z minus a correction, along directions v_k, of the invariants' change."""
+        """The right side R of z = R(z): z minus Σ_k λ_k v_k, which corrects the change of the invariants."""
         start = y0[:, lanes]
         mean = average_gradient(problem, start, start + z)
         averages = [*casimir_gradients(*casimirs, 2.0 * start + z), mean.value]
@@ -68,7 +68,7 @@ def solve_projection(problem: Problem, order: int, y0: Array, delta: Array) -> S
 def projected(order: int) -> Scheme:
     """The scheme of the projected method of order 4 or 8; any other order raises UsageError.
 
-    Increments are truncated as in Remark 2.1 with k = 2·order. Residuals of solutions are those of the projection.
+    Increments are truncated as in Remark 2.1 with k = 2·order. The residual of a solution is that of the projection.
     """
     plain = explicit(order)
 

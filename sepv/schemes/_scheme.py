@@ -1,4 +1,4 @@
-"""The record of a scheme: its step and its claims. There is no base class, and a bare function is a scheme too."""
+"""A scheme as data: its step and its claims. There is no base class, and a bare function is a scheme too."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from sepv.solve import Solution
 # Kinds of a step's fifth argument: none, Lévy areas, increments over the first half, or space-time Lévy areas.
 ASKS = ("", "areas", "halves", "space-time")
 DTYPES = ("float64", "float32")
-# The rounding error of a step in single precision, in roundings of y, for laws that compare errors with a floor: y,
-# the increment and their sum are rounded. Laws about single steps count each operation instead.
+# The rounding error of a step in single precision, in units of one rounding of y: y, the increment and their sum are
+# rounded. Laws that compare errors with a floor add it to the floor. Laws about single steps count each operation.
 SINGLE_STEP = 4.0
 
 # Laws about paths, which do not apply to increments that match only some moments of the normal distribution.
@@ -38,18 +38,18 @@ Solve = Callable[[Problem, Array, float, Array], Solution]
 
 
 def truncation_for(order: float) -> int:
-    """The k at which Remark 2.1 truncates increments, for mean-square order p: the paper's 2 for p ≤ 1, else 4p.
+    """The k with which Remark 2.1 truncates increments, for mean-square order p: the paper's 2 for p ≤ 1, else 4p.
 
-    An increment is clipped to |ΔW| ≤ √(2k h |ln h|). The order needs k ≥ 2p. With k = 2p clipping alone has an error of
-    order p, for many stages larger than the scheme's own error (`sepv.exact.clipping_error`). With k = 4p this error is
-    of order 2p, and the bound of |Δ| is larger by a factor √2.
+    An increment is clipped to |ΔW| ≤ √(2k h |ln h|). Order p needs k ≥ 2p. With k = 2p the error of clipping is of
+    order p, and for many stages it exceeds the scheme's own error (`sepv.exact.clipping_error`). With k = 4p this
+    error is of order 2p, and the bound of |ΔW| is larger by a factor √2 only.
     """
     return 2 if order <= 1 else round(4 * order)
 
 
 @dataclass(frozen=True)
 class Scheme:
-    """A one-step method for (1.1) with its claims: the laws and the orders of convergence that it says it has.
+    """A one-step method for (1.1) with its claims: the laws that it should obey, and its orders of convergence.
 
     Attributes
     ----------
@@ -58,46 +58,46 @@ class Scheme:
         One step, for y of shape (d,) and dW of shape (m,); with `batched` also for (d, M) and (m, M). A step returns
         the same bits for the same arguments, and changes nothing in place.
     claims : iterable of law names
-        The laws that the scheme claims to obey. Other laws are measured and printed too. A scheme that claims
-        "reference" also claims "refusal".
+        The laws that the scheme claims to obey; other laws are measured and printed too. The claim "reference" includes
+        "refusal".
     source : str
         The source of the formula.
     mean_square_order, weak_order : float or `sepv.schemes.Orders`, optional
         Claimed orders, in general or for each kind of noise. A mean-square order also claims the laws "local-mean",
-        "local-mean-square", "mean-square-order" and "right-limit", a weak order "local-weak" and "weak-order".
+        "local-mean-square", "mean-square-order" and "right-limit". A weak order claims "local-weak" and "weak-order".
     order : float, optional
-        Claimed order p without noise, y1 − φ_h(y0) = O(h^(p+1)) for c = (); also claims the law "deterministic-order".
+        Claimed order p for c = (), y1 = φ_h(y0) + O(h^(p+1)) with the exact flow φ: claims "deterministic-order" too.
     noise : bool, optional
         False for a scheme for systems without noise, c = (): laws then call the step with a ``dW`` of shape (0,), and
-        laws about noise do not apply. The default is False if `order` is the only order claimed, else True.
+        laws about noise do not apply. By default True, except if `order` is the only order claimed.
     solve : callable (problem, y, h, dW) -> Solution, optional
         For implicit schemes: the step for a batch of paths, with the solver's residual, counts and status of each path.
     solver_tolerance : float
         The relative tolerance of the scheme's own solver. The laws' bounds grow with it, and reports say so. 0 means
         that the equation is solved to rounding.
     truncation : int, optional
-        The k of Remark 2.1, by which the scheme's normal increments are truncated; None for no truncation.
+        The k of Remark 2.1: normal increments are clipped to |ΔW| ≤ √(2k h |ln h|). None for no truncation.
     increments : "normal", "two-point", "three-point" or PointLaw, optional
-        The distribution of the increments (`sepv.schemes._point_distributions`). Increments of a few values are
-        bounded, so that `truncation` is then None, and the scheme may claim a weak order only.
+        The distribution of the increments (`sepv.schemes._point_distributions`). Increments with few values are bounded
+        and need no truncation: `truncation` is then None. With them the scheme may claim a weak order only.
     batched : bool
-        True if `step` takes batches.
+        True if `step` takes batches of M states, (d, M).
     systems : Systems
         The class of systems from which laws draw the scheme's cases: a `sepv.schemes.Systems`, or its text.
     problems : sequence of problems or strategies
-        The scheme's problems, if it is not for all of its class: names, ``module:attribute``, `Problem` records, names
-        of families, or Hypothesis strategies of `PolynomialSystem` or `Problem`. Laws draw their cases from these only.
+        The only problems from which laws draw the scheme's cases, if it is not for all of its class: names,
+        ``module:attribute``, `Problem`, names of families, or Hypothesis strategies of `PolynomialSystem` or `Problem`.
     asks : str
         The fifth argument of the step: "areas" for the Lévy areas A_ij = ½∫(W_i dW_j − W_j dW_i) over the step,
         (m, m) or (m, m, M), skew; "halves" for the increments over the first half of the step, (m,) or
         (m, M); "space-time" for the space-time Lévy areas H_i = (1/h)∫(W_i(s) − (s/h)ΔW_i) ds, (m,) or (m, M), of
         variance h/12. By default a step has four arguments.
     stages : int
-        The number s of stages of a collocation method. Laws that compare with (2.1) then compare with the s-stage
-        method of Cohen and Hairer, and laws that compare with the midpoint rule with the s-stage Gauss method.
+        The number s of stages of a collocation method. Laws that compare a scheme with (2.1) then take the s-stage
+        method of Cohen and Hairer in its place, and the s-stage Gauss method in the place of the midpoint rule.
     longest_step : float or callable (problem, y, h, dW) -> bool, optional
-        The largest |h| + Σ|c_j ΔW_j| of a step that the scheme takes, or a function that is True for such a step. Laws
-        about single steps leave out other steps. A law is inconclusive if less than a quarter of its cases remain.
+        The largest |h| + Σ|c_j ΔW_j| of a step that the scheme takes, or a function that is True for steps it takes.
+        Laws about single steps leave out all others. A law is inconclusive if less than a quarter of its cases remain.
     dtype : "float64" or "float32"
         The type of y, dW and y_next of the step. With float32 the laws' bounds are for roundings in float32, and
         defects and bounds are in units of 2⁻²³. The suite's own computations stay in float64.
@@ -218,7 +218,7 @@ class Scheme:
 
     @property
     def precision(self) -> float:
-        """The relative error allowed for one step: the solver's tolerance, and rounding if the scheme uses float32."""
+        """The relative error allowed for a step: the solver's tolerance, plus its rounding error if it uses float32."""
         return self.solver_tolerance + (SINGLE_STEP * self.eps if self.eps > EPS else 0.0)
 
     def numbers(self, values: Array) -> Array:
@@ -263,7 +263,7 @@ def _wrong(attribute: str, expected: str, value: Any) -> UsageError:
 
 
 def takes(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> bool:
-    """True if a step is one that the scheme takes, according to its `Scheme.longest_step`."""
+    """True if the scheme takes this step, according to its `Scheme.longest_step`."""
     limit = scheme.longest_step
     if limit is None:
         return True
@@ -273,7 +273,7 @@ def takes(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> bo
 
 
 def weakly(scheme: Scheme, increments: str | PointLaw | None) -> Scheme:
-    """A copy of a scheme with another law of increments; with a law of few values it claims no mean-square order."""
+    """A copy of a scheme with other `Scheme.increments`; if these have few values, it claims no mean-square order."""
     law = point_law(increments)
     if law is None:
         return scheme if scheme.increments is None else replace(scheme, increments=None)

@@ -18,7 +18,7 @@ import numpy as np
 from sepv.errors import Skipped, UsageError
 from sepv.problem import Array, Problem
 
-# Exceptions by which a scheme refuses a step if it does not use `sepv.StepFailure`, which is an ArithmeticError too.
+# A scheme refuses a step by raising one of these exceptions; `sepv.StepFailure` is an ArithmeticError.
 REFUSALS = (ArithmeticError, np.linalg.LinAlgError)
 
 
@@ -81,9 +81,9 @@ class PathSolver(StatefulStep):
 
     `path(problem, y0, h, dW)` takes y0 (d,) and the increments dW (N, m, M) of M paths, and returns their states
     (N + 1, d, M). It is called with M = 1. The laws of orders compute each path once. Other laws take steps: the state
-    of a path is y0 with the increments so far, and each step computes the path anew from y0, so N steps with noise cost
-    N(N + 1)/2 steps of the solver. A scheme with a `mean_square_order` then claims no law of the local error, because
-    the first step of a multistep method may have a lower order.
+    of a path is y0 with the increments so far, and each step computes the path anew from y0. So N steps with noise cost
+    N(N + 1)/2 steps of the solver. A `mean_square_order` of such a scheme claims no law of the local error, because the
+    first step of a multistep method may have a lower order.
     """
 
     path: Callable[[Problem, Array, float, Array], Array]
@@ -118,7 +118,7 @@ def _from_the_start(
         raise Skipped("a solver of whole paths has one step size a path")
     n = len(increments)
     if n >= len(states):
-        # Without noise the increments to come are known: as many steps again are computed with this one.
+        # Without noise the increments to come are known (empty), and the path is computed to twice its length at once.
         states = whole(path, problem, y0, h, np.array([*increments, *([] if dW.size else increments)]))
     return {"y0": y0, "h": h, "increments": increments, "states": states, "y": states[n].copy()}
 

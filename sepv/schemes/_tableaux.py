@@ -55,7 +55,7 @@ def lagrange_integrals(stages: int, tau: Array) -> Array:
 
 @lru_cache(maxsize=256)
 def moments(stages: int, nodes: int) -> tuple[Array, Array]:
-    """The matrices W and P of a quadrature with N Gauss nodes τ_n, for the averages of the s-stage method.
+    """The matrices W and P of a quadrature with N Gauss nodes τ_n, weights w_n, for the averages of the s-stage method.
 
     W (s, N) has the entries w_n ℓ_i(τ_n)/b_i, so that b_i⁻¹ ∫ ℓ_i g = Σ_n W_in g(τ_n), exact for g of degree ≤ 2N − s.
     P (N, s) has the entries ∫₀^{τ_n} ℓ_j, so that the collocation polynomial is y0 + Σ_j P_nj z_j at τ_n.

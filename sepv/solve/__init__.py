@@ -1,7 +1,7 @@
 """The implicit equation of a step: z = R(z) for z = y1 − y0, its solution and the stop rule of the iteration.
 
-Read `_formula` first: a scheme's formula for R, and the functions of a problem that it may use. `_solution` has the data
-types. `_newton` solves the equation for a batch, with `_stop_rule`, `_damped` and `_differences`. `_recorded` and
+Read `_formula` first: a scheme's formula for R, and the functions of a problem that it may use. `_solution` has the
+data types. `_newton` solves the equation for a batch, with `_stop_rule`, `_damped` and `_differences`. `_recorded` and
 `_linearised` derive the Jacobian from a formula in two ways. `_from_record` writes an iteration as straight-line code.
 """
 

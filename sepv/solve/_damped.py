@@ -54,9 +54,9 @@ def _take_share(
 ) -> Flags:
     """Move the active paths to z − λp, with Newton's correction p = A⁻¹F, and return True for paths that moved.
 
-    Here F = z − R(z), and A is its derivative. The factor λ is halved until z − λp is in the domain, R is finite at z − λp, and the simplified correction
-    A⁻¹F(z − λp) is at most (1 − λ/4)|p|. Linear changes of the equations do not change this test (P. Deuflhard, Newton
-    Methods for Nonlinear Problems, 2004, §3.3).
+    A is the derivative of F = z − R(z). The factor λ is halved until z − λp is in the domain, R is finite there, and
+    the simplified correction A⁻¹F(z − λp) is at most (1 − λ/4)|p|. Linear changes of the equations do not change this
+    test (P. Deuflhard, Newton Methods for Nonlinear Problems, 2004, §3.3).
     """
     z, length = state.value[:, active], np.abs(p).max(axis=0)
     moved = np.zeros(active.size, dtype=bool)

@@ -61,7 +61,7 @@ class Corrections(NamedTuple):
         return F, corrections, np.full(lanes.shape, stays, dtype=bool)
 
     def of_one(self, lane: Lanes) -> Callable[[list[float]], tuple[list[float], list[float], bool]]:
-        """A function of z (d,) for one path: it returns the residual, correction and test that `of_lanes` does, bit by bit."""
+        """A function of z (d,) for one path: it returns residual, correction and test with the bits of `of_lanes`."""
         y, step = self.y0[:, lane].ravel().tolist(), self.step[:, lane].ravel().tolist()
         evaluate, parameters, d = self.record.source.function, self.record.source.parameters, len(y)
 

@@ -264,7 +264,7 @@ def _moved(
 
 
 def _entries(lanes: Any, *values: Any) -> Any:
-    """The entries of each array for the paths `lanes`, as arrays that are contiguous in memory: v[..., lanes] is not."""
+    """The entries of each array for the paths `lanes`, as contiguous arrays: v[..., lanes] would not be contiguous."""
     return values if isinstance(lanes, slice) else [v.take(lanes, axis=-1) for v in values]
 
 

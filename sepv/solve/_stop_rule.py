@@ -44,9 +44,9 @@ def relative(moves: Any, magnitude: Any, scale: Any) -> Any:
 def is_last(size: Any, last_size: Any, residual: Any, scale: Any) -> Any:
     """True where a correction is the last one, because after it the error is only rounding.
 
-    This holds for a correction below half an ulp of every component. After a larger correction the next one is at most
+    This holds for a correction below half an ulp of every component. After a larger correction the next is at most
     size²/last_size, because corrections shrink at least as fast as before (E. Hairer, G. Wanner, Solving Ordinary
-    Differential Equations II, 1996, IV.8). It is the last if this bound is far below a rounding, the residual below one.
+    Differential Equations II, 1996, IV.8). It is the last if this bound is far below and the residual below a rounding.
     """
     shrinks = (last_size < np.inf) & (size * size <= LEFT * last_size)
     return (size <= 0.5 * EPS) | shrinks & (residual <= EPS * scale)
