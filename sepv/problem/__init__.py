@@ -1,9 +1,9 @@
 """Problems: a structure matrix B, a Hamiltonian H, noise coefficients c, and everything derived from them.
 
-Read `_problem` first (a problem as data, and the classes of systems), then `_derived` (gradient, Hessian, B′ and averages,
-from recorded operations of B and H), `_checks` (consistency of the parts), `_averaged_gradient` and `_fields` (formulas
-of B and H for batches). Wider classes than dy = B∇H(dt + Σ c_j∘dW_j), equation (1.1), are in `_structures` (a structure
-for each noise) and `_hamiltonians` (a Hamiltonian for each noise), narrower ones in `_nambu` and `_mechanics`.
+Read `_problem` first (a problem as data, and the classes of systems). `_derived` derives gradient, Hessian, B′ and
+averages from recorded operations of B and H, `_checks` compares the parts, and `_averaged_gradient` and `_fields` have
+formulas of B and H for batches. Wider classes than dy = B∇H(dt + Σ c_j∘dW_j), equation (1.1), are in `_structures` (a
+structure for each noise) and `_hamiltonians` (a Hamiltonian for each noise), narrower ones in `_nambu`, `_mechanics`.
 `_poisson` computes the defect of Jacobi's identity, and `_json` reads and writes problems as JSON.
 """
 
