@@ -1,6 +1,6 @@
-"""Verification of a scheme: laws (required properties), test cases and bounds of each, and the run over all laws.
+"""Verification of a scheme: its laws (required properties), the test cases and bounds of each law, and a run of laws.
 
-Read `_law` first (a law, an effort, a verdict), then `_verify` (a run over all laws) with `_laws` (the list of laws)
+Read `_law` first (a law, its verdict, a run's effort), then `_verify` (a run of laws) with `_laws` (the list of laws)
 and `_outcome` (the report). `_search` measures laws about single steps; their cases come from `strategies` and
 `_cases`. `_tolerance` derives every bound. `_report` prints a report. `_profiles` states which properties a scheme was
 found to have. The laws themselves, one in each file, and the tools of their measurements are in `sepv.properties`.

@@ -23,8 +23,8 @@ MeasuredAgain = Callable[[Case], Measurement | None]
 # Relative defects below this may come from a solver's tolerance: eight times √eps, the default of many solvers.
 MOST_TOLERANCE = 2.0**-23
 
-# A part of the step is named if its defect is the share MOST of the sum over all parts. A product of two parts is named
-# if each part alone makes at most LEAST of their defect, and if halving a part multiplies the defect as HALF says.
+# The parts of a step are h and each c_jΔW_j. A part is named if its defect is at least the share MOST of the sum. A
+# pair is named if each part alone makes at most LEAST of the pair's defect, and halving one changes it by a factor HALF.
 MOST, LEAST, HALF = 0.95, 1e-3, (0.45, 0.55)
 # The largest number of parts of a step whose pairs are measured.
 PARTS = 5
@@ -57,7 +57,7 @@ def _may_be_a_tolerance(
 
 
 def _has_a_unit(case: Case, again: MeasuredAgain) -> str:
-    """Advice on a constant with a unit, if a case of extreme |y| violates the law, but not in units where |y| ≈ 1."""
+    """Advice on a constant with a unit, if a case of extreme |y| violates the law, but not in units with |y| ≈ 1."""
     if not beyond(case) or not isinstance(case.problem, PolynomialSystem):
         return ""
     measured = again(in_other_units(case, -round(math.log2(max(map(abs, case.y))))))
@@ -92,9 +92,9 @@ def _is_a_power(case: Case, defect: float, again: MeasuredAgain) -> bool:
 def _largest_share(case: Case, again: MeasuredAgain) -> str:
     """A line that names the part of the step that causes most of the defect; empty if no part clearly does.
 
-    The parts of a step are h and each c_jΔW_j. The law is measured with each part alone, all of the same size, and with
-    each pair of parts. A fault in one term shows with that part alone. A fault in a product of two parts shows only
-    with both, and halves if one of them is halved.
+    The law is measured with each part (h or a c_jΔW_j) alone, all of the same size, and with each pair of parts. A
+    fault in one term shows with that part alone. A fault in a product of two parts shows only with both, and halves
+    if one of them is halved.
     """
     c = problems.build(case.problem).c
     loud: list[int] = [0, *(np.flatnonzero(c) + 1).tolist()] if case.h else []

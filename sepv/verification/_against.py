@@ -1,4 +1,4 @@
-"""Repeated measurement of somebody's report: its counterexamples and a share of its laws, on the reader's scheme.
+"""Measure somebody's report again, on the scheme as its reader loads it: its counterexamples and a share of its laws.
 
 The report is not trusted: nothing that it names is loaded or run, and none of its text is shown. It cannot cause more
 work than the reader allows, because its effort is cut to the reader's, a schema bounds its witnesses (the stored
@@ -27,7 +27,7 @@ from sepv.verification._verify import measure
 
 # The largest file in bytes: a report of all laws has 30 kB, a witness of 64 dimensions 2 MB; more takes long to check.
 LARGEST = 2**22
-# The most numbers in B′ over a witness's batch (2^27 bytes), and the largest degree of H: sepv's have a hundredth.
+# The most numbers in B′ over a witness's batch (2^27 bytes) and the largest degree of H; sepv's have a hundredth.
 _MOST_NUMBERS, _MOST_DEGREE = 2**24, 64
 # The share of the laws that is measured again; at least one law is.
 SHARE = 0.25
@@ -70,8 +70,8 @@ def against(
 ) -> Iterator[Again]:
     """Replay each counterexample of a report, and measure `laws`, or a random quarter of the report's laws, again.
 
-    The author of the report cannot know which quarter. Verdicts must agree with the report, and defects too, to the
-    last digit, if effort, versions and kind of processor are those of the report.
+    The author of the report cannot know which quarter is drawn. Verdicts must agree with the report. Defects must agree
+    to the last digit if effort, versions and kind of processor are those of the report.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def against(
     scheme : Scheme
         The scheme as the reader loaded it, with its problems.
     allowed : Effort
-        The largest effort that is allowed; if the report states a larger one, this one is used.
+        The largest effort that is allowed; it is used if the report states a larger effort.
     timeout : float
         The most seconds for one law, and for all counterexamples together.
     """

@@ -1,6 +1,7 @@
-"""Courses, for pictures: the states that a scheme reaches from a counterexample, by steps with the same h and ΔW.
+"""Courses, for pictures: a course is the states that a scheme reaches by repeating the step of a counterexample.
 
-If all noises have the field B∇H, the exact solution after n steps is φ_nΔ(y0) with the flow φ of ẏ = B∇H.
+Every step has the same h and ΔW, so the same Δ = h + Σ c_jΔW_j. If all noises have the field B∇H, the exact solution
+after n steps is φ(nΔ, y0), where φ(t, y0) is the flow of ẏ = B∇H.
 """
 
 from __future__ import annotations
@@ -33,10 +34,9 @@ FAR = 100.0
 
 
 def with_courses(report: Report) -> dict[str, Any]:
-    """The report as JSON in which each violation by a single step has its course: the states of STEPS such steps.
+    """The report as JSON in which each violation by a single step has its course of STEPS steps.
 
-    A course that raises any exception is left out, because a user's problem may raise anything at the states of a
-    course, and the verdict and its witness are complete without it. After Ctrl-C no step is called.
+    A course that raises any exception is left out: a user's problem may raise any. After Ctrl-C no step is called.
     """
     data, end = report.to_json(), time.monotonic() + SECONDS
     for finding, law in zip(report.findings, data["laws"], strict=True):
@@ -51,7 +51,7 @@ def with_courses(report: Report) -> dict[str, Any]:
 
 
 def course(scheme: Scheme, finding: Finding, seconds: float = SECONDS) -> dict[str, Any]:
-    """Repeat the step of a finding's witness, up to STEPS times, and return what a picture shows; {} for a rest point.
+    """Repeat the step of a finding's witness up to STEPS times; return what a picture shows, or {} if y never changes.
 
     Returns
     -------
@@ -59,8 +59,8 @@ def course(scheme: Scheme, finding: Finding, seconds: float = SECONDS) -> dict[s
         components : the numbers, from 1, of the two components of y that change most (of one if d = 1)
         states : these components in the first state and after each step
         exact : these components of the exact solution, `FINER` points a step; empty if no formula is known
-        kept, drift : "H", or "C" for laws about Casimirs, and the change of H, or of the Casimir that changes most,
-        since the first state
+        kept : the invariant that is shown: "H", or "C" for laws about Casimirs (the one that changes most)
+        drift : the change of this invariant since the first state
         size : the size of the invariant's terms, by which rounding is distinguished from drift
         ended : the reason of an early end, else empty
     """
@@ -96,7 +96,7 @@ def course(scheme: Scheme, finding: Finding, seconds: float = SECONDS) -> dict[s
 
 
 def _kept(law: str, problem: Problem, path: Array) -> tuple[str, Array, Array]:
-    """The name of the invariant I of a law, H or C, its change along `path` (d, n), and the sizes |∇I||y|."""
+    """For a law's invariant I: its name, H or C, its change along `path` (d, n), and the largest |∇I||y|."""
     with np.errstate(all="ignore"):
         values, slopes = invariants(problem, path), [problem.gradient(path)]
         slopes += casimir_gradients(problem.casimirs, problem.linear_casimirs, 2 * path)
@@ -112,7 +112,7 @@ def _kept(law: str, problem: Problem, path: Array) -> tuple[str, Array, Array]:
 
 
 def _rounded(values: Array) -> Any:
-    """Nested lists with five digits, enough for a picture; null for what is not finite."""
+    """Nested lists of the values with five digits, enough for a picture; null for a value that is not finite."""
     return (
         finite(np.vectorize(lambda v: float(f"{v:.5g}"), otypes=[float])(values).tolist())
         if values.size

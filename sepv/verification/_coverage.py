@@ -1,4 +1,4 @@
-"""Coverage of the laws' lists of cases (designs): cases in each range of a property, and covered pairs of ranges."""
+"""Coverage of the laws' lists of cases (designs): the cases in each range of a property, and pairs of ranges met."""
 
 from __future__ import annotations
 

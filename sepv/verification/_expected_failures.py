@@ -11,9 +11,9 @@
     witness = "eNp1j88K…"              # as printed after --replay; for statistical laws a table { seed, paths }
 
 A known violation is measured on its witness (the stored counterexample) and not searched for: it costs one measurement
-and never fails by chance. A violation that is not listed fails the run, and so does an entry whose law is no longer
-violated. A file with ``claims`` is a pin, a record of the laws as they were measured (`pin`). With a pin even a
-violation of an unclaimed law must be listed, and the report names laws that were not measured for the pin.
+and never fails by chance. A violation of a claimed law that is not listed fails the run, and so does an entry whose law
+is no longer violated. A file with ``claims`` is a pin, a record of the laws as they were measured (`pin`). With a pin
+even a violation of an unclaimed law must be listed, and the report names laws that were not measured for the pin.
 """
 
 from __future__ import annotations
@@ -178,7 +178,7 @@ def _entry(entry: Any, where: str, known: tuple[str, ...]) -> ExpectedFailure:
 
 
 def _drawn(key: str, value: Any) -> bool:
-    """True if a witness of a statistical law may have `key` = `value`; the limits bound the work of its replay."""
+    """True if a witness of a statistical law may have `key` = `value`; _MOST bounds the work of its replay."""
     return type(value) is int and 0 <= value <= _MOST.get(key, value)
 
 

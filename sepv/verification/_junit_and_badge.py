@@ -15,7 +15,7 @@ _NOT_XML = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def junit_xml(report: Report) -> str:
-    """The report as JUnit XML: a law is a test case, which passes, fails, has an error or is else skipped."""
+    """The report as JUnit XML: each law is a test case that passes, fails, has an error or is skipped."""
     name, seconds = _clean(report.scheme.name), f"{sum(f.seconds for f in report.findings):.3f}"
     facts = {"name": f"sepv {name}", "tests": str(len(report.findings)), "time": seconds}
     suite = ElementTree.Element("testsuite", facts)

@@ -86,11 +86,11 @@ class Finding:
     skipped : int
         The number of cases that the scheme refuses (`sepv.errors.Skipped`).
     share : float or None
-        The measured fraction of the law's cases, if the scheme skipped cases that it may not refuse; else None.
+        If the scheme skipped cases that it may not refuse: the fraction of the law's cases that was measured.
     afresh : str
         For a violation, the verdict on its witness in a new process; empty if no process was started for it.
     step_seconds : float or None
-        Seconds for a step of one state, if the law timed it; for the estimate of a run's remaining time.
+        Seconds for a step of one state, if the law timed it. They help to estimate a run's remaining time.
     """
 
     law: str
@@ -141,9 +141,10 @@ class Effort:
     Attributes
     ----------
     examples : int
-        Random examples of Hypothesis for each law, after a list of cases that cover all ranges (the law's design).
+        Random examples of Hypothesis for each law. They follow the law's design: a list of cases that covers all
+        ranges of properties such as the dimension.
     designs : int
-        Repetitions of a law's design, each with other random numbers in the same ranges (strata).
+        Repetitions of a law's design, each with other random numbers in the same ranges.
     paths : int
         Largest number of paths of a statistical law. For a scheme that takes one state at a time, laws make fewer
         steps, unless this number is above the default.
@@ -153,8 +154,7 @@ class Effort:
         The most measurements for simplifying a counterexample; 0 leaves it unchanged. This is a number and not a time,
         so that a finding does not depend on the load of the machine.
     corpus : bool
-        True if stored cases that once showed a violation (`sepv.verification._corpus`) are tried first. False for
-        counting the examples that the search alone needs.
+        True if stored cases that once showed a violation (`sepv.verification._corpus`) are tried first.
     """
 
     examples: int = 8
@@ -186,9 +186,9 @@ class Run:
     ----------
     effort : Effort
     paths : dict
-        Errors over paths, by their setup (`sepv.properties._sequential.Setup`).
+        Errors along sampled paths; the key is the setup of the paths (`sepv.properties._sequential.Setup`).
     steps : dict
-        Errors of one step, by their problem, which is compared by identity.
+        Errors of single steps; the key is the problem, which is compared by identity.
     """
 
     effort: Effort = field(default_factory=Effort)
@@ -209,14 +209,14 @@ class Law:
     always_claimed : bool
         True for the contract of ``step``, which every scheme must obey.
     cost : float
-        Processor seconds that the law takes for scheme (2.1), without the time of `steps`; used to estimate how long a
-        run still takes. If laws share paths, the cost of the first of these laws includes the paths.
+        Processor seconds that the law takes for scheme (2.1) of the paper, besides its steps. A run's remaining time is
+        estimated from them. If laws share paths, the cost of the first of these laws includes the paths.
     steps : int
         The number of steps that the law takes with scheme (2.1) on fixed problems; a step of M states counts M times.
     cases : sepv.verification.Cases or None
         The cases of a law about single steps; None for other laws.
     spared : int
-        As `steps`, for a scheme that takes one state a call, for which the law takes fewer steps; 0 if it does not.
+        The number of steps for a scheme that takes one state a call, if the law then takes fewer steps; else 0.
     """
 
     name: str
@@ -282,7 +282,7 @@ _collected: ContextVar[tuple[list[Finding], Measure | None] | None] = ContextVar
 
 @contextmanager
 def collecting(findings: list[Finding], measure: Measure | None = None) -> Iterator[None]:
-    """A context for test runners, in which `require` measures by `measure`, if given, and appends to `findings`."""
+    """A context for test runners: in it `require` appends to `findings`, and measures by `measure` if this is given."""
     token = _collected.set((findings, measure))
     try:
         yield

@@ -201,7 +201,7 @@ EFFORT = ("seed", "examples", "paths", "designs", "shrink_checks", "corpus")
 
 
 def fails(f: Finding, pinned: frozenset[str] | None = None) -> bool:
-    """True if a finding makes the exit code 1. With a pin (`pinned`), so does each violation that it does not list."""
+    """True if a finding makes the exit code 1. With a pin (`pinned`) each violation that the pin does not list does."""
     if f.verdict in (Verdict.ERROR, Verdict.NOT_MEASURED):
         return False  # errors and interrupts have other exit codes
     if f.expected is not None:

@@ -7,7 +7,7 @@ A profile such as "order" states a measured order. Each of its laws measures, on
 errors in log-log scale, and takes the largest order whose bound lies below this slope. If paths are sampled, the
 lower end of the slope's confidence interval is used. The profile has the least of these orders over problems and laws.
 For mean-square order p the laws are Milstein's conditions on one step, (3.8) and (3.9) of the paper, and the rms error
-of paths. The last must have been measured; the first two are ignored where there is no reference solution of one step.
+of paths. The error must have been measured; the conditions are ignored where one step has no reference solution.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Profile:
     Attributes
     ----------
     ordered : bool
-        True if the profile states an order. Its first law must have measured one; its other laws need not apply.
+        True if the profile states an order. Its first law must have measured an order; its other laws need not apply.
     """
 
     name: str
@@ -173,7 +173,7 @@ def _order_shown(finding: Finding) -> float:
 def found(profiles: Iterable[Profiled]) -> list[str]:
     """The profiles that were found, in words.
 
-    Beside a mean-square order, the deterministic order is left out, and a weak order unless it is larger.
+    If a mean-square order was found, the deterministic order is left out. A weak order is named if it is larger.
     """
     have = {p.profile.name: p for p in profiles if not p.why}
     if "order" in have:

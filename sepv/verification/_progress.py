@@ -45,7 +45,7 @@ class Course:
         self.began = others
 
     def steps(self, law: Law) -> int:
-        """The number of steps of a law: `spared` if the scheme takes no batches ("reproducibility" did not apply)."""
+        """The steps of a law: `spared` if the scheme takes no batches, as seen from "reproducibility" not applying."""
         alone = any(
             law.name == "reproducibility" and f.verdict is Verdict.NOT_APPLICABLE for law, f in self.found
         )
@@ -57,7 +57,7 @@ class Course:
         few, many = ([(w, f) for w, f in measured if (w.steps >= MANY) is wanted] for wanted in (False, True))
         timed = [f.step_seconds for _, f in measured if f.step_seconds is not None]
         step = timed[0] if timed else 0.0
-        # A prior of half a second at pace 1, of the machine where costs were measured: one law alone is no median.
+        # Half a second at pace 1, that of the machine where costs were measured, is added: one law gives no median.
         paces = [(1.0, 0.5), *((max(0.0, f.seconds - step * w.steps) / w.cost, w.cost) for w, f in few)]
         pace = _weighted_median(paces)
         if many:
@@ -73,7 +73,7 @@ class Course:
         return {name: pace * law.cost + step * self.steps(law) for name, law in self.left.items()}
 
     def late(self) -> dict[str, tuple[float, float]]:
-        """For each law that runs longer than LATE and twice the expected time: (seconds so far, expected seconds)."""
+        """For each law that has run longer than LATE and twice its expected time: its seconds so far and expected."""
         now, whole = time.monotonic(), self.whole()
         ran = {name: now - began for name, began in self.began.items() if name in whole}
         return {name: (t, whole[name]) for name, t in ran.items() if t > max(LATE, 2 * whole[name])}

@@ -1,9 +1,9 @@
 """The search for a violation of a law about single steps, in listed cases and then in random cases of Hypothesis.
 
 The first cases are stored ones that once showed a violation (`sepv.verification._corpus`). Then comes the design: cases
-that cover all pairs of ranges of two properties, such as d and the degree of H (`sepv.verification._cases.strata`). If
-one of these violates the law, Hypothesis searches for a simpler violation. If Hypothesis finds none, the violating case
-itself is simplified (`sepv.verification._cases.shrink`).
+that cover all pairs of ranges of two properties, such as d and the degree of H (`sepv.verification._cases.strata`).
+Then Hypothesis draws random cases; if a case of the design violates the law, it searches for a simpler violation. If
+it finds none, the violating case itself is simplified (`sepv.verification._cases.shrink`).
 """
 
 from __future__ import annotations
@@ -51,13 +51,13 @@ NO_BOUND = f"{FAR} has no bound: numbers overflow in it"
 UNDESIGNED = 12
 # A search ends after this many refused cases for each accepted one.
 MOST_SKIPPED = 20
-# Simplification ends after this many seconds, which it reaches if a check takes longer than a fifth of a second: a law
-# may be stopped after ten minutes, and its violation must be reported before. Only with such slow checks does the
-# simplest counterexample depend on time.
+# The most seconds for simplification: a law may be stopped after ten minutes, and must report its violation before.
+# The limit is reached only if a measurement takes longer than a fifth of a second. Only then does the simplest
+# counterexample depend on time.
 MOST_SECONDS = 100.0
 # The largest number of designs that are stored between runs, twice what a run of all laws needs.
 DESIGNS = 64
-# A law's cases are given up after this many that cannot be measured, because each may take as long as a call may.
+# A law's list of cases ends early after this many that cannot be measured: each may last until a call's time limit.
 MOST_FAULTS = 4
 
 
@@ -110,7 +110,7 @@ def searched(
     cost: float = 1.0,
     steps: int = 0,
 ) -> Law:
-    """Make a law about single steps, which is measured on one case at a time, listed first and then random.
+    """Make a law about single steps. It is measured case by case, first on listed cases and then on random ones.
 
     Parameters
     ----------
@@ -258,7 +258,7 @@ def _visit(log: SearchLog, scheme: Scheme, visited: Iterable[Case], question: _Q
 
 
 def _simplify(log: SearchLog, scheme: Scheme, effort: Effort, question: _Question) -> None:
-    """Replace the logged case, which violates or cannot be measured, by the simplest case found that still does."""
+    """Replace the logged case by the simplest one found that also violates the law, or also cannot be measured."""
     case, _ = log.violation or log.fault or (None, None)
     assert case is not None
     checks = log.checks
@@ -313,8 +313,8 @@ def _measure(log: SearchLog, scheme: Scheme, case: Case, check: Check, faults_vi
             raise Skipped(reason) from error
         extreme = FAR if beyond(case) else LENGTHY if is_long(case) else ""
         if case.h <= 0 or (extreme and isinstance(error, StepFailure)):
-            # A scheme that fails for h ≤ 0, which no path has, or refuses a state or a step of extreme size is
-            # reported as skipped, not as violating. Errors of one kind share a line with the first message.
+            # No path has h ≤ 0. A scheme that fails then, or refuses a state or step of extreme size, skips the case
+            # and does not violate the law. Errors of one kind share a line with the first message.
             back = "a step back in time, h < 0," if case.h < 0 else "a step with h = 0"
             kind = f"{back if case.h <= 0 else extreme} ended in {type(error).__name__}"
             text = str(error).partition("\n")[0]

@@ -16,8 +16,8 @@ from sepv.verification._cases.case import Case
 from sepv.verification._law import Finding, Law, Measurement, Verdict
 
 Check = Callable[[Scheme, Case], Measurement]
-# The share of a law's cases that must be measured if the scheme states its longest step. A scheme that skips cases for
-# their problems may be made for few problems, so no share is required of it.
+# The share of a law's cases that must be measured if the scheme states its longest step. No share is required of a
+# scheme that skips cases because of their problems: it may be made for few problems.
 LEAST_SHARE = 0.25
 
 

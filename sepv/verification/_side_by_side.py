@@ -39,7 +39,7 @@ class LawJob:
 
 
 class _Worker:
-    """A worker process, and a thread that puts the messages of this process into the queue of all workers."""
+    """A worker process, and a thread of the parent that puts the worker's messages into the queue of all workers."""
 
     def __init__(self, task: bytes, answers: queue.Queue[tuple[_Worker, Any]]) -> None:
         with TemporaryFile() as file:

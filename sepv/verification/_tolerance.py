@@ -1,32 +1,31 @@
 """Derivation of the bounds of the laws, which say what "exact" means in binary64.
 
-Notation: u = eps/2; |·| of a matrix or vector is entrywise; ∇̄H is the average of ∇H from y0 to y1; M_g ≥ |∇H|,
-M_B ≥ |B| and M_C ≥ |∇C| are majorants (sums of the absolute values of all terms). Rounding errors are relative to the
-majorants, even if terms cancel.
+Notation: a step leads from y0 to y1; Δ = h + Σ_j c_jΔW_j; u = eps/2; |·| of a matrix or vector is entrywise; ∇̄H is the
+average of ∇H from y0 to y1. M_g ≥ |∇H|, M_B ≥ |B| and M_C ≥ |∇C| are majorants (sums of the absolute values of all
+terms). Rounding errors are relative to the majorants, even if terms cancel.
 
-**Residual.** If y1 = y0 + R, R = ΔB∇̄H, is solved as well as binary64 allows, component i of |y1 − y0 − R| is at most
-
-    r_i = K u (max(|y0|_∞, |y1|_∞) + |Δ|₁ Σ_j M_B,ij M_g,j),     |Δ|₁ = |h| + Σ_j |c_j ΔW_j|:
-
-one rounding of y1 itself, the stagnation of the iteration at the scale of y, and the rounding of R. K counts the
+**Residual.** A step solves y1 = y0 + R with R = ΔB∇̄H. If it does so as well as binary64 allows, then |y1 − y0 − R| ≤ r
+with r_i = K u (max(|y0|_∞, |y1|_∞) + |Δ|₁ Σ_j M_B,ij M_g,j) in component i, where |Δ|₁ = |h| + Σ_j |c_j ΔW_j|.
+This covers one rounding of y1, the stagnation of the iteration at the scale of y, and the rounding of R. K counts the
 operations behind one entry: at most 2ν + T for a sum of T terms of degree ν evaluated at rounded quadrature points,
 d for the product B∇̄H, and 8 for Δ, weights and the final sum. A factor of 4 covers implementations that order the
 same operations differently. If a scheme states its solver's tolerance, |y| times the tolerance is added to r.
 
 **Single precision** (`Scheme.dtype`). u is 2⁻²⁴ in the residual alone, because the suite evaluates H, Casimirs and
 references in binary64. The step starts from y0 rounded to single precision, y0 + e with |e| ≤ u|y0|. Taken as a
-step from y0, its residual is r + e + Δ ∂R/∂y0 e at most; INPUTS counts the terms in e and the rounding of ΔW. Cases
+step from y0, its residual is r + |e| + |∂R/∂y0 e| at most. INPUTS counts the terms in e and the rounding of ΔW. Cases
 contain only numbers that single precision represents, so that bounds of zero remain zero.
 
-**Several stages.** The equation of each stage is solved up to such an r, whose K also counts sums over s stages and
-⌈sν/2⌉ nodes, times max_i b_i⁻¹∫|ℓ_i| (1.57 for s = 6), by which averages with weights ℓ_i amplify errors of ∇H. Because
-y1 = y0 + Σ b_j z_j with b_j ≥ 0, Σ b_j = 1 and H(y1) − H(y0) = Σ_j b_j g_jᵀ z_j, the bounds below hold for any s.
+**s stages** of Gauss collocation: y1 = y0 + Σ_j b_j z_j, where z_j = ΔB g_j and g_j = b_j⁻¹∫ℓ_j∇H averages ∇H with the
+Lagrange polynomial ℓ_j; b_j ≥ 0, Σ_j b_j = 1. The residual of each equation for z_j is at most r, with a larger K:
+it also counts sums over s stages and ⌈sν/2⌉ nodes, and has the factor max_j b_j⁻¹∫|ℓ_j| (1.57 for s = 6), by which the
+averages amplify errors of ∇H. Because H(y1) − H(y0) = Σ_j b_j g_jᵀ z_j, the bounds below hold for any s.
 
-**Energy.** H(y1) − H(y0) = ∇̄Hᵀ(y1 − y0) (fundamental theorem), and ∇̄Hᵀ B ∇̄H = 0 for the computed skew B, so that
-|ΔH| ≤ Σ_i M_g,i r_i. **Casimirs**: |ΔC| ≤ Σ_i M_C,i r_i. **Error of y1**: at most |(I − ∂R/∂y1)⁻¹| r.
+**Energy.** H(y1) − H(y0) = ∇̄Hᵀ(y1 − y0) (fundamental theorem), and ∇̄Hᵀ B ∇̄H = 0 for the computed skew B. So
+|H(y1) − H(y0)| ≤ Σ_i M_g,i r_i. **Casimirs**: |C(y1) − C(y0)| ≤ Σ_i M_C,i r_i. **Error of y1**: |(I − ∂R/∂y1)⁻¹| r.
 
-**Many steps** (Brouwer 1937). A step adds an increment z to y0. The sum is rounded to nearest, with errors spread
-evenly over ±½ulp(y1_i) in component i, so one step moves an invariant I by √(Σ_i (∂_iI ulp(y_i))²/12) in the root mean
+**Many steps** (Brouwer 1937). A step adds an increment z to y0. The sum is rounded to nearest. In component i the error
+is spread evenly over ±½ulp(y1_i). So one step moves an invariant I by √(Σ_i (∂_iI ulp(y_i))²/12) in the root mean
 square, and n steps by √n times as much. For small |Δ| this is nearly all, because the rounding of z itself is smaller
 by the factor |z|/|y|. Errors whose mean is not quite zero show after 10⁶ steps and more, and are not predicted.
 """
@@ -93,7 +92,7 @@ def slopes(function: Function, derivative: Function | None, y: Array) -> Array:
 
 
 def _largest(structure: Any, *states: Array) -> Array:
-    """Majorant (d, d) of |G| over `states`, G the `structure` of a noise: by coefficients if polynomial, else |G|."""
+    """Majorant (d, d) of |G| over `states` of a noise's `structure` G: by coefficients if polynomial, else |G|."""
     return np.asarray(np.max([majorant(structure, y) for y in states], axis=0))
 
 
@@ -117,7 +116,7 @@ def step_residual(
 ) -> Array:
     """A bound r (d,) of the residual y1 − y0 − R of a correctly solved step; (d, M) for a batch.
 
-    `scheme` states a solver's tolerance and a number of stages. Without it, a step of one stage is solved to rounding.
+    `scheme` states a solver's tolerance and a number of stages. Without it, one stage is taken, solved to rounding.
     """
     tolerance, stages, eps = 0.0, 1, EPS
     if scheme is not None:
@@ -135,7 +134,7 @@ def step_residual(
     return 0.5 * eps * count * (scale + length * flow) + tolerance * scale + least
 
 
-# Roundings of y0 and ΔW to single precision before the step: 1 + κ for y0, κ ≤ 1 the contraction factor, and 1 for Δ.
+# Roundings of y0 and ΔW to single precision before the step: 1 + κ for y0 (contraction factor κ ≤ 1) and 1 for Δ.
 INPUTS = 4.0
 # A bound of underflow in single precision, because some processors take its subnormal numbers for 0.
 LEAST_SINGLE = 2.0**-120
@@ -205,7 +204,7 @@ def casimir_ulp(A: Array, y0: Array, y1: Array) -> float:
 def rounding_variances(gradient: Array, states: Array) -> Array:
     """Mean squares (M,) of the change of an invariant by the rounding of each state ("Many steps" in the module).
 
-    `gradient` (d, M) is its gradient at `states` (d, M). A change that overflows is 0, so that it excuses no defect.
+    `gradient` (d, M) is the invariant's at `states` (d, M). A change that overflows is 0, so that it excuses no defect.
     """
     with np.errstate(all="ignore"):
         roundings = gradient * np.spacing(np.abs(states))
@@ -214,7 +213,7 @@ def rounding_variances(gradient: Array, states: Array) -> Array:
 
 
 def rounding_walk(gradient: Array, states: Array) -> float:
-    """The rms change of an invariant by the rounding of y1 in one step; the mean is over `states` too."""
+    """The rms change of an invariant by the rounding of y1 in one step, over all the `states` y1 (d, M)."""
     return float(np.sqrt(np.mean(rounding_variances(gradient, states))))
 
 

@@ -38,7 +38,7 @@ def units_of(problem: Problem) -> Units:
     at most, so that the errors of a correct scheme fall with its order.
 
     If L = 0 at y0, L is taken at nearby states; if all fields f are constant, L is |f|/λ. If y0 = 0, λ is |f|/L. If all
-    fields vanish, L is 1, and so is λ at the origin: no law then depends on a unit.
+    fields vanish, L is 1, and λ too if y0 = 0: no law then depends on a unit.
     """
     start = np.array(problem.initial, dtype=np.float64)
     length = float(np.max(np.abs(start), initial=0.0))
@@ -54,7 +54,7 @@ def units_of(problem: Problem) -> Units:
 
 
 def rates_at(problem: Problem, y: Array) -> tuple[float, float]:
-    """The largest component of the fields at y, and a bound of their slopes: row sums of |B′||∇H| + |B||H″|, plus γ."""
+    """Bounds at y of the fields, with damping −γy, and of their slopes: the largest row sum of |B′||∇H| + |B||H″|, plus γ."""
     B, g, dB, H = sizes_at(problem, y)
     gamma = abs(damping_of(problem))
     slope = float(np.max(np.sum(np.einsum("ijk,j->ik", dB, g) + B @ H, axis=1)))

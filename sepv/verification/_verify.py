@@ -58,8 +58,8 @@ def verify(
     claims : iterable of str, or one string with commas
         Laws that the scheme must obey, in addition to the laws that it claims itself.
     timeout : float
-        The most seconds for one law, in the main thread of a POSIX system. If the scheme does not return in time, the
-        verdict is `error`. Only Python code can be interrupted in this way, a compiled loop cannot.
+        The time limit of each law in seconds. It needs the main thread of a POSIX system. If the scheme does not return
+        in time, the verdict is `error`. The limit interrupts Python code, but no compiled loop.
     progress : callable (law, finding or None), optional
         Called before each law with None, and after the law with its finding.
     expected : path, optional
@@ -79,7 +79,7 @@ def verify(
         The numbers of examples and paths; ``Effort().deeper()`` is for a nightly run.
     require : iterable of str, or one string with commas
         Profiles (named sets of laws, docs/profiles.md) that the scheme must have, such as "energy,order-1". Only the
-        laws of these profiles and of the profile "method" are measured. Not together with `laws`.
+        laws of these profiles and of the profile "method" are measured. It excludes `laws`.
 
     Returns
     -------
@@ -243,7 +243,7 @@ def replay(scheme: str | Scheme | Step, law: str, witness: dict[str, Any], probl
 
 
 def survived(law: Law, key: str, ask: Callable[[], Finding], effort: Effort | None = None) -> Finding:
-    """The finding that `ask` returns; if a crashed run is repeated, the stored finding, or an error for the crash."""
+    """Return the finding of `ask`; in the repetition of a crashed run the stored one, or an error for the crash."""
     try:
         return attempted(key, ask)
     except Crashed as crash:
