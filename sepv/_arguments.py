@@ -126,7 +126,7 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def hex_float(text: Any) -> float:
-    """The double of a text as C's %a prints it, ±inf for one beyond binary64; a ValueError for anything else."""
+    """The double of a text as C's %a prints it, ±inf if it is beyond binary64; a ValueError for any other text."""
     if not isinstance(text, str) or not _HEX(text):
         raise ValueError(f'{text!r:.{_SHOWN}} is no hex float in a string, such as "0x1.8p+1" for 3')
     try:

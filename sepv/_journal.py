@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 
 T = TypeVar("T")
 
-# The size of the shared memory in bytes, and how many of them hold the length of the note behind them.
+# The size of the shared memory in bytes, and how many of these bytes hold the length of the note that follows.
 BYTES, _SIZE = 1 << 20, 4
 
 # The kinds of messages: work begins; its result; work ended without a result; Ctrl-C is handled, or was lost; the end.

@@ -48,7 +48,7 @@ class SchemeFault(UsageError):
 
 
 class Skipped(SepvError):
-    """Raised by a scheme that does not take this problem: it counts as no fault, and no law gets a verdict from it."""
+    """Raised by a scheme that does not take this problem: this is no fault, and no law gets a verdict from it."""
 
     def __init__(self, reason: str) -> None:
         self.reason = reason
@@ -64,7 +64,7 @@ class ClusterFailure(SepvError, RuntimeError):
 
 
 class ChunkFailure(SepvError, RuntimeError):
-    """An ensemble is incomplete: some paths raised, in a worker and again in this process, or a cluster is lost.
+    """An ensemble is incomplete: a path raised an error in a worker and again in this process, or a cluster is lost.
 
     Attributes
     ----------
@@ -88,7 +88,7 @@ class ChunkFailure(SepvError, RuntimeError):
 
 
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C interrupted `sepv.ensemble`; the error holds the paths that are finished, P in number.
+    """Ctrl-C interrupted `sepv.ensemble`; this error holds the P paths that are finished.
 
     Attributes
     ----------

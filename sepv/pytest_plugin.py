@@ -1,7 +1,7 @@
 """The pytest plugin. It never loads itself: ``pytest -p sepv.pytest_plugin`` loads it.
 
 ``pytest -p sepv.pytest_plugin --pyargs sepv.properties --scheme mypkg.mymodule:step`` runs the laws on your scheme. If
-the ini file lists ``sepv_schemes``, the laws run on them beside your own tests whenever pytest is called without a
+the ini file lists ``sepv_schemes``, the laws run on these schemes, beside your own tests, if pytest is called without a
 path. A test module may have a list ``sepv_schemes``. If no scheme is named, the laws run on the built-in schemes.
 
 A claimed law must hold. The test of an unclaimed law, or of a law that does not apply, is skipped and shows the

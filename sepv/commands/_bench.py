@@ -41,7 +41,7 @@ def bench(
     targets: cli.Names, programs: cli.Names, problems: cli.Names, save: str | None, against: str | None,
     against_ref: str | None, names: cli.Names, portable: bool, batches: int, quiet: bool,
 ) -> None:  # fmt: skip
-    """Work, error and invariant defects of TARGETs on fixed problems, against a file or another checkout.
+    """Compare work, error and invariant defects of TARGETs on fixed problems with a file or another checkout.
 
     Counters of work are exact integers, and an increase by one is a regression. Errors are compared over the same
     paths, with an interval of their ratio. Time is compared only with another checkout, in runs that take turns.
@@ -95,7 +95,7 @@ def bench(
 def _beside(
     target: str, checkout: str, chosen: list[Case], batches: int, say: Callable[[str, float], None]
 ) -> tuple[dict[str, Any], list[Any]]:
-    """Measure a target in this checkout and another; return the record of this one, and its comparison with that."""
+    """Measure a target in this checkout and another; return this one's record, and its comparison with the other's."""
     from sepv.studies import bench_pairs as pairs
     from sepv.studies import check_bench as check
 
@@ -118,7 +118,7 @@ def _alone(
 ) -> tuple[dict[str, Any], list[Any]]:
     """Measure a target in this checkout alone: its record, and the comparison with an earlier record, `before`.
 
-    If there is an earlier record, the cases of this record are measured.
+    If there is an earlier record, its cases are measured.
     """
     from sepv.schemes import require_trusted
     from sepv.studies import bench_store as store

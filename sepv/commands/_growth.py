@@ -31,9 +31,9 @@ def growth(
 ) -> None:  # fmt: skip
     """The mean E[H(y_n)] − H(y0) and the rms of H(y_n) − H(y0) against time, and how they grow.
 
-    The rms is called at rounding, bounded, a random walk (growth like √t), linear or faster, if an interval of 99.9 %
-    decides. The mean drifts if such an interval excludes 0. For symplectic schemes with one degree of freedom, values
-    by theory are shown too: with random steps, the energy error of such a scheme walks and drifts.
+    The rms is called at rounding, bounded, a random walk (growth like √t), linear or faster, if its 99.9 % confidence
+    interval decides. The mean drifts if its interval excludes 0. For symplectic schemes with one degree of freedom,
+    values by theory are shown too: with random steps, the energy error of such a scheme walks and drifts.
 
     With --no-noise, or if a scheme or the problem has no noise, one path is computed with h and with h/2. A trend
     of its mean energy is judged as by the law long-time-energy.

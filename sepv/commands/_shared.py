@@ -125,7 +125,7 @@ def candidates(
     """A context with the schemes of a command's targets and programs, as pairs (name in output, scheme).
 
     If no target and no program is given, the targets are `usual`. The programs are stopped when the block ends.
-    Loading a scheme takes one step, which may compile it, so `say` gets a line about the target before.
+    Loading a scheme takes one step, which may compile it, so `say` first gets a line about the target.
     """
     from sepv.schemes import load_scheme
 

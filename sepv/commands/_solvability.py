@@ -1,4 +1,4 @@
-"""``sepv solvability``: the steps whose equation has a solution, and the time up to which paths find one."""
+"""``sepv solvability``: the steps whose equation has a solution, and the time up to which numerical paths find one."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from sepv.studies import Exits, Map
 
 STEPS = tuple(2.0**-n for n in range(1, 11))
-# States are close enough to each other if the means over all and over every second one differ by at most this share.
+# The states are dense enough if the means over all, and over every second one, differ by at most this share.
 ROUGH = 0.2
 # Step sizes with which paths are followed.
 FOLLOWED = tuple(2.0**-n for n in range(4, 10))
@@ -63,7 +63,7 @@ def solvability(
 ) -> None:  # fmt: skip
     """Find how far the solutions of a step of PROBLEM reach in Δ = h + Σ c_j ΔW_j, and how long a step size is safe.
 
-    States y0 are taken along the orbit of the exact solution. From each, the solution y1(Δ) with y1(0) = y0 is followed
+    States y0 are taken along the exact solution's orbit. From each y0, the solution y1(Δ) with y1(0) = y0 is followed
     until it turns back (a fold) or |Δ| reaches --range; then Newton's method is tried at every Δ of a grid. Numerical
     paths leave this orbit, so they are followed too, until the scheme's solver refuses a step. With one scheme, a step
     size counts as safe until the time at which the first of its paths fails.

@@ -255,7 +255,7 @@ _RMS = re.compile(r"rms error ([\d.e+-]+), ([\d.e+-]+), ([\d.e+-]+)")
 
 
 def _runs_away(*errors: str) -> bool:
-    """True if the first of three errors exceeds 4 second²/third, four times its value in a geometric sequence."""
+    """True if the first of three errors exceeds 4 second²/third: in a geometric sequence it is second²/third."""
     try:
         first, second, third = map(float, errors)
     except ValueError:  # the file has other text

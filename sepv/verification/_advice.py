@@ -24,7 +24,7 @@ MeasuredAgain = Callable[[Case], Measurement | None]
 MOST_TOLERANCE = 2.0**-23
 
 # The parts of a step are h and each c_jΔW_j. A part is named if its defect is at least the share MOST of the sum. A
-# pair is named if each part alone makes at most LEAST of the pair's defect, and halving one changes it by a factor HALF.
+# pair is named if each alone makes at most LEAST of the pair's defect, and halving one leaves a share within HALF.
 MOST, LEAST, HALF = 0.95, 1e-3, (0.45, 0.55)
 # The largest number of parts of a step whose pairs are measured.
 PARTS = 5

@@ -156,7 +156,7 @@ class Report:
         return f"<Report of {self.scheme.name}: {counts}>"
 
     def html(self) -> str:
-        """The report as one HTML page: the verdicts on a scale, each counterexample with a picture and its replay.
+        """The report as one HTML page: the defects on a scale, each counterexample with a picture and its replay.
 
         The scheme's step is called again for the pictures. ``sepv verify --html`` writes this page.
         """

@@ -54,7 +54,7 @@ def units_of(problem: Problem) -> Units:
 
 
 def rates_at(problem: Problem, y: Array) -> tuple[float, float]:
-    """Bounds at y of the fields, with damping −γy, and of their slopes: the largest row sum of |B′||∇H| + |B||H″|, plus γ."""
+    """Bounds at y of the fields and of their slopes: row sums of |B′||∇H| + |B||H″|, plus γ for damping −γy dt."""
     B, g, dB, H = sizes_at(problem, y)
     gamma = abs(damping_of(problem))
     slope = float(np.max(np.sum(np.einsum("ijk,j->ik", dB, g) + B @ H, axis=1)))

@@ -62,10 +62,10 @@ def run_all(
     Returns the number of tasks that were computed again in this process, which raises their errors. If a cluster is
     lost or unfit for the work, ClusterFailure is raised and nothing is computed again.
 
-    workers : the number of threads (if `threads`: the function must release the GIL) or of processes; an executor, or
-        its `map`, which gets tasks one by one, so that no finished task is lost when a worker dies; any other map-like
-        callable, which gets a function and numbered tasks, and may return their outcomes in any order; or Dask, see
-        `sepv.workers._on_dask`
+    workers : the number of processes, or of threads if `threads` (the function must then release the GIL). Or an
+        executor or its `map`; tasks are submitted one by one, so that no finished task is lost when a worker dies. Or
+        any other map-like callable: it gets a function and numbered tasks, and may return their outcomes in any order.
+        Or Dask (`sepv.workers._on_dask`)
     receive : returns True if no more results are wanted
     bounded : True if results must not pile up: a map is then called with LOT tasks at a time. Other workers always get
         a few tasks at a time.

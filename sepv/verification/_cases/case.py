@@ -57,7 +57,7 @@ class Case:
     times: int = 0
 
     def build(self) -> tuple[Problem, Array, float, Array]:
-        """The arguments (problem, y, h, dW) of ``step``; a scheme gets what `given` says of this whole problem."""
+        """The arguments (problem, y, h, dW) of ``step``; a scheme gets this problem in the form that `given` names."""
         problem = as_given(self.problem, self.given)
         return problem, np.array(self.y), self.h, np.array(self.dW, dtype=np.float64)
 
@@ -103,7 +103,7 @@ def quiet(case: Case) -> Case | None:
 
 
 def taken_by(scheme: Scheme, cases: Iterable[Case]) -> Iterator[Case]:
-    """The cases as a scheme takes them: if it is for c = () alone, noise is removed, or the case is left out."""
+    """The cases as a scheme takes them: for a scheme for c = () alone `quiet` removes noise, or the case is left out."""
     for case in cases:
         taken = quiet(case) if scheme.deterministic else case
         if taken is not None:
@@ -184,7 +184,7 @@ def has_words(witness: Any) -> bool:
 
 
 def require_named(witness: dict[str, Any], scheme: Scheme) -> None:
-    """Raise unless the user named the code that a witness's problem loads, as a witness comes from a file or token."""
+    """Raise unless the user named the code that a witness's problem loads: anybody may have written the witness."""
     problem = witness.get("problem")
     target = problem.get("given") if isinstance(problem, dict) else None
     named = [p if isinstance(p, str) else getattr(p, "text", "") for p in scheme.problems]
@@ -192,7 +192,7 @@ def require_named(witness: dict[str, Any], scheme: Scheme) -> None:
 
 
 def _given_problem(data: dict[str, Any], objects: Iterable[Problem]) -> GivenProblem:
-    """The problem of a witness without its data: loaded by its name, or the only one so named in `objects`."""
+    """The problem of a witness that has no data: loaded by its name, or the only one of that name in `objects`."""
     target = data["given"]
     own = [problem for problem in objects if not target and problem.name == data.get("object")]
     if ":" not in target and target not in problems.EXTENSIONS | problems.HAMILTONIANS and len(own) != 1:

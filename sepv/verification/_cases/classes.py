@@ -17,7 +17,7 @@ from sepv.verification._cases.strata import Axis, Space, Strata
 
 _SIZES = (strata.STATE, strata.DIMENSION, strata.DEGREE, strata.TERMS)
 _STEPS = (strata.SIZE, strata.STEP, strata.SIGN, strata.SHARE, strata.GIVEN, strata.BATCH)
-# Strata in which a wrong quadrature, or a wrong place of B, does not show: most laws need rows without these strata.
+# Strata (ranges) in which a wrong quadrature, or a wrong place of B, does not show: most laws need cases without them.
 _RIGHT = {"degree of H": ("1–2",), "degree of B": ("0",), "degree of C": ("1", "2")}
 
 
@@ -58,8 +58,8 @@ def _space(make: strata.Make, *axes: Axis, **left: Strata) -> Space:
     return replace(whole, pool=whole.part(blind=_RIGHT))
 
 
-# For several fields two kinds of steps are left out. No noise cancels h, because there is no Δ. No path has a step with
-# h = 0 and ΔW ≠ 0, and schemes for several fields take areas or other increments whose size is that of h.
+# Kinds of steps for several fields. No noise cancels h, because there is no Δ. _OF_PATHS leaves out h = 0 with ΔW ≠ 0:
+# no path has such a step, and schemes for several fields take areas or other increments whose size is that of h.
 _OF_PATHS = tuple(kind.name for kind in (strata.UNEVEN, strata.NEAR, *strata.FAR))
 _OF_STRUCTURES = (strata.STILL.name, *_OF_PATHS)
 _NOISY = ("1", "2", "3–4", "5–20")

@@ -18,7 +18,7 @@ from sepv.verification._cases.strata import monomials
 def commuting_step(random: Random) -> Case | None:
     """A step with Hamiltonians that are polynomials in the actions ½(q² + p²) of one or two planes, where ∇H_0 ≠ 0.
 
-    A noise with such an H_j is written G_j∇H_0, and G_j is singular where ∇H_0 = 0. No majorant bounds it near such a
+    The field of such a noise is written G_j∇H_0, and G_j is singular where ∇H_0 = 0. No majorant bounds G_j near such a
     point, so the length of the step is measured: a sixteenth of the length that the slopes of the fields at y allow.
     """
     n, m = random.randint(1, 2), random.randint(1, 2)

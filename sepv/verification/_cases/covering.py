@@ -49,7 +49,7 @@ def pairwise(
 
 
 def shown_pairs(row: Row, hiding: frozenset[tuple[int, int]] = frozenset()) -> list[Pair]:
-    """The pairs of levels that a row covers: all pairs or, if the row has levels in `hiding`, those with all these."""
+    """The pairs of levels that a row covers: those that contain all of its levels in `hiding`, if there are any."""
     hidden = {level for level in enumerate(row) if level in hiding}
     return [pair for pair in combinations(enumerate(row), 2) if hidden <= set(pair)]
 

@@ -73,11 +73,11 @@ def _length(case: Case) -> float:
 
 
 def in_other_units(case: Case, power: int, time: int = 0) -> Case:
-    """Convert a case to other units: y is multiplied by 2ⁿ and time by 4ᵏ, so that the step leads to 2ⁿy1.
+    """Convert a case to other units: y times 2ⁿ and time times 4ᵏ with k = `time`, so that the step leads to 2ⁿy1.
 
     H becomes 4ⁿ⁻ᵏH(2⁻ⁿy) and B becomes B(2⁻ⁿy), so that canonical and mechanical systems remain such systems. The noise
-    vectors become 2ⁿ4⁻ᵏg_j, the damping 4⁻ᵏγ and the step 4ᵏh; c_j and ΔW_j are multiplied by 2ᵏ. k is `time`. n is
-    `power`, or nearer to 0 if numbers would otherwise overflow.
+    vectors become 2ⁿ4⁻ᵏg_j, the damping 4⁻ᵏγ and the step 4ᵏh; c_j and ΔW_j are multiplied by 2ᵏ. n is `power`, or a
+    number nearer to 0 if numbers would otherwise overflow.
     """
     system = case.problem
     assert isinstance(system, PolynomialSystem)
@@ -112,7 +112,7 @@ def _of(B: Structure, power: int) -> Structure:
 
 
 def _exponents(case: Case, system: PolynomialSystem, power: int) -> Iterator[float]:
-    """The exponents of 2 of coefficients and powers of y in new units, one above EXPONENTS if |y| leaves its range."""
+    """Exponents of 2, in new units, of coefficients and powers of y; one is above EXPONENTS if |y| leaves its range."""
     sizes = [abs(v) for v in case.y if v]
     ends = [math.log2(v) + power for v in (max(sizes), min(sizes))] if sizes else []
     yield from (EXPONENTS + 1 for end in ends[:1] if abs(end) > LARGEST)

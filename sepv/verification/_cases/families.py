@@ -33,8 +33,8 @@ def mechanical(parts: Parts) -> PolynomialSystem:
     """H = ½ pᵀM⁻¹p + V(q) with y = (q, p) and B = J: q̇ = M⁻¹p, ṗ = −∇V.
 
     M⁻¹ = LᵀDL with powers of two in D and halves in L, so that M and M⁻¹ are exact. Momenta have few bits, so that M⁻¹p
-    is exact. The row sums of |M||M⁻¹| are at most 16 for a full M, because a library that stores velocities computes
-    p = M(M⁻¹p) in each step, with that many roundings of p. A potential that is bounded below has even powers of the
+    is exact. A library that stores velocities computes p = M(M⁻¹p) in each step. The row sums of |M||M⁻¹| bound its
+    roundings of p, so they are at most 16 for a full M. A potential that is bounded below has even powers of the
     positions alone, with positive coefficients.
     """
     n, random, scale = parts.d // 2, parts.random, parts.unit**-2

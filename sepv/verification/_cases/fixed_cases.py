@@ -77,8 +77,8 @@ def _degrees() -> list[Case]:
     """For each degree n of H, steps in which too few quadrature nodes cause thousands of times the allowed defect.
 
     With H = a q^n + p, q changes at a constant rate. It starts at ¼ of |y|, and a is so small that q gets as far as 1
-    inside the contraction radius. The longest step whose solution is proved to exist shows one missing node up to
-    n = 14, three for n = 17 and four for n = 20. For n = 16 and 20 there are cases that do not state the degree.
+    inside the contraction radius. The longest step whose solution is proved to exist shows that one node is missing up
+    to n = 14, three for n = 17 and four for n = 20. For n = 16 and 20 further cases give H as bare functions.
     """
     found = []
     for degree, given in (*((n, "data") for n in _DEGREES), *((n, "bare functions") for n in _OPAQUE)):

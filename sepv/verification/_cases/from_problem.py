@@ -48,7 +48,7 @@ _COMPONENTS = st.one_of(
 
 
 def describe(problem: Problem, text: str = "") -> Description:
-    """The problem's data if they agree with its functions and can be evaluated in extended precision; else itself."""
+    """The problem's data if they agree with its functions and can be evaluated with many digits; else the problem."""
     data = problem.data
     known = isinstance(data, PolynomialSystem) or (data is not None and data.name in EXACT_NAMES)
     # Data contain no flows of parts of H and H_j, so a problem built from data would lack flows.
@@ -58,7 +58,7 @@ def describe(problem: Problem, text: str = "") -> Description:
 
 
 def _agrees(problem: Problem, data: PolynomialSystem | NamedProblem) -> bool:
-    """True if data describe the problem's functions; they need not after `dataclasses.replace` of a function."""
+    """True if data describe the problem's functions; `dataclasses.replace` of a function may have changed them."""
     other = named.build(data)
     if other.dimension != problem.dimension or not np.array_equal(other.c, problem.c):
         return False
@@ -111,7 +111,7 @@ def near(draw: st.DrawFn, description: Description) -> Case:
 
 @st.composite
 def steps_within(draw: st.DrawFn, data: Description, y: tuple[float, ...], radius: float) -> Case:
-    """Draw a step from y with |h| + Σ|c_j ΔW_j| ≤ radius; |h| and each |c_j ΔW_j| have at most equal shares."""
+    """Draw a step from y with |h| + Σ|c_j ΔW_j| ≤ radius; |h| and each |c_j ΔW_j| get at most an equal share."""
     c = named.build(data).c
     length = radius * draw(_LENGTHS)
     share = length / (1 + np.count_nonzero(c))

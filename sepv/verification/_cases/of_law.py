@@ -65,7 +65,7 @@ def only(holds: Callable[[Problem], object], *, data: bool = False) -> Adapt:
 
 @dataclass(frozen=True)
 class Question:
-    """The sources of a law's cases for one scheme: a list that covers all ranges, a random search, and fixed cases."""
+    """A law's cases for one scheme: a list that covers all ranges of properties, a random search, and fixed cases."""
 
     design: Callable[[int], list[Case]]  # the cases of the design for a seed
     strategy: Strategy
@@ -89,7 +89,7 @@ class Cases:
     blind : axis -> strata
         Ranges in which no violation can show. Pairs of other ranges must occur in cases outside these ranges.
     not_of : class of systems -> str
-        The reason why the law does not apply to a class. Additive noise has by default that of several Hamiltonians.
+        The reason why the law does not apply to a class. Additive noise takes that of several Hamiltonians by default.
     damped : bool
         True if the law applies to damped systems too.
     stays : bool

@@ -41,7 +41,7 @@ TRIES = 24
 # For a step from y = 0, Δ as a share of the radius inside which y1(Δ) is analytic. The share balances the terms that
 # the law "expansion" omits against rounding.
 ORIGIN_SHARE = 2.0**-9
-# If d is larger than this, H gets a linear form of all components, because its few other terms leave most at rest.
+# If d is larger than this, H gets a linear form of all components, because few other terms leave most of them at rest.
 MANY = 12
 # Near a rest point some components are multiplied by ½ to a power in this range; the motion still exceeds rounding.
 NEARNESS = (8, 30)
@@ -130,7 +130,7 @@ def maker(system_of: SystemOf, dimensions: Sequence[int] = (), *, shows: bool = 
     """Return a function that makes test cases of a class of systems; `system_of` makes a system from `Parts`.
 
     `dimensions` lists the dimensions that the class can have; empty if all. If `shows`, a case is drawn again (a few
-    times, and not in a random search) until a wrong scheme would show (`sepv.verification._cases.shows_faults`).
+    times, and not in a random search) until it would show faults (`sepv.verification._cases.shows_faults`).
     """
 
     def drawn(levels: Levels, random: Random, attempt: int | None) -> Case | None:
@@ -228,7 +228,7 @@ def placed(
 ) -> Case | None:
     """A case with H scaled such that |h| + Σ|c_jΔW_j| is the share of the contraction radius that `levels` asks for.
 
-    None if the field vanishes at y, or is so small beside the rounding of its terms that no fault would show.
+    None if the field vanishes at y, or if the rounding of its terms would hide any fault.
     """
     problem = problems.build(system)
     radius = contraction_radius(problem, np.array(y))

@@ -196,7 +196,7 @@ def poisson(d: int, degree: Stratum, unit: float, random: Random) -> Structure:
 
     B is constant; or B_ij = b_ij y_i y_j with a constant skew b, so that {ln y_i, ln y_j} is constant; or a sum of
     blocks. A block is either b(y)J of size 2 with J = ((0, 1), (−1, 0)), or of size 3 the matrix of v ↦ w × v with
-    w = g∇C. Any b satisfies the identity, and so does this w, because w · curl w = 0.
+    w = g∇C. Any b and b(y) satisfy the identity, and so does this w, because w · curl w = 0.
     """
     if degree.high == 0:
         return skew(d, degree, unit, random)

@@ -11,10 +11,10 @@ from sepv.verification._cases.case import Case
 from sepv.verification._cases.strata import Levels
 from sepv.verification._tolerance import casimir_bound, energy_bound, step_residual
 
-# The least ratio of a step's increment to rounding, because a small share of the increment may be wrong; and of a fault
-# that errs by a power of the step to its bound. `benchmarks.power` measures the effect of both.
+# The least ratios to rounding. MOTION: of a step's increment, of which a small share may be wrong. SHOWN: of a fault
+# that errs by a power of the step, to the law's bound. `benchmarks.power` measures the effect of both.
 MOTION, SHOWN = 1e7, 64.0
-# The share of the contraction radius from which on errors of a power of the step exceed rounding.
+# In steps longer than this share of the contraction radius, errors of a power of the step exceed rounding.
 LONG = 0.5
 
 

@@ -143,7 +143,7 @@ RULES = (
 HIDING = ("step/radius", "2⁻¹⁰")
 
 
-# The share of cases beyond the usual range of a stratum with an `end`: for integers like d, which cost time; for sizes.
+# The share of cases beyond the usual range of a stratum with an `end`: small for integers like d, which cost time.
 TAIL = {int: 1 / 4, float: 1 / 2}
 
 
@@ -269,7 +269,7 @@ class Space:
             return found
         for row in self.pool.design().rows:
             levels = self.pool.levels(row)
-            # A batch does not change the content.
+            # The batch is ignored, because it does not change the content of a case.
             levels = {name: stratum for name, stratum in levels.items() if name != BATCH.name}
             numbers = [[k for k, s in enumerate(a.strata) if levels.get(a.name, s) == s] for a in self.axes]
             found += [own for own in product(*numbers) if not self.forbidden(own)]
@@ -330,7 +330,7 @@ def _content(make: Make, levels: tuple[tuple[str, Stratum], ...], seed: int) -> 
 
 def _drawn_until_made(make: Make, levels: tuple[tuple[str, Stratum], ...], seed: int) -> Case:
     random = Random(f"{seed} {[(axis, stratum.name) for axis, stratum in levels]}")
-    # A size beyond its usual range is drawn before the attempts, so that sizes that show fewer faults are as frequent.
+    # Sizes beyond the usual range are drawn before the attempts; else those that show fewer faults would be rarer.
     wanted = {axis: ended(stratum, random) for axis, stratum in levels}
     for attempt in range(MOST_ATTEMPTS):
         if (case := make(dict(wanted), random, attempt)) is not None:
@@ -338,7 +338,7 @@ def _drawn_until_made(make: Make, levels: tuple[tuple[str, Stratum], ...], seed:
     raise AssertionError(f"no case of these strata: {[(axis, stratum.name) for axis, stratum in levels]}")
 
 
-# After this many draws strata are taken for empty; the rules of their class then forbid too little.
+# After this many draws the strata are taken to have no case; the rules of the class then forbid too little.
 MOST_ATTEMPTS = 10_000
 _CHOICES = [st.integers(0, n) for n in range(25)]
 _RANDOM = st.randoms(use_true_random=False)
