@@ -103,7 +103,7 @@ def quiet(case: Case) -> Case | None:
 
 
 def taken_by(scheme: Scheme, cases: Iterable[Case]) -> Iterator[Case]:
-    """The cases as a scheme takes them: for a scheme for c = () alone `quiet` removes noise, or the case is left out."""
+    """The cases as a scheme takes them: if it is for c = () alone, `quiet` removes noise, or the case is left out."""
     for case in cases:
         taken = quiet(case) if scheme.deterministic else case
         if taken is not None:
