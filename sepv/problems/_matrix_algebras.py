@@ -1,7 +1,7 @@
 """Lie algebras of matrices, so(n) and su(n), with coordinates in which B is linear with whole numbers.
 
 A state y is the matrix W = Σ y_a E_a with a basis E_a, its dual basis E*_a for ⟨A, B⟩ = −½ tr AB, and y_a = ⟨E*_a, W⟩.
-With M = Σ ∂H/∂y_b E*_b the system y′ = B(y)∇H is W′ = [W, M], B_ab(y) = ⟨E*_a, [W, E*_b]⟩. Its flow keeps the
+With M = Σ ∂H/∂y_b E*_b and B_ab(y) = ⟨E*_a, [W, E*_b]⟩, the system y′ = B(y)∇H is W′ = [W, M]. Its flow keeps the
 eigenvalues of W, so that every tr Wᵏ is a Casimir. All Casimirs of so(3) and so(4) are functions of quadratic ones
 (|y|², and the Pfaffian of so(4)). The n − 1 Casimirs of su(n) are tr W², …, tr Wⁿ.
 

@@ -1,7 +1,7 @@
 """The Maxwell-Bloch equations, with one noise or with a Hamiltonian for each noise.
 
 The system y1′ = y2, y2′ = y1y3, y3′ = −y1y2 is y′ = ∇C × ∇H with H = ½y1² + y3 and C = ½(y2² + y3²), so that B(y)v =
-−v × ∇C(y). D. David and D. Holm, Multiple Lie-Poisson structures, reductions, and geometric phases for the
+−v × ∇C(y): see D. David and D. Holm, Multiple Lie-Poisson structures, reductions, and geometric phases for the
 Maxwell-Bloch travelling wave equations (J. Nonlinear Sci. 2, 1992).
 """
 

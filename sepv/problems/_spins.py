@@ -2,7 +2,7 @@
 
 In each block of three components B(y)v = y × v, as for the rigid body, so that |y|² of each block is a Casimir.
 
-- Random inertia: H_0 = ½ Σ y_i²/I_i and H_j = ½ y_j²/Î_j for the first m axes, whose fields do not commute. C.-E.
+- Random inertia: H_0 = ½ Σ y_i²/I_i and H_j = ½ y_j²/Î_j for the first m axes. The fields do not commute. See C.-E.
   Bréhier, D. Cohen and T. Jahnke, Splitting integrators for stochastic Lie-Poisson systems (Math. Comp. 92, 2023).
 - A push: the free rigid body under additive noise in directions that leave the sphere |y| = const. This problem is of
   the kind that D. Cohen and G. Vilmart treat (arXiv 2005.13991); its numbers are not theirs.

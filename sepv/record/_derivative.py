@@ -18,7 +18,7 @@ _CONSTANT = {"input", "constant", "greater", "greater_equal", "equal", "and", "o
 def reachable(outputs: Iterable[Symbol], given: Container[int] = ()) -> list[Symbol]:
     """The symbols that the outputs depend on, themselves included, in the order of evaluation.
 
-    The search stops at symbols whose line numbers are in `given`: what they depend on is not visited through them.
+    The search stops at symbols whose line numbers are in `given`, and does not go on to what these depend on.
     """
     outputs, seen = list(outputs), set()
     waiting = [symbol.index for symbol in outputs]

@@ -1,8 +1,8 @@
 """The mean of a gradient along a segment, ∫₀¹∇H(y + τz)dτ, exact to rounding, from the recorded operations of H.
 
-A polynomial of degree ν is averaged by ⌈ν/2⌉ Gauss nodes, which are exact for its gradient. A term c·G(ℓ(y)) with ℓ
-affine and G one of sin, cos, exp, log, 1/x, √, xᵃ, sinh, cosh has the mean ∇ℓ (G(ℓ₁) − G(ℓ₀))/(ℓ₁ − ℓ₀), in forms
-that lose nothing as z → 0: with δ = ℓ₁ − ℓ₀ and m = ℓ₀ + δ/2
+A polynomial of degree ν is averaged by ⌈ν/2⌉ Gauss nodes, which are exact for its gradient. A term G(ℓ(y)), with ℓ
+affine and G one of sin, cos, exp, log, 1/x, √, xᵃ, sinh, cosh, has the mean ∇ℓ (G(ℓ₁) − G(ℓ₀))/δ, where ℓ₀ = ℓ(y),
+ℓ₁ = ℓ(y + z) and δ = ℓ₁ − ℓ₀. With m = ℓ₀ + δ/2 the quotient has forms that lose no digits as z → 0:
 
     sin: cos(m) sinc(δ/2)          exp: e^max(ℓ₀, ℓ₁) E(−|δ|)        1/x: −1/(ℓ₀ℓ₁)
     cos: −sin(m) sinc(δ/2)         log: log1p(δ/ℓ₀)/δ                √: 1/(√ℓ₀ + √ℓ₁)

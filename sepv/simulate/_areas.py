@@ -1,4 +1,4 @@
-"""Lévy areas and space-time Lévy areas: their moments given the increments of a step, and rough paths with areas.
+"""Lévy areas and space-time Lévy areas: their moments given a step's increments, and rough paths (W with its areas).
 
 The Lévy area of a step of length h is A_ij = ½∫(W_i dW_j − W_j dW_i). With the Brownian bridges
 b_i(t) = W_i(t) − (t/h)ΔW_i and B_i = ∫b_i dt,
@@ -7,14 +7,14 @@ b_i(t) = W_i(t) − (t/h)ΔW_i and B_i = ∫b_i dt,
 
 because ∫t db_j = −B_j. Given ΔW, all terms have mean zero. No two of the B_i and a_ij are correlated, because a_ij is
 odd in b_i and in b_j. As Var a_ij = h²/12, E[A_ij² | ΔW] = h²/12 + h(ΔW_i² + ΔW_j²)/12, so that E[A_ij²] = h²/4.
-Third moments vanish except those of three a_ij around a triangle, which are O(h³). The space-time areas are H_i = B_i/h
+Third moments vanish except E[a_ij a_jk a_ki] of three noises, which is O(h³). The space-time areas are H_i = B_i/h
 (J. Foster, T. Lyons and H. Oberhauser, SIAM J. Numer. Anal. 58, 2020): ∫W_i ds − ½hΔW_i = hH_i over a step.
 
-**Drawn areas.** Over fine steps of length δ, the B_i are drawn from their law, and the a_ij as normal numbers of the
-right variance. Over a step of K fine steps, areas add up by Chen's relation A = Σ_k A_k + ½ Σ_{k<l} ΔW_k ∧ ΔW_l. Only
-the shape of the law of the fine a_ij is approximate, and they make up 1/K of the variance h²/12 of the step's a_ij (A.
-Davie, in: Stochastic Analysis 2010, for such couplings). Increments and areas are one rough path, the same for schemes
-and reference solutions at all step sizes.
+**Drawn areas.** Over fine steps of length δ, the B_i are drawn from their distribution, and the a_ij as normal numbers
+of the right variance. Over a step of K fine steps Chen's relation is A = Σ_k A_k + ½ Σ_{k<l} ΔW_k ∧ ΔW_l, where
+(v ∧ w)_ij = v_i w_j − v_j w_i. Only the shape of the distribution of the fine a_ij is approximate; they make up 1/K of
+the variance h²/12 of the step's a_ij (for such couplings see A. Davie, in: Stochastic Analysis 2010). Increments and
+areas are one rough path, the same for schemes and reference solutions at all step sizes.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from sepv.errors import UsageError
 from sepv.problem import Array
 from sepv.simulate import _wiener as wiener
 
-# Fine steps per step of a scheme that takes areas: enough to make the normal law of the fine a_ij hardly matter.
+# Fine steps per step of a scheme that takes areas: so many that the shape of the distribution of a_ij hardly matters.
 MORE = 8
 # The offset of the seeds of the areas, far from seeds given by hand.
 _SECOND = 2**40

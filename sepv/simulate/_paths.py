@@ -73,8 +73,8 @@ def integrate(
     truncation : int, "own" or None
         The k of Remark 2.1, by default the one that the scheme declares. None: the increments are not truncated.
     increments : "normal", "two-point", "three-point" or PointLaw, optional
-        The law of the scheme's increments; by default the one that the scheme declares. A PointLaw replaces
-        each normal increment by its own quantile at the same rank (`sepv.simulate._truncation.seen`).
+        The distribution of the increments; by default the one that the scheme declares. A PointLaw replaces each normal
+        increment by its own quantile at the same probability (`sepv.simulate._truncation.seen`).
 
     Returns
     -------

@@ -57,9 +57,9 @@ def require_drawable(run: Run, h: float, seed: int, paths: range, refine: int | 
 def prepared(
     scheme: Scheme, truncation: int | Literal["own"] | None, increments: str | PointLaw | None
 ) -> tuple[Scheme, int | None]:
-    """The scheme with the chosen law of increments (None: the law that it declares), and the truncation's k.
+    """The scheme with the chosen distribution of increments (None: the one that it declares), and the truncation's k.
 
-    A law of a few points is bounded: its k is None, and another k a UsageError. Warns if k lowers the scheme's order.
+    Increments with few values are bounded: their k is None, and any other k a UsageError. Warns if k lowers the order.
     """
     if increments is not None:
         scheme = weakly(scheme, increments)

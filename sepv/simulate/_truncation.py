@@ -18,8 +18,8 @@ def truncation_bound(h: float, k: int) -> float:
     Raises
     ------
     UsageError
-        For h ≥ 1, because |ln h| then no longer measures how small h is: at h = 1 it would set every increment to zero.
-        Remark 2.1 is about h < 1, and no other rule silently replaces it. Also for k < 1.
+        For k < 1, and for h ≥ 1: |ln h| then no longer measures how small h is, and h = 1 would set every increment to
+        zero. Remark 2.1 is about h < 1, and no other rule silently replaces it.
     """
     if not 0 < h < 1:
         raise UsageError(
@@ -56,18 +56,18 @@ def truncate(dW: ArrayLike, h: float, k: int | None = 2, unit: float = 1.0) -> A
 def seen(
     dW: ArrayLike, h: float, k: int | None = 2, increments: str | PointLaw | None = None, unit: float = 1.0
 ) -> Array:
-    """The increments that a scheme gets: truncated Wiener increments, or the values of a law on a few points.
+    """The increments that a scheme gets: truncated Wiener increments, or increments with few values.
 
     Parameters
     ----------
     dW : array_like of any shape
         Wiener increments of variance h.
     k : int, optional
-        As for `truncate`. Only normal increments are truncated, because the other laws are bounded.
+        As for `truncate`. Only normal increments are truncated, because all others are bounded.
     unit : float, optional
         As for `truncate`.
     increments : "normal", "two-point", "three-point" or PointLaw, optional
-        A PointLaw replaces each increment by √h times its own quantile at the increment's rank in the law N(0, h).
+        A PointLaw replaces each increment ΔW by √h times its own quantile at the probability Φ(ΔW/√h).
 
     Examples
     --------
@@ -82,7 +82,7 @@ def seen(
 
 
 def points(h: float, law: PointLaw | None) -> tuple[Array, Array]:
-    """Thresholds on ΔW and the values of a law's increments over a step h (see `seen`); empty for the normal law."""
+    """Thresholds on ΔW, and the increments over a step h into which a PointLaw turns it; empty for normal ones."""
     if law is None:
         return np.empty(0), np.empty(0)
     root = math.sqrt(h)

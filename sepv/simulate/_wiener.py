@@ -1,10 +1,10 @@
 """Wiener increments of numbered paths; the same path can be drawn with finer and with coarser steps.
 
-Every path has its own random streams, so path number p has the same increments in any run and engine. A stream is
-numpy's generator SFC64, whose state is cheap to set: two words that `SeedSequence` makes from the seed, and one word
-with the numbers of the path and the stream. The first stream draws the coarse part of the path, level by level. Each
-finer level of Lévy's construction has its own stream, read in the order of time, so that a path of any length can be
-drawn piece by piece.
+Every path has its own random streams, so path number p has the same increments in any run and engine. Lévy's
+construction halves coarse increments again and again, level by level. The first stream draws the coarse levels. Each
+finer level has its own stream, read in the order of time, so that a path of any length can be drawn piece by piece. A
+stream is numpy's generator SFC64, whose state is cheap to set: two words that `SeedSequence` makes from the seed, and
+one word with the numbers of the path and the stream.
 """
 
 from __future__ import annotations

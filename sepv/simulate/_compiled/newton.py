@@ -1,13 +1,13 @@
 """Code of Newton's iteration for a block of lanes (paths) in lockstep.
 
-A lane is done if its correction, of size m, leaves an error below rounding. Newton's corrections shrink quadratically,
-so the next one is about m³/m_before², or m times the relative error of Newton's matrix if this is more. If a lane is
-not done after a few steps, overflows or leaves the domain, `sepv.solve` solves its step again from the start, with all
-tests and its status (`sepv.simulate._compiled.block_run`).
+A lane is done if its correction leaves an error below rounding. Newton's corrections shrink quadratically: after two of
+sizes m_before and m the next is about m³/m_before², or m times the relative error of Newton's matrix if this is more.
+If a lane is not done after a few steps, overflows or leaves the domain, `sepv.solve` solves its step again from the
+start, with all tests and its status (`sepv.simulate._compiled.block_run`).
 
 For H quadratic and B linear, the equation of (2.1) and of the midpoint rule is z = Δ P(ȳ), ȳ = y + z/2, with short
-polynomials P. The unknown is then ȳ at first, because a sweep ȳ ← y + ½Δ P(ȳ) costs a product and a sum for each term
-of P, and Newton's matrix 1 − ½Δ P′(ȳ) as much for each term of P′: products of ½Δ and coefficients are computed once.
+polynomials P. The unknown is then ȳ at first. Products of ½Δ and coefficients are computed once, so a sweep
+ȳ ← y + ½Δ P(ȳ) costs a product and a sum for each term of P, and Newton's matrix 1 − ½Δ P′(ȳ) for each term of P′.
 The result is rounded at the size of y. Later steps take R as the formula writes it, with roundings of B∇H, not of P.
 """
 
@@ -28,8 +28,8 @@ from sepv.simulate._compiled.writer import Writer
 from sepv.solve import LEFT
 
 # The sweeps z ← Δ f(ȳ) before Newton's iteration. For H at most quadratic they solve the equation itself: four leave
-# O(Δ⁵) at the cost of a Newton step, which leaves O(Δ³), as two sweeps do for other H. Sweeps of ȳ cost less: for the
-# rigid body, a fifth saves a tenth of the time at h = 0.03 (where lanes go on in groups), and costs 1/50 at h = 0.002.
+# O(Δ⁵) and cost as much as a Newton step, which leaves O(Δ³). For other H two leave O(Δ³). Sweeps of ȳ cost less: for
+# the rigid body, a fifth saves a tenth of the time at h = 0.03 (where lanes go on in groups), costs 1/50 at h = 0.002.
 SWEEPS, MIDDLE_SWEEPS, ROUGH_SWEEPS = 4, 5, 2
 # Newton steps in registers, for up to LARGE unknowns; only the last is tested. With compensated summation there are one
 # or two more, because a correction below half a rounding of z is lost when it is applied. The error left has a mean of

@@ -3,7 +3,7 @@
 A sweep z_i ← Δ B(Y_i) g_i, with averages g_i of ∇H, costs evaluations and s² d products; a step of Newton's iteration
 eliminates s·d unknowns. Each sweep reduces the error by a factor of about Δ|f′|/4. With sensible steps Δ, all sweeps
 cost less than one elimination. A lane is done if its next correction, about m²/m_before after two of sizes m_before and
-m, is below rounding. If corrections do not shrink, `sepv.schemes.collocation` solves its step by Newton's iteration.
+m, is below rounding. If corrections do not shrink, `sepv.schemes.collocation` solves the step by Newton's iteration.
 
 If H is no polynomial, a last sweep with half as many nodes again must change z by roundings only. If even the finest
 rule fails this test, or if a point is outside the domain, `sepv.schemes.collocation` solves the lane's step as well.

@@ -75,9 +75,9 @@ def ensemble(
     seed : int
         The seed of the increments.
     increments : "normal", "two-point", "three-point" or PointLaw, optional
-        The law of the scheme's increments; by default the one that the scheme declares. A PointLaw replaces
-        each normal increment by its own quantile at the same rank (`sepv.simulate._truncation.seen`), so that path p
-        has the same normal increments with every law. `Ensemble.W` is the sum of the normal increments.
+        The distribution of the increments; by default the one that the scheme declares. A PointLaw replaces each normal
+        increment of path p by its own quantile at the same probability (`sepv.simulate._truncation.seen`).
+        `Ensemble.W` is always the sum of the normal increments.
     refine : int, optional
         See `sepv.simulate.increments`.
     dW : (N, m, M), optional
@@ -85,8 +85,8 @@ def ensemble(
     times : (K,), optional
         Increasing multiples of h at which the states are kept in `Ensemble.states`; by default only those at T are.
     compensated : bool
-        Use Kahan's summation for y + increment. The rounding error of this sum, the larger part of the random walk of
-        an invariant, is then carried to the next step and not lost.
+        Use Kahan's summation for y + increment: the rounding error of this sum is carried to the next step, not lost.
+        It would cause the larger part of the random walk of an invariant.
     engine : "auto", "numpy" or "compiled"
         "auto" takes the compiled engine (extra `fast`) if it can compile the scheme and the problem. `Ensemble.engine`
         names the engine used; `Ensemble.reason` says why it was not the compiled one. The engines agree to a few ulp,

@@ -101,7 +101,7 @@ def long_path(
     every : int, optional
         Keep the state after every `every` steps; by default no state is kept.
     compensated : bool
-        Use Kahan's summation for y + increment. Rounding of a plain sum is most of the energy's random walk.
+        Use Kahan's summation for y + increment. The rounding of a plain sum causes most of the energy's random walk.
     progress : callable (steps done, steps), optional
         Called a few times a second.
     resume : LongPath, optional

@@ -1,6 +1,6 @@
 """Moments and quantiles of functionals of paths, computed for each chunk and merged in the order of the chunks.
 
-Central moments of two samples are merged by P. Pébay, *Formulas for robust, one-pass parallel computation of
+Central moments of two samples are merged as in P. Pébay, *Formulas for robust, one-pass parallel computation of
 covariances and arbitrary-order statistical moments*, SAND2008-6212. Because of the fixed order of merging, results have
 the same bits for any workers; chunks of another size round differently.
 """
