@@ -28,7 +28,7 @@ from sepv.errors import UsageError
 from sepv.problem import Array
 from sepv.simulate import _wiener as wiener
 
-# Fine steps per step of a scheme that takes areas: so many that the shape of the distribution of a_ij hardly matters.
+# Fine steps per step of a scheme that takes areas: with eight the shape of the distribution of a_ij hardly matters.
 MORE = 8
 # The offset of the seeds of the areas, far from seeds given by hand.
 _SECOND = 2**40
