@@ -62,7 +62,7 @@ def course(scheme: Scheme, finding: Finding, seconds: float = SECONDS) -> dict[s
         kept : the invariant that is shown: "H", or "C" for laws about Casimirs (the one that changes most)
         drift : the change of this invariant since the first state
         size : the size of the invariant's terms, by which rounding is distinguished from drift
-        ended : the reason of an early end, else empty
+        ended : the reason of an early end; empty if there was none
     """
     case = from_json(finding.witness, objects_of(scheme))
     problem, y, h, dW = case.build()

@@ -71,7 +71,7 @@ def _plain(write: Callable[[Console], None]) -> str:
     return "\n".join(line.rstrip() for line in out.getvalue().rstrip().splitlines())
 
 
-# The columns of the table. On a narrow terminal those with `goes` are dropped, in the order of that number.
+# The columns of the table. On a narrow terminal the columns with a number `goes` are dropped, in its order.
 _COLUMNS = (
     Column("law"), Column("claimed", goes=3), Column("verdict"), Column("defect", right=True),
     Column("bound", right=True, goes=4), Column("unit", words=True, goes=2), Column("source", words=True, goes=1),

@@ -165,7 +165,7 @@ def problems_of(scheme: Any) -> tuple[Problem, ...] | None:
 def as_taken(scheme: Any, listed: Iterable[Problem]) -> tuple[Problem, ...]:
     """The problems in the form that the scheme takes: without noise, c = (), if the scheme is only for such systems.
 
-    Raises Skipped if such a scheme gets only problems whose noises have other vector fields than B∇H.
+    Raises Skipped if a scheme without noise gets only problems whose noises have other vector fields than B∇H.
     """
     found = tuple(listed)
     if not scheme.deterministic:
