@@ -2,8 +2,8 @@
 
 FALSE_ALARM bounds the nominal probability that a whole run of all laws accuses a correct scheme by chance. It is split
 evenly over the statistical laws, the problems and the looks, the numbers of paths after which a verdict is tried
-(Bonferroni). So each look has an equal part of FALSE_ALARM, with which any of its intervals misses. The intervals are
-asymptotic, so the bound is an extrapolation. `benchmarks.coverage` counts how often they miss at larger probabilities.
+(Bonferroni). So at each look the probability that any interval misses is an equal part of FALSE_ALARM. Intervals are
+asymptotic, so the bound is an extrapolation. `benchmarks.coverage` counts how often intervals of lower confidence miss.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ FIRST_LOOK = 512
 GROWTH = 4
 # A scheme without batches gets the budget of paths divided by SINGLE, but at least FIRST_LOOK paths.
 SINGLE = 8
-# Paths of an early look at a scheme without batches. It may decide "holds", in 8,000 steps for most, not "violated".
+# Paths of an early look at a scheme without batches. It may decide "holds", after 8,000 steps for most, not "violated".
 EARLY = 96
-# The level at which orders of a scheme without batches hold. It is larger, because laws about one step detect a lower
-# order by quadrature. Sampling only shows that steps compose.
+# The error probability of an interval that confirms an order of a scheme without batches. It may be large, because laws
+# about one step detect a lower order by quadrature, and sampling only shows that steps compose.
 HOLD = 1e-3
 # The claimed order from which on the mean square error depends on increments too rare for plain sampling.
 TILTED = 1.5
@@ -48,7 +48,7 @@ FEW = ((6, (8, 12, 16)), (5, (8, 16, 32)))
 # at smaller steps. The results would be biased if such paths were left out.
 REFUSED, HALVED = 1 / 4, 2
 # If a slope is undecided and its interval narrower than NARROW, the margin between bound and order, then the steps are
-# too long, and more paths do not help. The step sizes are halved once, which raises right orders but not wrong ones.
+# too long, and more paths do not help. The step sizes are halved once. This raises the slope only of a right order.
 NARROW = 0.25
 # Multiples of the number of paths, tried in order to report how many paths would decide.
 _MORE = tuple(4**k for k in range(1, 9))
@@ -85,7 +85,7 @@ class Assessment:
     order: float | None = None
 
 
-# A test (problem, errors, alpha, more) at level alpha, with intervals as of `more` times the number of paths.
+# A test (problem, errors, alpha, more) at level alpha, with intervals as if there were `more` times the paths.
 Assess = Callable[[Problem, StrongErrors, float, float], Assessment]
 
 
@@ -94,9 +94,9 @@ def setups(
 ) -> tuple[Setup, ...]:
     """Return the problems, end times and numbers of steps on which schemes for a class of systems are judged.
 
-    For (1.1) one has a non-constant B and one noise, the other a non-quadratic H and two noises. All their large steps
-    have solutions. If increments are not truncated or are drawn by `sepv.properties._orders.tilting`, the coarsest step
-    is halved, because a random step may then be more than 1, far from any asymptotics.
+    For (1.1) one problem has a non-constant B and one noise, the other problem a non-quadratic H and two noises.
+    All their large steps have solutions. If increments are not truncated or `sepv.properties._orders.tilting` draws
+    them, the coarsest step is halved, because a random step may then be more than 1, far from any asymptotics.
     """
     names = {
         Systems.NAMBU: ("rigid-body", "lotka-volterra"),
@@ -121,7 +121,7 @@ def _setup(name: str, truncation: int | None, order: float | None) -> Setup:
 def setups_for(scheme: Scheme, effort: Effort | None = None) -> tuple[Setup, ...]:
     """Return the setups for a scheme: for its class and claims, or for the user's problems.
 
-    For class (1.1) a third problem has B(y), a quartic H and two noises. A run that must spare steps has it alone.
+    For class (1.1) a third problem has B(y), a quartic H and two noises. A run that must spare steps uses it alone.
     """
     facts = (scheme.truncation, scheme.mean_square_order)
     users = problems_of(scheme)

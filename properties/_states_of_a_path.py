@@ -21,8 +21,8 @@ from sepv.schemes import answer_of as answer
 def keeps_states(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, apart: float) -> None:
     """Make two steps from y (d,) or (d, M), alone and between steps of a second path, and compare the bits.
 
-    value(init(y)) may differ from y by `apart` times its size, because a state may use other coordinates. So may a
-    batch from a part of it stepped alone. If the scheme has no `StatefulStep`, nothing is compared.
+    value(init(y)) may differ from y by `apart` times its size, because a state may use other coordinates. A batch may
+    differ by as much from a part of it stepped alone. If the scheme has no `StatefulStep`, nothing is compared.
 
     Raises
     ------

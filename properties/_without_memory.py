@@ -17,13 +17,13 @@ from sepv.problems.shown_to_schemes import shown
 from sepv.schemes import Scheme, ask
 from sepv.verification import Case
 
-# The least distance of two states, as a share of the result. By rounding, closer states may have equal results.
+# The least distance of two states, as a fraction of the result. By rounding, closer states may have equal results.
 APART = 2.0**-20
-# The length of the steps between steps without a solution, as a share of them.
+# The size of the short steps that are made between steps without a solution, as a fraction of the latter.
 SHORT_OF_FOLD = 2.0**-10
 # The number of states in each repeated call of a scheme that takes batches: 1024 calls make ten thousand steps.
 LANES = 10
-# The largest numbers of problem records that are built until one has its predecessor's address, or a new address.
+# The largest numbers of problem objects that are built until one has its predecessor's address, or a new address.
 ADDRESSES, FRESH = 16, 64
 # The most seconds for repeating a step. So a step of more than 30 ms is repeated less often.
 MOST_SECONDS = 30.0
@@ -94,9 +94,9 @@ def tells_apart(y: Array, other: Array, answer: Array, to_other: Array, least: f
 
 
 def forgets_problems(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, first: Array) -> None:
-    """Step the same problem in a new record, whose address belonged to a problem with half the noise or half of H.
+    """Step an equal problem in a new object, whose address belonged to a problem with half the noise or half of H.
 
-    Python mostly reuses a freed record's memory for the next record of the same size. A scheme that caches results by
+    Python mostly reuses a freed object's memory for the next object of the same size. A scheme that caches results by
     `id`, or by `id` and Δ, then returns the wrong problem's result. If the address differs, other addresses are tried.
     """
     if np.array_equal(first, y):  # a step that moves nothing is the same with half the noise

@@ -7,12 +7,12 @@ where B_kj or ∂_jH is constant. Then component k of (2.1) is an equation for z
 
 because ∇H is averaged along the segment from y0 to y1, ∫₀¹ τ² dτ = ⅓, and B is taken at its middle, (½)² = ¼. If
 (½ q′(x) Δ − 1)² < 4 w q2 q(x) Δ², no real z satisfies the equation, and (2.1) has no solution. This is so beyond one
-fold Δ* > 0 and one fold Δ* < 0, because the difference of both sides is 1 at Δ = 0, and its leading coefficient
-(½ q′)² − 4 w q2 q(x) is negative, by q′² < 4 q2 q(x).
+fold Δ* > 0 and one fold Δ* < 0, because the difference of both sides, a polynomial in Δ, is 1 at Δ = 0, and its leading
+coefficient (½ q′)² − 4 w q2 q(x) is negative, by q′² < 4 q2 q(x).
 
-With s stages and constant B_kj, u̇ of the collocation polynomial u is the L² projection of Δ q(u) on the polynomials of
-degree s − 1: z = Δ∫₀¹ q(u) dτ. With q = γ + q2 (x − μ)², v = u − μ and |v(1) − v(0)|² ≤ K_s ∫v², K_s = 4 Σ (2n + 1)
-over odd n ≤ s (the Legendre polynomials P_n(2τ − 1) have norms (2n + 1)^{−½} and end values that differ by 2),
+With s stages and constant B_kj, the collocation polynomial u has u̇ = Δ q(u) projected in L² on degree s − 1. Hence
+z = Δ∫₀¹ q(u) dτ. Let q = γ + q2 (x − μ)², v = u − μ and K_s = 4 Σ (2n + 1) over odd n ≤ s. |v(1) − v(0)|² ≤ K_s ∫v²,
+because the Legendre polynomials P_n(2τ − 1) have norms (2n + 1)^{−½} and end values that differ by 2 for odd n. So
 
     |z| ≥ |Δ| (|γ| + |q2| z² / K_s),    which no z satisfies if Δ² > K_s / (4 γ q2).
 
@@ -38,7 +38,7 @@ from sepv.verification._cases.strata import Stratum
 ROOM = Fraction(1, 1024)
 # The classes of systems for which `made` makes steps without a solution.
 MADE = (Systems.SINGLE, Systems.NAMBU, Systems.SEVERAL)
-# Exponents n if a step is longer than a fold by the share 2^n: mostly small, so that two half steps have solutions.
+# Exponents n: a step is longer than a fold by the fraction 2^n. Most are small, so that two half steps have solutions.
 BEYOND = (-6, -6, -6, -5, -4, -3, -1, 0, 3)
 _NONE = (Fraction(0), Fraction(0), Fraction(0))
 

@@ -1,8 +1,8 @@
-"""A step keeps any Casimir C, quadratic or not: any C of B(y)v = g(y)(v × ∇C(y)) if d = 3, else any polynomial C.
+"""A step keeps any Casimir C, quadratic or not: if d = 3, any C with B(y)v = g(y)(v × ∇C(y)); else any polynomial C.
 
 The scheme (2.1) keeps only linear and quadratic Casimirs. Cohen and Dujardin (2014), §5, leave other invariants open.
-If d > 3, the systems are built from two or three Casimirs of degree one to four, B_ij = Σ ε_ijk… ∂_kC_1 …, or they
-are systems on su(3), whose Casimir of third degree is tr P³ (`sepv.problems._matrix_algebras`).
+If d > 3, a system is built from two or three Casimirs C_1, … of degree one to four by B_ij = Σ ε_ijk… ∂_kC_1 …, or it
+is a system on su(3), whose Casimir of third degree is tr P³ (`sepv.problems._matrix_algebras`).
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     """Measure the largest C(y1) − C(y0), with C evaluated at the binary64 states in extended precision.
 
     With the averaged gradient ∇̄C and the residual r of the step, C(y1) − C(y0) = ∇̄Cᵀ(y1 − y0) = ∇̄Cᵀr. The step
-    evaluates ∇̄C too. Its sums of terms of degree ≤ 4 double the operations of (2.1), so the bound of r is doubled.
+    evaluates ∇̄C too. The sums of terms in ∇̄C double the operations of (2.1), so the bound of r is doubled.
     """
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)

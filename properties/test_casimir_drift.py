@@ -26,7 +26,7 @@ def with_casimirs(case: Case) -> Case | None:
 
 
 def quantity(problem: Problem, A: Array, y: Array, h: float) -> Quantity:
-    """Return C with its rate σ. Its error bound allows for states inside a step, farther out than y1 by the noise."""
+    """Return C with its rate σ. The bound allows for states inside a step, which noise moves farther out than y1."""
     form, rate = "bᵀy", 0.0
     if A.ndim == 2:
         vectors = noise_vectors(problem)

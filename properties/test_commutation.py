@@ -50,7 +50,7 @@ def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) ->
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
-    """Measure the order for flows that all commute, for commuting noises with another drift, and for other noises."""
+    """Measure the order if all flows commute, if only those of the noises commute, and if the noises do not commute."""
     if scheme.systems != Systems.SEVERAL:
         return law.finding(Verdict.NOT_APPLICABLE, message="the scheme is not for several structures")
     return judge(law, scheme, this_run, assess, at_least=False, setups=SETUPS)

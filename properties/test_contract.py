@@ -43,18 +43,18 @@ from sepv.verification._search_log import Check
 
 # The number of states in a batch. It is small, because the law "reproducibility" has larger batches.
 BATCH = 3
-# The roundings by which a sum in another order may differ. In single precision this is more than the share APART.
+# The number of roundings by which sums in different orders may differ. In single precision this is more than APART.
 OTHERWISE = 64
-# A state NEAR·y, which rounded keys and single precision do not distinguish from y, must have another result than y if
-# its distance from y is more than LEAST_APART, 256 roundings, of the result.
+# Caches with rounded keys, and single precision, do not distinguish NEAR·y from y. Steps from both must have different
+# results if the states are farther apart than LEAST_APART (256 roundings) times the size of the result.
 NEAR, LEAST_APART = 1 + 2.0**-40, 2.0**-44
 # The number of steps without a solution that are tried, each twice.
 REFUSED = 2
-# The number of calls of the last case, which finds every fault with a shorter period. They take (2.1) a quarter of a
-# second. If a step takes 200 µs, the sampled laws make a hundred times as many calls.
+# The number of calls of the last case, a quarter of a second for (2.1). They find every fault with a shorter period. If
+# a step takes 200 µs, the sampled laws make a hundred times as many calls.
 TIMES = 1024
-# A step is timed at the share SHORT of the last case, because longer steps take more iterations, for TIMING seconds or
-# MANY calls. For a scheme that takes batches, it is the time for one of MANY states.
+# The step of the last case, shortened by SHORT to save iterations, is timed for TIMING seconds or MANY calls. If a
+# scheme takes batches, the time is that for one of MANY states.
 SHORT, TIMING, MANY = 0.125, 0.0625, 256
 
 
@@ -92,7 +92,7 @@ def _as_seen(scheme: Scheme, case: Case) -> tuple[Problem, Array, float, Array]:
 def _keeps(
     scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, between: Sequence[float]
 ) -> Array:
-    """Repeat a step after each of some steps from the multiples `between` of y, and return its result.
+    """Repeat a step, each time after a step from another multiple of y (factors `between`), and return its result.
 
     Raise SchemeFault if the step changes an argument or global state, or if a repetition differs in any bit.
     """
@@ -113,7 +113,7 @@ def _keeps(
     _takes_any_layout(scheme, problem, y, h, dW, first)
     if max(scheme.solver_tolerance, scheme.eps) <= LEAST_APART and may_ask(scheme, problem, NEAR * y):
         tells_apart(y, NEAR * y, first, ask(scheme, problem, NEAR * y, h, dW), LEAST_APART)
-    # In the steps in between, zero components are moved, to reveal a step that starts from its last result.
+    # In the steps in between, zero components are changed, to reveal a step that starts from its last result.
     moved = np.where(y == 0, np.max(np.abs(y)) / 64, y)
     for factor in between:
         if may_ask(scheme, problem, factor * moved):
@@ -193,7 +193,7 @@ def _watched(scheme: Scheme, handling: dict[str, str]) -> Scheme:
 
 
 def _surroundings() -> dict[str, Any]:
-    """Return global state that a step must not change. It excludes what an import changes, which a step may make."""
+    """Return global state that a step must not change. What an import changes is excluded: a step may import."""
     kind, keys, *rest = np.random.get_state(legacy=True)  # noqa: NPY002  (the global generator is the point)
     return {
         "NumPy's global random numbers": (kind, keys.tobytes(), *rest),  # type: ignore[union-attr]  # legacy tuple
@@ -254,9 +254,9 @@ def _step_seconds(scheme: Scheme, case: Case) -> float | None:
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
-    """Search for a fault. If none is found, repeat all cases in reverse order, steps without solution, and one step.
+    """Search for a fault. If none is found, repeat all cases in reverse order, and try steps without solution twice.
 
-    This is the step of the simplest case, made TIMES times, unless a stored counterexample already repeats its step.
+    Then repeat the step of the simplest case TIMES times, unless a stored counterexample already repeats its step.
     """
     measured: list[tuple[Case, Array | None]] = []
 

@@ -80,7 +80,7 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:  # noqa: ARG001 - n
     )  # fmt: skip
 
 
-# Ranks of verdicts. An inconclusive state counts only if no other state of its problem decides; each problem counts.
+# The first of these verdicts decides: an inconclusive state counts only if no other state of its problem decides.
 _OF_STATES = (Verdict.VIOLATED, Verdict.HOLDS, Verdict.INCONCLUSIVE)
 _OF_PROBLEMS = (Verdict.VIOLATED, Verdict.INCONCLUSIVE, Verdict.HOLDS)
 

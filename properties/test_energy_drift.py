@@ -1,8 +1,8 @@
 """Trace formula: E[H_0(y1)] = H_0(y0) + hσ if LH_0 = ½ Σ_j c_j² {{H_0, H_j}, H_j} is a constant σ.
 
-L is the generator. If LH_0 = σ everywhere, the exact solution has d/dt E[H_0] = σ at all times, as with additive noise
-along which H_0 is quadratic: σ = ½ Σ c_j² f_jᵀH_0″f_j, with fields f_j = B∇H_j or any vectors (D. Cohen and G. Vilmart,
-Int. J. Comput. Math. 99, 2022). A quadrature over the increments gives the expectation; nothing is sampled.
+L is the generator of dy = B∇H_0 dt + Σ c_j f_j∘dW_j with f_j = B∇H_j or vectors f_j. If LH_0 = σ everywhere, then
+d/dt E[H_0] = σ at all times. An example is additive noise along which H_0 is quadratic: σ = ½ Σ c_j² f_jᵀH_0″f_j
+(D. Cohen and G. Vilmart, Int. J. Comput. Math. 99, 2022). The expectation is computed by quadrature over increments.
 """
 
 from __future__ import annotations

@@ -67,7 +67,7 @@ def inverse_map(rows: Array, b: Array) -> list[Polynomial]:
 
 
 def substitute(p: Polynomial, forms: list[Polynomial]) -> Polynomial:
-    """Substitute forms for the variables of p: exact for small dyadic coefficients, else rounded as in evaluating p."""
+    """Substitute linear `forms` for the variables of p: exact for small dyadic coefficients, else with rounding."""
     products = [poly.polynomial(p.dimension, {})]
     for exponents, coefficient in p.terms:
         term = poly.constant(p.dimension, coefficient)

@@ -35,7 +35,7 @@ from sepv.verification._cases.random_cases import ORIGIN_SHARE
 from sepv.verification._contraction import contraction_ball
 
 # The number of nodes of the interpolation, and the power of Δ of the last coefficient that is judged. From 24 or more
-# nodes in |Δ| ≤ ϱ/2, the coefficient of Δ⁸ has an error of 2e-6 r/ϱ⁸. Its usual size is 1e-7 to 1e-2 of r/ϱ⁸.
+# nodes in |Δ| ≤ ϱ/2, the coefficient of Δ⁸ has an error of 2e-6 r/ϱ⁸ (r, ϱ as in `check`). It is 1e-7 to 1e-2 of r/ϱ⁸.
 NODES, LAST = 24, 8
 
 

@@ -1,4 +1,4 @@
-"""Estimate (3.8): the mean error of one step is O(h^(p+1)) for a claimed mean-square order p; quadrature over ΔW."""
+"""Estimate (3.8): the mean error of one step is O(h^(p+1)) for a claimed mean-square order p, by quadrature over ΔW."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Estimate (3.9): the rms error of one step is O(h^(p+1/2)) for a claimed mean-square order p; quadrature over ΔW.
+"""Estimate (3.9): the rms error of one step is O(h^(p+1/2)) for a claimed mean-square order p, by quadrature over ΔW.
 
 The slope is measured at step sizes at which it is asymptotic. Further step sizes h are drawn from the whole range, with
-noises of several sizes: no error there may be of a lower order (`sepv.properties._orders.any_step`).
+noises of several sizes. At these h no error may be of a lower order (`sepv.properties._orders.any_step`).
 """
 
 from __future__ import annotations

@@ -2,9 +2,9 @@
 
 For times of the order exp(c/h) such a method keeps a modified Hamiltonian or has a reversible modified equation
 (E. Hairer, C. Lubich and G. Wanner, *Geometric Numerical Integration*, IX.8 and XI.3). The law tests it on orbits to
-which this theory applies (`sepv.properties._orders.integrable`). Two statements are judged
-(`sepv.properties._orders.long_times`): the mean energy over windows of time has no trend beyond the bound of what is
-left of the oscillation in such a mean, and the oscillation falls like h^p.
+which this theory applies (`sepv.properties._orders.integrable`). `sepv.properties._orders.long_times` judges two
+statements. First, there is no trend: the mean energy over a window of time moves by no more than the oscillation that
+such a mean may still contain. Second, the oscillation falls like h^p.
 
 Claims of *symplecticity* and of an order do not imply this law. A scheme without claims is measured too.
 """
@@ -37,7 +37,7 @@ _RANKS = (Verdict.VIOLATED, Verdict.ERROR, Verdict.INCONCLUSIVE, Verdict.HOLDS)
 
 
 def run(law: Law, scheme: Scheme, own: Run) -> Finding:
-    """Judge the trend of the energy and the power of h on all orbits. The worst verdict, then `share`, decides."""
+    """Judge the trend and the power of h on all orbits. Report the worst: first by verdict, then by `Judged.share`."""
     if scheme.asks or scheme.systems in OF_SEVERAL:
         why = "the scheme is for several fields, which c = () leaves alone"
         return law.finding(Verdict.NOT_APPLICABLE, message=why)

@@ -1,7 +1,7 @@
 """Theorems 3.3 and 3.4: mean-square order, measured against the exact flow at the random time.
 
-The law is violated only if two confidence intervals are below the order: those of the slopes of the rms error and of a
-quantile of the error, which does not depend on the tails (`sepv.properties._orders.convergence.mean_square_order`).
+The law is violated only if two slopes have confidence intervals below the order: the slope of the rms error and that of
+a quantile of the error, which does not depend on the tails (`sepv.properties._orders.convergence.mean_square_order`).
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def assessing(claimed: float | None, tilted: bool, hold: float = 0.0) -> Assess:
     """Make the test that slopes of the error are above the claimed order less MARGIN.
 
     The slopes are that of the rms error and, except for weighted (`tilted`) samples, that of a quantile. For the law to
-    hold, an interval with error probability alpha, or `hold` if larger, must lie above.
+    hold, an interval with error probability alpha, or `hold` if larger, must lie above this bound.
     """
 
     def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) -> Assessment:

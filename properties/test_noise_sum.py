@@ -36,8 +36,8 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
     Noises with structures or Hamiltonians of their own cannot be summed. Instead they are moved on by one place, and a
     noise with c = 0 is put before them. If a scheme exchanges two noises, both permutations may hide this, but the
-    additional noise reveals it. All steps solve one equation y1 = y0 + R(y0, y1), with residuals at most r that contain
-    the rounding of Δ, so their distance is at most 2r‖(I − ∂R/∂y1)⁻¹‖ in the largest component.
+    additional noise reveals it. All steps solve one equation y1 = y0 + R(y0, y1). Their residuals, with the rounding of
+    Δ, are at most r. So two steps differ by at most 2r‖(I − ∂R/∂y1)⁻¹‖ in the largest component.
     """
     problem, _, _, dW = case.build()
     data, c = case.problem, tuple(float(v) for v in problem.c)

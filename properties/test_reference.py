@@ -2,7 +2,7 @@
 
 A step with s stages solves the collocation equations of Cohen and Hairer (2011) with the random step. Random systems
 are tested first, and their steps are solved by the reference code. Then come the reference vectors, stored solutions
-that a random search does not reach: states of extreme size, steps next to a fold, separatrices.
+that a random search does not reach: states of extreme size, the longest steps with a solution, separatrices.
 """
 
 from __future__ import annotations

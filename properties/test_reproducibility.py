@@ -1,4 +1,4 @@
-"""The bits of a result in a batch do not depend on the other states of the batch, its size, place or division."""
+"""The bits of a result do not depend on its batch: the other states, their number, the state's place, the division."""
 
 from __future__ import annotations
 

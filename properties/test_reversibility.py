@@ -3,7 +3,7 @@
 If H(ρy) = H(y) and B(ρy) = −ρB(y)ρᵀ, the exact flow is reversible (`sepv.properties._reversal`), also at the random
 time t + Σ c_jW_j. A symmetric scheme that commutes with ρ is reversible (Hairer, Lubich and Wanner, *Geometric
 Numerical Integration*, V.1, Theorem 1.5). Unlike the law "symmetry", this law takes no step with −h. Hybrid Monte Carlo
-needs it.
+needs reversible steps.
 """
 
 from __future__ import annotations

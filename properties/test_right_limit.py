@@ -1,14 +1,14 @@
 """The scheme converges to the Stratonovich solution of (1.1), and not to another process such as the Itô solution.
 
 The error is projected on the directions in which y(T) moves if the limit has too much drift, noise or Itô's correction.
-This gives the share by which each is wrong. The shares are extrapolated to h = 0 from three step sizes, with confidence
-intervals, and with their change if the coarsest step size is left out. The law holds if with confidence the shares of
-drift and noise are less than RESOLUTION and the rms error falls with h. It is violated if a share differs from zero by
-more than LEAST, or if neither the rms error nor a quantile of the error falls.
+This gives the share by which each of these is wrong. Shares are extrapolated to h = 0 from three step sizes. Their
+confidence intervals are widened by the change of a share if the coarsest step size is left out. The law holds if with
+confidence the shares of drift and noise are less than RESOLUTION and the rms error falls with h. It is violated if a
+share differs from zero by more than LEAST, or if neither the rms error nor a quantile of the error falls.
 
-A strong noise c hides the drift: if L is the slope of the field f, the drift moves y by 1/(c√L) of what the noise does,
-in every unit of time. So if the drift causes less than 1/HIDDEN of all movement, it may be wrong by RESOLUTION/HIDDEN
-of all movement. The law "local-mean" judges the drift alone. Movements by rounding alone are not judged.
+A strong noise c hides the drift: if L is the slope of the field f, the drift moves y by 1/(c√L) of what the noise does.
+If the drift causes less than 1/HIDDEN of all movement, it may therefore be wrong by RESOLUTION/HIDDEN of all movement.
+The law "local-mean" judges the drift alone. Movements by rounding alone are not judged.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ HIDDEN = 4.0
 
 
 def assessing(tilted: bool, orders: tuple[float, ...] = (1.0,), resolution: float = RESOLUTION) -> Assess:
-    """Make the test of a limit: the error probability alpha is halved between the shares and the fall of the error.
+    """Make the test of a limit: the shares and the fall of the error have the error probability alpha/2 each.
 
     The shares (`limit_errors`) by which drift and noise are wrong are means over paths. For a scheme of weak order 1 or
     more they expand in whole powers of h. For lower orders they may expand in powers of h^½ (differences over a length

@@ -2,14 +2,14 @@
 
 If the solver of a scheme stops at a tolerance, its residuals have one sign, and the energy drifts linearly.
 
-Let D be the defect of H after n steps in ulp of H, and w the change of H in a step by the rounding of y0 + z alone, so
-that w√n is the predicted random walk (`sepv.verification._tolerance`). Three quantities are judged:
+Let D be the defect of H after n steps in ulp of H, and w the change of H in a step y1 = y0 + z by the rounding of this
+sum alone. So w√n is the predicted random walk (`sepv.verification._tolerance`). Three quantities are judged:
 
 - size: the root mean square of D over paths is at most ALLOWED·w√n at every checkpoint;
 - drift: the mean of D over P paths is at most BIAS·w·n plus Student's t of level LEVEL times the standard error of the
   mean, which is the larger of the sample's and w√(n/P);
-- growth: the mean of D²/n at the last checkpoint is at most the larger of its value at the first checkpoint and w²,
-  times the quantile of level LEVEL of Fisher's F with (P, P) degrees of freedom.
+- growth: the mean of D²/n at the last checkpoint is at most q times its value at the first checkpoint, or q w² if that
+  is larger, with the quantile q of level LEVEL of Fisher's F with (P, P) degrees of freedom.
 
 If D is a sum of independent roundings, drift and growth fail with probability at most LEVEL each in each of four runs,
 and so with less than 1e-6 in all.
@@ -199,7 +199,7 @@ def _fewer(runs: list[tuple[Problem, float, int]]) -> list[tuple[Problem, float,
 def _spread(problem: Problem, paths: int) -> Array:
     """Compute P = `paths` states (d, P) along the drift's flow over SPREAD units of time, to six digits.
 
-    If the flow ends earlier, the P states are close to the initial state. If one leaves the domain, all are that state.
+    If the flow ends early, the states are near the initial state. If one leaves the domain, all are the initial state.
     """
     from scipy.integrate import solve_ivp  # takes half a second; only users' problems need it
 

@@ -1,6 +1,6 @@
 """Remark 2.1 and Lemma 3.1: |ζ| ≤ A_h = √(2k|ln h|), moment bounds, a k large enough, a step that uses all |ζ| ≤ A_h.
 
-Increments √h ξ are truncated to √h ζ. The paper prints the bound of Remark 2.1 with "=", but it is "≤", as here.
+Normal increments √h ξ are truncated to √h ζ. The paper prints the bound of Remark 2.1 with "=", but it is "≤", as here.
 
 The scheme must use the increments that it declares: at every h its step must respond to each ΔW_j in every sixteenth
 of [−√h A_h, √h A_h]. The innermost and outermost sixteenths and one more are tested. The response |∂y1/∂ΔW_j| of a step
@@ -8,10 +8,10 @@ y1 = y0 + Δf + ½Δ²f′f + O(Δ³) is c_j|f|(1 ± x), x = L(h + c_j√h A_h) 
 (1 + x)/(1 − x) times the smallest, 1.3 for x ≤ REACH, and 2 is allowed. If a scheme itself clips at less than 31/32 of
 A_h, that is with k′ < 0.93 k, its response in the outermost sixteenth is less than half of the largest.
 
-Step sizes h are drawn from 2⁻⁶⁰ to ½. If x > REACH, H is divided (`sepv.properties._orders.any_step`), but not for
-users' problems or an H that is no polynomial data: their range of h ends at x = REACH, and h, also in A_h, is in the
-problem's own unit of time. A scheme that itself clips by the plain number h is judged up to its clip. Responses below a
-solver's possible error are not judged.
+Step sizes h are drawn from 2⁻⁶⁰ to ½. If x > REACH, H is divided by a number (`sepv.properties._orders.any_step`). For
+users' problems and an H that is no polynomial data, the range of h ends at x = REACH instead, and h, also in A_h, is in
+the problem's own unit of time. A scheme that itself clips by the plain number h is judged up to its clip. Responses
+below a solver's possible error are not judged.
 """
 
 from __future__ import annotations

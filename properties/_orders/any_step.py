@@ -108,11 +108,11 @@ def lower_order(scheme: Scheme, run: Run) -> tuple[tuple[float, float, str] | No
     """Find an error that falls too slowly: return (slope, needed slope, text) or None; and the number of steps made.
 
     In the problem's own unit of time, a scheme of order p has errors Σ K_ab u^a v^b (1 + O(√h)), 2a + b = 2p + 1 (u, v:
-    see `Pair.growth`), with K_ab independent of the unit. A pair of steps violates the law if its slope is too low and
-    its error is more than ROOM times the bound by this sum and other pairs of the same noise (else of the problem's
-    own): those of the right slope, and the longest with an error below the floor. Both conditions are needed, because a
-    scheme that divides steps above some length has small errors of slope ½ there. If no pair has the right slope, no
-    violation is found here, because then the slope that the law itself measures is wrong.
+    see `Pair.growth`), with K_ab independent of the unit. So other pairs bound the error of a pair: those of the right
+    slope and the longest with an error below the floor, with the same noise or else the problem's own. A pair violates
+    the law if its slope is too low and its error exceeds ROOM times this bound. Both are needed, because a scheme that
+    divides steps above some length has small errors of slope ½ there. If no pair has the right slope, no violation is
+    found here, because then the slope that the law itself measures is wrong.
     """
     if scheme.asks:
         return None, 0

@@ -258,8 +258,8 @@ def mean_square_order(
 
     If errors have heavy tails, most samples underestimate the rms error and its interval. So `high` is the larger upper
     end of both slopes' intervals. If an order holds, the quantile's interval lies below it by chance with a probability
-    of at most alpha/2, whatever the tails. `low` is the larger of two numbers. One is the rms interval's lower end, or
-    the quantile interval's upper end if less. The other is the quantile interval's lower end, or the rms slope if less.
+    of at most alpha/2, whatever the tails. `low` is the larger of two minima: that of the rms interval's lower end and
+    the quantile interval's upper end, and that of the quantile interval's lower end and the slope of the rms error.
 
     Intervals are as if there were `more` times the paths. Samples that are `weighted`
     (`sepv.properties._orders.tilting`) have light tails, and for these no quantile is used.

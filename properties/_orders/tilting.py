@@ -1,8 +1,8 @@
 """Errors of high order with few paths: importance sampling of the rare large increments that cause the errors.
 
 With s stages a step's error is C(y)Δ^{2s+1}, and E|error|² is proportional to the (4s + 2)th moment of a normal number.
-For s = 4, increments of 4.4 standard deviations cause most of it, and its plain mean over 2000 paths of 8 steps has a
-relative standard deviation of more than 3. The mean error is proportional to the moment 2s + 2. So a third of the paths
+For s = 4, increments of 4.4 standard deviations cause most of E|error|². A plain mean over 2000 paths of 8 steps has a
+relative standard deviation of more than 3. The mean error is proportional to moment 2s + 2. So a third of the paths
 gets one increment, at a random place, along Σ c_jΔW_j, from the density |x|^p φ(x)/E|ξ|^p with p = 4s + 2 (a χ with
 p + 1 degrees of freedom and a random sign). Another third has p = 2s + 2. The weight of a path is its likelihood ratio
 

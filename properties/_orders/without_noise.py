@@ -51,8 +51,8 @@ STRIDES = (1, 2, 4)
 STATES = 3
 # The largest half-widths of an interval that may confirm an order (half of the way to the next) and refute one.
 WIDEST, REFUTES = 0.5, 0.25
-# A tolerance that was not stated leaves errors proportional to 1 or to h, because it is relative to y or y1 − y0 or for
-# a force. Errors that fall faster than h^UNSTATED do not come from a tolerance, however small they are.
+# A solver's tolerance that was not stated leaves errors proportional to 1 or h: it is relative to y, to y1 − y0 or to a
+# force. Errors that fall faster than h^UNSTATED do not come from a tolerance, however small they are.
 UNSTATED = 1.5
 # An interval that refutes must contain a whole number or be as near to one as this. Else it shows no power of h.
 WHOLE = 0.05

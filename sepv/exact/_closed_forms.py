@@ -1,7 +1,7 @@
 """Closed forms of the flow of y′ = B(y)∇H(y) for the oscillator, the rigid body and the pendulum.
 
-Each is a function (parameters, y0 (d,), θ (M,)) -> ((d, M), method). If the formula degenerates, for equal moments of
-inertia or near a separatrix, it returns None, and the flow is computed numerically.
+Each function gets the parameters, y0 (d,) and times θ (M,), and returns the states (d, M) and the method's name. It
+returns None where its formula degenerates (equal moments of inertia, near a separatrix): the flow is then numerical.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from sepv.problem import Array
 Parameters = Mapping[str, tuple[float, ...]]
 Result = tuple[Array, str] | None
 
-# The least distance from the separatrix, m = 1. Closer to it elliptic functions lose digits as functions of m.
+# The least |m − 1| for the parameter m of elliptic functions. On the separatrix m = 1, and near it they lose digits.
 SEPARATRIX = 1e-4
 _JACOBI = "Jacobi elliptic functions"
 

@@ -12,7 +12,7 @@ from sepv.problem import Array, Problem, vector_field
 
 # The number of states along an orbit. They resolve harmonics up to half of this number.
 PHASES = 64
-# The longest time within which an orbit must close, in units of |y|/|f|.
+# The longest time within which an orbit must close, in units of |y|/|f| with the field f = B∇H.
 LONGEST = 512.0
 
 

@@ -23,9 +23,9 @@ _PICARD = 60
 
 @dataclass(frozen=True)
 class DenseSolution:
-    """A solution of y′ = f(y) as a function of time: a Legendre series of f with s terms on each of P intervals.
+    """A solution of y′ = f(y) as a function of time: a Legendre series of f with s terms on each of P panels.
 
-    These panels have edges (P+1,), states at their left ends (d, P), and Legendre coefficients of f (d, s, P).
+    The panels have edges (P+1,), states at their left ends (d, P), and Legendre coefficients of f (d, s, P).
     """
 
     edges: Array
@@ -75,7 +75,7 @@ def solve_dense(
         The number s of Gauss nodes on a panel, one interval of time. A panel is halved until its Legendre series decays
         to rounding; the next is longer if it decays faster. The first has the length shrink · min(½, ½(1 + |y|)/|f|).
     shrink : float
-        A factor of the first panel's length: two solutions that are compared should have different panels.
+        A factor of the first panel's length. It gives two solutions that are compared different panels.
 
     Raises
     ------
@@ -135,7 +135,7 @@ def _panel(f: Callable[[Array], Array], y: Array, H: float, A: Array, to_series:
             previous = change
         else:
             return F, 0
-    # The last coefficients contribute to y with a factor 1/(2(2k + 1)) from the integral of P_k.
+    # Coefficient k of f contributes to y with the factor 1/(2(2k + 1)), from the integral of Legendre's P_k.
     weights = 1 / (2 * (2 * np.arange(len(A))[-3:] + 1))
     tail = np.max(np.abs(F @ to_series[-3:].T) * weights) * abs(H)
     # The largest component on the panel, which is not zero if the flow starts at the origin and leaves it.

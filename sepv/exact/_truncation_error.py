@@ -1,17 +1,17 @@
 """The rms error from clipping the normal increments at √h A_h (Remark 2.1), which ordinary samples do not show.
 
 A step with ζ = clip(ξ, ±A_h) in place of a normal ξ ends on the exact flow at the time θ + c√h(ζ − ξ). Over a path
-these shifts have the mean 0 and the variance T|c|²E(ξ − ζ)², with Q(A) = P(ξ > A) and the normal density φ,
+these shifts have mean 0 and variance T|c|²E(ξ − ζ)². With A = A_h, Q(A) = P(ξ > A) and the normal density φ,
 
-    E(ξ − ζ)² = 2∫_A^∞ (x − A)² φ(x) dx = 2((1 + A²)Q(A) − Aφ(A)) ≈ 4φ(A)/A³ = O(h^k |ln h|^(−3/2)),
+    E(ξ − ζ)² = 2∫_A^∞ (x − A)² φ(x) dx = 2((1 + A²)Q(A) − Aφ(A)) ≈ 4φ(A)/A³ = O(h^k |ln h|^(−3/2)).
 
-so that clipping has an rms error of |f| |c| √(T E(ξ − ζ)²) = O(h^{k/2}|ln h|^(−3/4)). Its square is added to that of
-the scheme's error on unclipped paths. For a scheme of order p and k = 2p both errors have the order p, and for
-collocation with three or more stages clipping has the larger one. For k = 4p clipping has O(h^{2p}), at most a few
-per cent of the scheme's error for h ≤ ¼ (`sepv.schemes._scheme.truncation_for`).
+So for the field f clipping has an rms error of |f| |c| √(T E(ξ − ζ)²) = O(h^{k/2}|ln h|^(−3/4)). If a scheme has the
+order p and k = 2p, its own error and the error of clipping both have the order p. For collocation with three or more
+stages the error of clipping is larger. If k = 4p, it is O(h^{2p}), at most a few per cent of the scheme's error for
+h ≤ ¼ (`sepv.schemes._scheme.truncation_for`).
 
 A path of N steps has a clipped increment with probability 2NQ(A_h), below 10⁻⁶ for k ≥ 4 and N = 64. A sample therefore
-shows the error of unclipped paths, to which the error of clipping must be added.
+shows the error of unclipped paths. The square of the error of clipping must be added to the square of this error.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ def check_protocol(
 ) -> list[Check]:
     """Send messages to a program, which is started as by `load_program`, and report each answer as right or wrong.
 
-    The check stops after a failed start or hello, because no later answer means anything.
+    The check stops after a failed start or a wrong answer to "hello", because no later answer means anything.
 
     Parameters
     ----------

@@ -75,7 +75,7 @@ class Program:
             return given[0], answer[given[0]]
 
     def stop(self, say: bool = True) -> str | None:
-        """End the program by a message or by closing its input. Describe how it ended, None if it had to be killed."""
+        """End the program by a message or by closing its input. Return how it ended, or None if it had to be killed."""
         with self.lock:
             child, self.child = self.child, None
             if child is None or child.owner != os.getpid():

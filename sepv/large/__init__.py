@@ -1,4 +1,4 @@
-"""Large systems of dimension d = 10⁴ and more: one path, B sparse, Newton's matrix banded or sparse, cost linear in d.
+"""Paths of large systems, d = 10⁴ and more. B is sparse, Newton's matrix banded or sparse, the cost linear in d.
 
 SciPy's sparse matrices are imported when a step is made, and not before.
 """

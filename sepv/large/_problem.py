@@ -1,8 +1,8 @@
-"""The record of a large problem, with sparse matrices where `sepv.Problem` has dense ones.
+"""The class of large problems, with sparse matrices where `sepv.Problem` has dense ones.
 
 `sepv.Problem` returns B(y) as (d, d) and B′ as (d, d, d): at d = 10⁴ that is 0.8 GB and 8 TB. Here B is a sparse
-matrix, and B′ is replaced by its product with a vector, which Newton's matrix needs. There are no batches, because one
-state already fills the processor's vector units.
+matrix, and B′ is replaced by its product with a vector, because Newton's matrix needs only this product. There are no
+batches, because one state already fills the processor's vector units.
 """
 
 from __future__ import annotations

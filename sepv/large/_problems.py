@@ -31,10 +31,10 @@ def _at_least(name: str, n: int, least: int) -> None:
 def volterra_lattice(
     d: int, *, periodic: bool = False, noise: tuple[float, ...] = (1.0,), seed: int = 0
 ) -> LargeProblem:
-    """The Volterra lattice y_i′ = y_i(y_{i+1} − y_{i−1}): B_{i,i+1} = y_i y_{i+1} and H = Σ y_i, positive states.
+    """The Volterra lattice y_i′ = y_i(y_{i+1} − y_{i−1}) for positive y: B_{i,i+1} = y_i y_{i+1} and H = Σ y_i.
 
     An open chain of odd length has the Casimir Σ ln y_i over odd i; a periodic chain of even length also has the sum
-    over even i. (2.1) keeps H, but not these Casimirs, which are not quadratic. Each y_i starts uniform in [¾, 1¼].
+    over even i. Scheme (2.1) keeps H, but not these Casimirs, which are not quadratic. Each y_i starts in [¾, 1¼].
     """
     _at_least("d, the length of the chain", d, 3)
     i = np.arange(d if periodic else d - 1)
@@ -47,7 +47,7 @@ def volterra_lattice(
         return _sparse(d, rows, cols, np.concatenate([w, -w]))
 
     def structure_slope(y: Array, v: Array) -> Sparse:
-        # Row i of B(y)v is Σ ± y_i y_j v_j, with the derivative ± y_i v_j by y_j, and Σ ± y_j v_j by y_i.
+        # Row i of B(y)v is Σ_j ± y_i y_j v_j. Its derivative by y_j is ± y_i v_j, and by y_i it is Σ_j ± y_j v_j.
         sign = np.concatenate([np.ones(i.size), -np.ones(i.size)])
         return _sparse(d, *both, np.concatenate([sign * y[rows] * v[cols], sign * y[cols] * v[cols]]))
 
@@ -131,7 +131,7 @@ def nonlinear_schroedinger(
 
     Here u = q + ip, y = (q₁, p₁, q₂, …) and d = 2n. H = ½Σ|u_{j+1} − u_j|²/Δx² − ¼κΣ|u_j|⁴ with free ends is quartic:
     two Gauss nodes are exact. The initial state is a wave with |u_j| = 1, perturbed at random. The flow keeps the
-    mass Σ|u_j|², because H does not depend on the phase of u. The mass is no Casimir, and (2.1) does not keep it.
+    mass Σ|u_j|², because H does not depend on the phase of u. The mass is no Casimir; scheme (2.1) does not keep it.
     """
     _at_least("n, the number of points", n, 2)
     if not (np.isfinite(spacing) and spacing > 0 and np.isfinite(strength)):
@@ -190,7 +190,7 @@ def spin_chain(
 ) -> LargeProblem:
     """The Landau-Lifshitz chain S_i′ = S_i × ∇_iH of n spins, d = 3n: H = −Σ S_i·S_{i+1} − ¼a Σ (S_i)₃⁴.
 
-    B is block diagonal with B(y)v = S_i × v in block i. The n quadratic Casimirs |S_i|² are all kept by (2.1).
+    B is block diagonal with B(y)v = S_i × v in block i. Scheme (2.1) keeps all n quadratic Casimirs |S_i|².
     """
     _at_least("n, the number of spins", n, 2)
     d = 3 * n

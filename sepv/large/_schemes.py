@@ -1,4 +1,4 @@
-"""Steps of (2.1) and of the midpoint rule (3.4) for one large state y (d,) with the random step Δ.
+"""Steps of scheme (2.1) and of the midpoint rule (3.4) for one large state y (d,) with the random step Δ.
 
 Newton's method is that of `sepv.solve._newton`, with sparse matrices: LAPACK's band solver for narrow bands, else
 SuperLU. The cost of both is linear in d if only neighbours of a chain are coupled.
@@ -21,7 +21,7 @@ from sepv.schemes import energy_preserving_formula as _energy_preserving
 from sepv.schemes import midpoint_formula as _midpoint
 from sepv.solve import Equations, Evaluation, Formula, Status, Tangent, newton, once
 
-# The largest 2l + u + 1 for l lower and u upper diagonals, which the band solver needs with pivoting. For wider bands
+# The most rows of band storage. With pivoting, l lower and u upper diagonals need 2l + u + 1 rows. For wider bands
 # SuperLU is faster.
 WIDEST_BAND = 64
 
@@ -82,7 +82,7 @@ class LargeSlopes:
         return self.apply(y, self.gradient(y))
 
     def mean_gradient(self, y: Array, z: Tangent) -> Tangent:  # noqa: ARG002 - y0 and z
-        """The averaged gradient and its derivative ∫₀¹τH″dτ by z, by few nodes, as only Newton's matrix uses it."""
+        """The averaged gradient, and its derivative ∫₀¹τH″dτ by z with few nodes, which suffice for Newton's matrix."""
         fields, degree = self.fields, self.problem.degree
         points, weights = gauss_legendre(3 if degree is None else mean_nodes(degree))
         first, *others = (
@@ -103,7 +103,7 @@ class LargeSolution:
 
 
 def solve(problem: LargeProblem, y0: Array, formula: Formula, delta: float) -> LargeSolution:
-    """Solve y1 = y0 + R(y0, y1, delta) by Newton's method, without a second attempt; `formula` computes R."""
+    """Solve y1 = y0 + R(y0, y1, delta) by one attempt of Newton's method; `formula` computes R."""
 
     def evaluate(z: Array, _: NDArray[np.intp]) -> Evaluation:
         fields: Any = LargeFields(problem, y0, z[:, 0])

@@ -12,8 +12,8 @@ from sepv.statistics._quantiles import students_t
 
 Array = NDArray[np.float64]
 
-# The number of groups of paths for the jackknife. More groups would have too few paths for a mean square over a group
-# that is nearly normal; fewer would have a larger t-quantile (here with 31 degrees of freedom).
+# The number of groups of paths for the jackknife. With more groups, each would have too few paths for a nearly normal
+# mean square. With fewer, the t-quantile (here with 31 degrees of freedom) would be larger.
 GROUPS = 32
 
 
@@ -37,10 +37,10 @@ class Estimate:
 
 
 def jackknife(samples: Array, statistic: Callable[[Array], float], alpha: float) -> Estimate:
-    """Estimate a statistic of n means over paths, the means of samples (n, paths), with an interval by the jackknife.
+    """Estimate `statistic`, a function of the n means over paths of `samples` (n, paths), and its interval.
 
-    The statistic is computed without each of GROUPS groups of paths in turn. Student's t with GROUPS − 1 degrees of
-    freedom gives the interval.
+    The paths are divided into GROUPS groups, and the statistic is computed again with each group left out in turn.
+    The jackknife's interval is that of Student's t with GROUPS − 1 degrees of freedom.
     """
     parts = np.array_split(samples, GROUPS, axis=1)
     groups = np.stack([part.sum(axis=1) for part in parts])
@@ -52,7 +52,7 @@ def jackknife(samples: Array, statistic: Callable[[Array], float], alpha: float)
 
 
 def jackknife_half(left_out: Array, alpha: float) -> float:
-    """Half the width of the interval of level 1 − alpha, from values (G,) of a statistic without each of G groups.
+    """Half the width of the interval of level 1 − alpha, from G values of a statistic, each with one group left out.
 
     The interval is that of Student's t with G − 1 degrees of freedom (R. G. Miller, Biometrika 61, 1974).
     """

@@ -1,21 +1,21 @@
 """Theory of the energy of a symplectic scheme with random steps, one degree of freedom: random walk, drift and offset.
 
-With a step Δ a symplectic scheme keeps a modified Hamiltonian H + Δ²H₂ + … to high order, another one for each Δ. With
-random steps, therefore, the energy is not kept. For the midpoint rule, f = J⁻¹∇H, L = f·∇ and H₂ = −fᵀH″f/24,
+With a fixed step Δ a symplectic scheme keeps, to high order, a modified Hamiltonian H + Δ²H₂ + … that depends on Δ. So
+with random steps the energy is not kept. For the midpoint rule, with f = J⁻¹∇H, L = f·∇ and H₂ = −fᵀH″f/24,
 
     H(y1) − H(y0) = −Δ²(H₂(y1) − H₂(y0)) + O(Δ⁵) = Δ³G + O(Δ⁴),   G = −LH₂ = H‴(f, f, f)/24 = −∇H·(c − c̃),
 
-with c(y) of (3.1) and c̃(y) of (3.5) in the paper. Let X = Σ c_jΔŴ_j be the noise in Δ, and κ = E X⁴/E X², 3|c|²h if
-not truncated. X³ − κX is uncorrelated with X, and only X moves the phase. To leading order, H + κH₂ has therefore steps
-of mean zero, and the energy does a random walk of variance 2Dt with D = (E X⁶ − (E X⁴)²/E X²)⟨G²⟩/(2h), which is
-3|c|⁶h²⟨G²⟩ without truncation. ⟨·⟩ is the average over the orbit.
+with c(y) of (3.1) and c̃(y) of (3.5) in the paper. Let X = Σ c_jΔŴ_j be the noise in Δ, and κ = E X⁴/E X², which is
+3|c|²h without truncation. X³ − κX is uncorrelated with X, and only X moves the phase on the orbit. So the changes of
+H + κH₂ have mean zero to leading order, and H does a random walk of variance 2Dt. With the average ⟨·⟩ over the orbit,
+D = (E X⁶ − (E X⁴)²/E X²)⟨G²⟩/(2h), which is 3|c|⁶h²⟨G²⟩ without truncation.
 
-This module computes D from the scheme's own steps, with all powers of Δ. The phase φ on the orbit is a Markov chain,
-φ → φ + Δ, with increments u(φ, Δ) of the energy. The variance of their sum grows by 2Dh per step,
+This module computes D with all powers of Δ, from single steps of the scheme at states of the exact orbit. The phase φ
+is a Markov chain, φ → φ + Δ, in which the energy grows by u(φ, Δ). The variance of the sum of u grows by 2Dh per step,
 
     2Dh = ⟨E u²⟩ + 2 Σ_{n ≥ 1} ⟨E u_0 u_n⟩,
 
-a geometric series for each harmonic of u (M. Green 1954, R. Kubo 1957).
+which is a geometric series for each harmonic of u (M. Green 1954, R. Kubo 1957).
 
 The drift follows from symplecticity. Every step keeps the area, so the measure dI of the action I is stationary, and no
 mass crosses I = 0. The only diffusion with both properties is p_t = ∂_I(D_I ∂_I p), D_I = D/ω², in which I drifts by
@@ -23,7 +23,7 @@ D_I′(I). In terms of H, with dH = ω dI and the period T = 2π/ω,
 
     E[H(y_n)] − H(y0) = offset + t (1/T) d(T D)/dH.
 
-The offset is O(h), κ(H₂(y0) − ⟨H₂⟩) for the midpoint rule, reached once the phase is forgotten. The drift is O(h²).
+The offset is reached once the phase is random. It is O(h), for the midpoint rule κ(H₂(y0) − ⟨H₂⟩). The drift is O(h²).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Energy over long times: E[H(y_n)] − H(y0) and the rms of H(y_n) − H(y0) against t, with a verdict each.
+"""Energy over long times: E[H(y_n)] − H(y0) and the rms of H(y_n) − H(y0) against t, with a verdict on both.
 
 Scheme (2.1) keeps H up to rounding. A symplectic scheme with a fixed step has an error that stays bounded for very
 long. With random steps, its energy does a random walk of rms O(√t), and its mean energy drifts; the drift is smaller
@@ -6,8 +6,8 @@ than the walk until t is of the order 1/h² (`_energy_diffusion`). An explicit s
 
 The errors at the times T/2^k are taken on the same paths. The growth is the exponent p of rms ∝ t^p over the last
 DOUBLINGS doublings of t; the drift is the mean over paths of (H(T) − H(T/4))/(3T/4). Both have intervals of confidence
-1 − LEVEL, the first by a jackknife over paths. So a kind of growth is taken for another, or a drift is seen where there
-is none, with probability LEVEL at most, as far as means over many paths are normal.
+1 − LEVEL, the first by a jackknife over paths. If means over many paths are normal, the probability that one kind of
+growth is taken for another is at most LEVEL, and so is the probability of a drift where there is none.
 
 This is a study and not a law of the suite. Schemes that do not keep H claim nothing about the growth of its error, and
 the drift of a symplectic scheme takes 10⁷ steps to see, fifty times the steps of all laws. The laws *energy* and

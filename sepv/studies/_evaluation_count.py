@@ -1,7 +1,7 @@
 """Counts of evaluations of B, ∇H and others: a scheme gets a copy of the problem whose functions count their calls.
 
-No count of evaluations depends on what a scheme reports. It is the exact number of states at which a function was
-evaluated, so that a single additional evaluation is seen.
+Each count is the exact number of states at which a function was evaluated, whatever the scheme reports. So a single
+additional evaluation is seen.
 """
 
 from __future__ import annotations

@@ -239,7 +239,7 @@ def _count(seen: Seen, sample: Sample, lanes: Array, what: str) -> None:
 
 
 def _tilt(case: HardCase, scheme: Scheme, y0: Array, y1: Array, h: float, dW: Array) -> Array | float:
-    """Bounds (M,) |Δ| gᵀ|S|g of the change of H that the symmetric part S of a B that is not quite skew causes.
+    """Bounds (M,) of the change of H by a B that is not quite skew: |Δ| gᵀ|S|g with the symmetric part S of B.
 
     g is the largest |∇H| at points from y0 to y1. A scheme's averages of ∇H exceed g by `amplification` at most.
     """

@@ -1,7 +1,7 @@
 """Pictures: looks of schemes, curves on axes, and a figure's content as a file. Drawing needs the extra ``plots``.
 
-The look of a scheme (colours, marker, dashes) is on its record. A scheme without a look is given one that no other has
-in the picture. The colours are those of M. Okabe and K. Ito (2008), darker on light paper, lighter on a dark screen.
+The look of a scheme (colours, marker, dashes) is a field of the scheme. A scheme without a look gets one that no other
+has in the picture. Colours are those of M. Okabe and K. Ito (2008), darker on light paper, lighter on a dark screen.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class Axis:
 
 
 def looks(names: Iterable[str], own_looks: Mapping[str, Look] | None = None) -> dict[str, Look]:
-    """The look of each scheme in a picture: from `own_looks`, else from the scheme's record, else a generated one.
+    """The look of each scheme in a picture: from `own_looks`, else from the scheme itself, else a generated one.
 
     Generated looks are assigned in the order of the names, so that the same names always look the same. Their markers
     differ from the markers of the other schemes.
@@ -94,7 +94,7 @@ def looks(names: Iterable[str], own_looks: Mapping[str, Look] | None = None) -> 
 def looks_of(series: Sequence[Series], look_of: Mapping[str, Look]) -> list[Look]:
     """The look of each curve: that of its scheme, with other dashes from the scheme's second curve on.
 
-    Curves without a scheme all look alike if there are curves with one; if there are none, they all differ.
+    If some curves have a scheme, the curves without one all look alike. If no curve has a scheme, all look different.
     """
     if not any(s.scheme for s in series):
         return [_free(n) for n in range(len(series))] if len(series) > 1 else [REFERENCE] * len(series)
