@@ -2,5 +2,5 @@
 
 Four subpackages do import schemes and problems: `faults` (schemes broken on purpose, by which laws are measured),
 `hard` (the catalogue of hard cases), `paper` (the paper's experiments measured again) and `peers` (solvers of other
-libraries). The modules beside these four import none of them.
+libraries). No module outside these four imports a scheme, a problem or one of the four.
 """

@@ -1,4 +1,4 @@
-"""Arithmetics in which one formula is evaluated: the numbers and functions that problems and schemes need.
+"""Kinds of numbers in which a formula can be evaluated, each with the functions that problems and schemes need.
 
 A formula is written once, with + − × ÷ and integer powers, and evaluated in binary64, in decimal digits
 (mpmath), in balls (`sepv.reference.balls`) or as a power series (`sepv.reference.series`). No derivative is
@@ -187,7 +187,7 @@ def sinc_slope(x: Number, cos: Number, sinc: Number) -> Number:
 
 
 def log1p_ratio_slope(x: Number, value: Number) -> Number:
-    """The derivative of log(1 + x)/x, (1/(1 + x) − log(1 + x)/x)/x, for |x| < 1e-3 by its series, to about 1e-12."""
+    """The derivative (1/(1 + x) − log(1 + x)/x)/x of log(1 + x)/x; for |x| < 1e-3 its series, to about 1e-12."""
     if abs(x) < 1e-3:
         return -1 / 2 + x * (2 / 3 - x * (3 / 4 - x * (4 / 5)))
     return (1 / (1 + x) - value) / x

@@ -2,9 +2,9 @@
 
 The equation of an implicit scheme has one solution near y0 if the random step Δ = h + Σ c_j ΔW_j is small. Let the
 step be t(h, ΔW) with t growing from 0 to 1. The solution moves with t, and may meet another solution at a fold, where
-the Jacobian is singular and the curve of solutions turns back. No solution for a larger t continues this curve. One
-may still exist, after a second fold or on another curve: if {H = H(y0)} is bounded, there is a solution for every Δ
-(Leray and Schauder). A solver that returns such a solution has changed branches.
+the Jacobian is singular and the curve of solutions turns back. No solution for a larger t continues this curve.
+A solution may still exist, after a second fold or on another curve: if {H = H(y0)} is bounded, there is one for every
+Δ (Leray and Schauder). A solver that returns it has changed branches.
 """
 
 from __future__ import annotations

@@ -155,7 +155,7 @@ def _krawczyk(
         raise NotCertified("The Jacobian at the reference is singular.") from broken
     defect = matrix(n, n, [int(i == j) for i in range(n) for j in range(n)]) - Y * slopes
     contraction = max((sum(map(abs, row), arb(0)).upper() for row in defect.tolist()), key=float)
-    # One Newton step improves the centre from the precision of the reference to that of the balls.
+    # One Newton step improves the centre of the box from the precision of the reference to that of the balls.
     start = matrix([[v] for v in residual(reference)])
     centre = [(v - c).mid() for v, c in zip(reference, (Y * start).entries(), strict=True)]
     moved = (Y * matrix([[v + ball(error)] for v in residual(centre)])).entries()

@@ -125,7 +125,7 @@ def _euler_heun(problem: ExactProblem, y0: Vector, step: Step, _: Vector) -> Vec
 
 
 def _milstein(problem: ExactProblem, y0: Vector, step: Step, _: Vector) -> Vector:
-    """Milstein's y0 + f Δ + ½ f′f S², S = Σc_jΔW_j; in Itô form y0 + (f + ½Σc_j² f′f)h + f S + ½ f′f (S² − Σc_j² h)."""
+    """Milstein, S = Σc_jΔW_j: y0 + f Δ + ½ f′f S², in Itô form y0 + (f + ½Σc_j² f′f)h + f S + ½ f′f (S² − Σc_j² h)."""
     f0 = problem.field(y0)
     half_S2 = problem.number(0.5) * step.S * step.S
     return _plus(y0, _times(step.delta, f0), _times(half_S2, problem.field_slope(y0, f0)))

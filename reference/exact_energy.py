@@ -1,4 +1,4 @@
-"""The Hamiltonian H in extended precision for every problem description, those of the hard cases included."""
+"""The Hamiltonian H in extended precision for every problem description, also for those of the hard cases."""
 
 from __future__ import annotations
 

@@ -121,7 +121,7 @@ def enclosed(data: Description, y: Sequence[float], theta: float, digits: int = 
 def _enclosed_step(
     problem: ExactProblem, state: Vector, left: Any, order: int, digits: int
 ) -> tuple[Any, Vector]:
-    """Take a step of at most `left`, the time that remains; return its length and balls that contain the solution."""
+    """Take a step of at most `left`, the remaining time; return the step's length and balls with the solution."""
     series = solution_series(problem.data, problem.arithmetic, state, order - 1)
     size = max(abs(v).upper() for v in state)
     last = max(abs(row[-1]).upper() for row in series)

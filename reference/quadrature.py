@@ -1,4 +1,4 @@
-"""Rigorous bound of the error of a Gauss rule in a scheme's equation, needed if H is not a polynomial.
+"""A rigorous bound of the error of a Gauss rule in a scheme's equation, which is needed if H is not a polynomial.
 
 If g is analytic in the Bernstein ellipse of parameter ρ around [−1, 1] and |g| ≤ M in it, the N-point Gauss rule
 is off by at most (64/15) M ρ^(−2(N−1))/(1 − ρ⁻²) (Trefethen, *Approximation Theory and Approximation

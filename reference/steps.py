@@ -102,7 +102,7 @@ def reference_step(
     """Solve one step from y to `digits` digits of the largest component.
 
     If the equation has several solutions, the result is the one that Newton's method finds from y, or from `start`. If
-    Newton's method finds none, it is the one that is reached by following the solution from y as the step grows from 0.
+    Newton's method finds none, the result is the solution that is reached from y as the step grows from 0.
 
     Parameters
     ----------
@@ -211,7 +211,7 @@ def _guess(
     scale: float,
     start: Vector | None,
 ) -> Root | Failure:
-    """The root of the equation in binary64, the start of the search in mpmath. A Failure if binary64 cannot hold it."""
+    """The root in binary64, from which the search in mpmath starts; a Failure if binary64 cannot hold the root."""
     problem = binary64_problem(data)
     try:
         y0, step = problem.state(y), make_step(problem, h, dW)
@@ -230,7 +230,7 @@ def _in_digits(
     digits: int,
     start: Vector | None,
 ) -> Root | Failure:
-    """The root of the equation by mpmath alone, for values beyond the exponents of binary64."""
+    """The root of the equation by mpmath alone, for a root beyond the exponents of binary64."""
     residual = _bound(equation, exact, y0, step)
     try:
         first = [exact.ctx.mpf(v) for v in start] if start else _start(equation, exact, y0, step)

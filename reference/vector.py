@@ -1,4 +1,4 @@
-"""Reference vectors: one step, or one exact flow, with its result to 50 digits, as a record and as JSON.
+"""Reference vectors: one step, or one exact flow, with its result to 50 digits, as an object and as JSON.
 
 The files are made by `python -m benchmarks.vectors` only; docs/vectors.md explains them to readers in any language.
 """

@@ -25,10 +25,10 @@ from sepv.workers import ended_at_once
 from .saboteurs import SABOTEURS, Saboteur
 
 SEEDS = tuple(range(10))
-# The time limit of one law in seconds; a law takes one to ten. A slower saboteur ends in an error.
+# The time limit of one law in seconds. A law takes one to ten; a slower saboteur ends in an error.
 TIMEOUT = 120.0
-# No checks for simplifying a counterexample. So `Finding.checks` is the number of examples up to and including the
-# first failure.
+# No checks are spent on simplifying a counterexample. So `Finding.checks` is the number of examples up to and including
+# the first failure.
 _NO_SHRINKING = 0
 
 
@@ -58,7 +58,7 @@ class Detection:
         )
 
     def to_json(self) -> dict[str, Any]:
-        """The record as a JSON object, for a file beside the table."""
+        """The fields as a JSON object, for a file beside the table."""
         return {**self.__dict__, "verdict": self.verdict.value, "kills": self.kills}
 
 
@@ -156,7 +156,7 @@ def missed(detections: Sequence[Detection]) -> list[tuple[str, str]]:
 
 
 def examples_to_kill(detections: Sequence[Detection]) -> dict[tuple[str, int], int]:
-    """Map (saboteur, seed) to the fewest inputs after which a law found the fault; faults not found are left out."""
+    """Map (saboteur, seed) to the fewest examples after which a law found the fault; faults not found are left out."""
     fewest: dict[tuple[str, int], int] = {}
     for b in detections:
         if b.kills:

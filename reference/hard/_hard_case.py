@@ -1,4 +1,4 @@
-"""The record of a hard case, which is a family of steps that are hard to solve, and helpers to draw such steps."""
+"""The class of hard cases, which are families of steps that are hard to solve, and helpers to draw such steps."""
 
 from __future__ import annotations
 
@@ -38,13 +38,13 @@ class HardCase:
     data : PolynomialSystem or NamedProblem
         The problem as data, which can be sent to other processes; its H is evaluated in extended precision.
     sample : (rng, lanes) -> Sample
-        Draws `lanes` random steps of the family.
+        Draws M = `lanes` random steps of the family.
     refusals : tuple of str
         The statuses other than CONVERGED that a step of the family may end in.
     laws : tuple of str
         The laws that hold for every step of the family, with whatever solver.
     structure : callable, optional
-        A structure matrix that replaces the one of `data` without a check, for a B that is not quite skew.
+        A structure matrix that replaces that of `data` without a check: it may be not quite skew.
     skewness : float
         The size of the symmetric part of `structure`, which moves H by |Δ| skewness |∇H|².
     """

@@ -47,7 +47,7 @@ CASES = (
         laws=("energy", "midpoint"),
     ),
     HardCase(
-        # Half of the states overflow H but not ∇H, the other half overflow both.
+        # At half of the states H overflows but ∇H does not; at the other half both overflow.
         "overflowing-energy", "|y| from 1e52 to 1e70 with H of degree 6: H, then ∇H, is beyond 1e308",
         "refused: overflow, or no convergence at |Δ| 1e208 times the contraction radius",
         PolynomialSystem(2, polynomial(2, {(6, 0): 0.25, (0, 6): 0.25, (2, 0): 0.5}), canonical(2)),

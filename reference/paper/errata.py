@@ -1,4 +1,4 @@
-"""Sentences of the paper that do not hold as printed, as data: the passage, what holds instead, and evidence.
+"""Sentences of the paper that do not hold as printed, as data: the passage, the right statement, and evidence.
 
 An entry quotes its sentence together with its neighbours, since a sentence may be completed by the next one. Formulas
 are between backticks and omissions are marked by "…"; the rest is the paper's text, word by word

@@ -25,7 +25,7 @@ ORDER = order.Setting(
         "splitting, which the paper does not show, is added",
     ),
 )  # fmt: skip
-# Errors on the interval of the energy plot, against the kind of reference that §4.4 names.
+# Errors on the interval of the energy plot, against a scheme with a fine step, the kind of reference that §4.4 names.
 FINE = order.Setting(
     "4.6", PROBLEM, T=5.0, steps=(1280, 2560, 5120, 10240, 20480), samples=128, schemes=("midpoint", "milstein"),
     source="Figure 4.6, right, on the interval of its left plot", place="§4.4",

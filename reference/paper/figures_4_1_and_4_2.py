@@ -30,7 +30,7 @@ ORDER = order.Setting(
     chosen=("step sizes 2^-4 to 2^-7", "the exact solution instead of Milstein's scheme with h = 2^-14"),
     same=(("energy-preserving", "midpoint", *_SAME), ("energy-preserving", "discrete-gradient", *_SAME)),
 )  # fmt: skip
-# Errors against the kind of reference that §4.1 names, on fewer samples.
+# Errors against a scheme with a fine step, the kind of reference that §4.1 names, on fewer samples.
 FINE = order.Setting(
     "4.2", PROBLEM, T=5.0, steps=(5120, 10240, 20480, 40960, 81920), samples=128,
     schemes=("milstein", "energy-preserving"), source="Figure 4.2, the paper's own kind of reference", place="§4.1",

@@ -19,7 +19,7 @@ STEPS, H = 32_000, 2.0**-6
 LOSE = ("euler-maruyama", "euler-heun", "milstein")
 KEEP = ("discrete-gradient", "energy-preserving")
 SHOWN = (*LOSE, "midpoint", *KEEP)
-# Samples beside the one that is drawn cost explicit schemes nothing, and the midpoint rule little.
+# The number of samples; one is drawn. Further samples cost explicit schemes nothing, and the midpoint rule little.
 SAMPLES = {"energy-preserving": 1, "discrete-gradient": 1, "midpoint": 32}
 RUNS = runs.LongRuns("4.4", PROBLEM, H, STEPS, SHOWN, SAMPLES, others=64)
 NOT_SAID = "(ours) not said in §4.3"
@@ -45,7 +45,7 @@ _PARAMETERS = {"p0": 0.2, "q0": 1.0, "c": [1.0, 0.5], "h": H}
 
 def jobs(size: Size) -> list[Job]:
     """The jobs: long runs, mean energies of the midpoint scheme, errors at T, and errors of a fine-step reference."""
-    # The number of steps is a power of two, so that the times are halves of each other.
+    # The number of steps is a power of two, so that each time is half of the next.
     T = max(MEAN_H) * 2 ** (size.steps(MEAN_STEPS).bit_length() - 1)
     given = {"T": T, "paths": size.samples(MEAN_PATHS), **size.given}
     # A batch of thousands of paths costs six times as much as one path.
@@ -68,7 +68,7 @@ def long_time(results: Results) -> list[Panel]:
 
 
 def convergence(results: Results) -> list[Panel]:
-    """The panels of Figure 4.5: errors against the exact solution, and what a fine-step reference hides of them."""
+    """The panels of Figure 4.5: errors against the exact solution, and against a scheme with a fine step."""
     return [order.panel(ORDER, results), order.fine_panel(FINE, results)]
 
 

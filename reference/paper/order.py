@@ -27,7 +27,7 @@ class Setting:
 
     source : the plot of the paper that this repeats
     place : where the paper states the order of (2.1), or names a reference with a fine step
-    same : pairs of schemes with equal steps on this problem, each with the paper's place that says so and the reason
+    same : pairs of schemes with equal steps on this problem, each with the place in the paper and the reason
     """
 
     figure: str

@@ -181,7 +181,7 @@ def coarsened(fine: Array, steps: Sequence[int]) -> Iterator[tuple[int, Array]]:
 def rounding_bound(steps: int) -> float:
     """A bound on the relative change of an invariant, in `steps` steps, of a scheme that keeps it except for rounding.
 
-    For a quadratic invariant, which rounding moves by at most 2 eps of its value in a step; for H see `rounding_walk`.
+    The invariant is quadratic: rounding moves it by at most 2 eps of its value in a step. For H see `rounding_walk`.
     """
     return 8 * EPS * float(np.sqrt(steps))
 

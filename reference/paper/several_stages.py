@@ -1,7 +1,7 @@
 """Collocation with s stages for several structures G_j: mean-square order s if all fields commute.
 
 With the increments of a step fixed, dy = B∇H dt + Σ c_j G_j∇H ∘dW_j becomes y′ = P(y)∇H, P = h B + Σ c_jΔW_j G_j,
-over a unit of time. If all fields commute, the flow of y′ = P(y)∇H is the exact step. The s-stage method of Cohen and
+over one unit of time. If all fields commute, the flow of y′ = P(y)∇H is the exact step. The s-stage method of Cohen and
 Hairer (2011) for this equation has a local error of order 2s + 1 in √h, so that the mean-square order is s. The method
 keeps H, because P is skew, and quadratic Casimirs common to all structures. If the fields do not commute, the order is
 that of `sepv.schemes.several_structures`.

@@ -1,4 +1,4 @@
-"""Compute all figures of the paper: run their jobs in processes, and collect the results in one record."""
+"""Compute all figures of the paper: run their jobs in processes, and collect the results in one object."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ class Reproduction:
         return (*(s for p in self.panels for s in p.statements), *self.text)
 
     def to_json(self) -> dict[str, Any]:
-        """The record as JSON, in the form that sepv/schemas/reproduction.schema.json describes."""
+        """The reproduction as JSON, in the form that sepv/schemas/reproduction.schema.json describes."""
         import numpy
         import scipy
 

@@ -1,4 +1,4 @@
-"""Steps of JAX's libraries for mechanical problems H = ½pᵀM⁻¹p + V(q): compiled, in float64, V written in JAX.
+"""Steps of libraries that use JAX, for mechanical problems H = ½pᵀM⁻¹p + V(q): compiled, in float64, V written in JAX.
 
 A polynomial problem is data to the compiled step, so that a new random problem compiles nothing. It is padded with
 coordinates q = p = 0 of mass 1 that stay at rest, because V does not depend on them. JAX's own context manager turns
@@ -23,7 +23,7 @@ from sepv.problem import Array, Mechanics
 # JAX has had this context manager in two places.
 enable_x64 = jax.enable_x64 if hasattr(jax, "enable_x64") else import_module("jax.experimental").enable_x64
 
-# A function (V, M⁻¹, q, p, h) -> (q1, p1), with M⁻¹ of shape (n,) where it is diagonal, else (n, n).
+# A function (V, M⁻¹, q, p, h) -> (q1, p1). M⁻¹ has the shape (n,) if it is diagonal, else (n, n).
 Step = Callable[..., tuple[Any, Any]]
 
 

@@ -6,13 +6,13 @@ problems are data to the compiled code, so that a new random problem compiles no
 JAX computes in float64 only where its switch is on. JAX's own context manager turns it on around each call, for one
 thread; importing this module changes nothing in JAX.
 
-ShARK, SRA1 and SEA need additive noise, but the noise of (1.1) is not; ALIGN, ShOULD and QUICSORT are for Langevin
-dynamics. Older releases have fewer solvers: a missing one is None here, and its name is in `PEER.absent`.
+ShARK, SRA1 and SEA need additive noise, and the noise of (1.1) is not additive. ALIGN, ShOULD and QUICSORT are for
+Langevin dynamics. Older releases have fewer solvers: a missing one is None here, and its name is in `PEER.absent`.
 
 In a comparison all paths are one state (d, M) and one compiled loop over given increments. All noises drive one field,
 so that most solvers can be given dy = f(y)∘dθ with θ = t + Σ c_j W_j, which halves the evaluations of f. The other
-solvers get a drift term and a noise term. Names with vmap solve as diffrax's own examples do: paths
-separately, joined by jax.vmap, with a drift term and a noise term.
+solvers get a drift term and a noise term. Methods with "vmap" in their names follow diffrax's examples: each path is
+solved alone with a drift term and a noise term, and jax.vmap joins the paths.
 """
 
 from __future__ import annotations
@@ -58,8 +58,8 @@ class _Given(diffrax.AbstractPath):
 def _space_time_area(h: Any, dW: Any) -> Any:
     """The space-time Lévy area H ~ N(0, h/12) of a step, independent of dW, drawn with the bits of dW as the seed.
 
-    Stochastic Runge-Kutta methods need it beside dW. A step must be a function of its arguments, so that equal
-    increments must get equal areas.
+    Stochastic Runge-Kutta methods need it beside dW. A step must be a function of its arguments. Therefore equal
+    increments get equal areas.
     """
     key = jax.random.key(0)
     for word in jax.lax.bitcast_convert_type(dW, jnp.uint32).reshape(-1):
@@ -161,7 +161,7 @@ def _call(
 
 def _step_by(solver: Any) -> Callable[[Problem, Array, float, Array], Array]:
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-        # Random problems have one state each; batches come from the paper's problems.
+        # The laws step one state of each random problem, and batches of the paper's problems.
         lanes = 1 if isinstance(problem.data, PolynomialSystem) else LANES
         return in_blocks(lambda y, dW: _call(_steps, solver, problem, y, h, dW)[0], y, dW, lanes)
 
@@ -311,7 +311,7 @@ def _method(name: str, solver: Any, program: Any, evaluations: float | None, how
 _CLOCK = "all paths in one state, dy = f∘dθ"
 _APART = "all paths in one state, drift and noise apart"
 _VMAP = "path by path under vmap, drift and noise apart"
-# Rows of a solver, its driver, and evaluations of f a step where they follow from the method.
+# Rows: a solver, the program that drives it, and its evaluations of f per step if the method determines them.
 _DRIVEN = {
     "heun": ("Heun", _on_the_clock, 2, _CLOCK),
     "tsit5": ("Tsit5", _on_the_clock, 6, _CLOCK),

@@ -33,7 +33,7 @@ def _advance(make: Any, system: Mechanics, q: Array, p: Array, h: float) -> tupl
     )
     try:
         state = make(posed, step_size=h).step(ChainState(pos=q, mom=p, dir=1))
-    except IntegratorError as error:  # its solver did not converge, or the way back misses
+    except IntegratorError as error:  # its solver did not converge, or a step back does not return
         raise ArithmeticError(str(error)) from error
     return state.pos, state.mom
 

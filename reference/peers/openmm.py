@@ -1,7 +1,7 @@
 """OpenMM's Verlet integrator on its Reference platform, which computes in binary64. Needs the extra ``simulators``.
 
-OpenMM takes the velocity half a step before the position (leapfrog). A step therefore sets it to v − (h/2)M⁻¹F(q), and
-afterwards moves it by half a step to the time of the new position, as OpenMM does for its kinetic energies.
+OpenMM keeps the velocity half a step before the position (leapfrog). So a step here first sets the velocity to
+v − (h/2)M⁻¹F(q), and at the end moves it on by half a step, as OpenMM does for its kinetic energies.
 """
 
 from __future__ import annotations

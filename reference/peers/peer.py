@@ -1,13 +1,13 @@
-"""The record of a library with solvers to compare, and how it is found: in this folder, or in another package.
+"""The class `Peer`, which describes another library's solvers for sepv, and how its objects are found.
 
-A peer is one file with one record, `PEER`. Those of sepv are the modules of this folder. Another package offers one by
-an entry point of the group ``sepv.peers``, under the library's name:
+A peer is one file with one `Peer`, called `PEER`. sepv's own peers are the modules of this folder. Another package
+offers one by an entry point of the group ``sepv.peers``, under the library's name:
 
     [project.entry-points."sepv.peers"]
     mylibrary = "mypackage.adapter:PEER"
 
-A solver's name is the library's, a hyphen and its own, such as ``sdeint-strat-heun``: `sepv verify`, `sepv compare` and
-`sepv ulps` take it.
+`sepv verify`, `sepv compare` and `sepv ulps` take names such as ``sdeint-strat-heun``: the library's name, a hyphen and
+the solver's name.
 """
 
 from __future__ import annotations
@@ -31,22 +31,22 @@ _Kind = TypeVar("_Kind")
 
 @dataclass(frozen=True)
 class Peer:
-    """The record of a library, with those of its solvers that sepv can run.
+    """A library, with those of its solvers that sepv can run.
 
     Attributes
     ----------
     library : str
-        The name by which Python imports it.
+        The name by which Python imports the library.
     schemes : dict of str to Scheme
-        Its solvers, one step at a time, for the laws. Keys are the names after "library-".
+        The solvers as single steps, for the laws. Keys are the names after "library-".
     methods : dict of str to Method
-        Its solvers over whole paths in the library's fastest known loop, for `sepv compare`.
+        The solvers over whole paths in the library's fastest known loop, for `sepv compare`.
     drawing : tuple of Scheme
-        Solvers that draw a Lévy area too: averaging y1 over ΔW alone does not give its mean.
+        Solvers that draw a Lévy area too. So an average of y1 over ΔW alone is not the mean of y1.
     absent : tuple of str
         Solvers that the installed release lacks.
     integrators : dict of str to Scheme
-        Its integrators of mechanical systems without noise, one step at a time, for the laws.
+        Integrators of mechanical systems without noise, one step at a time, for the laws.
     """
 
     library: str
@@ -57,13 +57,13 @@ class Peer:
     integrators: Mapping[str, Scheme] = field(default_factory=dict)
 
     def drivers(self) -> dict[str, Method | None]:
-        """The solvers of whole paths for `sepv compare`: `methods`, and None for each scheme with a `PathSolver`."""
+        """The solvers of whole paths for `sepv compare`: `methods`, with None for each scheme with a `PathSolver`."""
         paths = [name for name, scheme in self.schemes.items() if isinstance(scheme.step, PathSolver)]
         return {**dict.fromkeys(paths), **self.methods}
 
 
 def names() -> list[str]:
-    """The names of libraries that have a record here or in another package, installed or not."""
+    """The names of libraries that have a `Peer` here or in another package, installed or not."""
     own_names = sorted(
         p.stem for p in Path(__file__).parent.glob("*.py") if p.stem not in _NO_PEERS and p.stem[0] != "_"
     )
@@ -76,12 +76,12 @@ def installed() -> list[Peer]:
 
 
 def load(library: str) -> Peer:
-    """The record `Peer` of a library, which imports the library.
+    """The `Peer` of a library. This imports the library.
 
     Raises
     ------
     TargetError
-        Where the library is not installed, or its entry point gives no `Peer`.
+        If the library is not installed, or its entry point gives no `Peer`.
     """
     points = {point.name: point.value for point in metadata.entry_points(group=GROUP)}
     module, _, attribute = points.get(library, f"sepv.reference.peers.{library}:PEER").partition(":")
@@ -98,7 +98,7 @@ def load(library: str) -> Peer:
 
 
 def library_of(target: str) -> str:
-    """The library that a name such as ``sdeint-strat-heun`` begins with; an empty text if it begins with none."""
+    """The library with which a name such as ``sdeint-strat-heun`` begins; "" if the name begins with no library."""
     return next((name for name in names() if target.startswith(f"{name}-")), "")
 
 
@@ -113,7 +113,7 @@ def scheme(target: str) -> Scheme:
 
 
 def method(target: str) -> Method | None:
-    """The solver called `target` for whole paths, as in `sepv compare`; None for a peer without noise, which has steps.
+    """The solver `target` of whole paths for `sepv compare`; None for an integrator without noise, which has steps.
 
     Raises TargetError as `scheme`.
     """

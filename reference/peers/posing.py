@@ -1,9 +1,9 @@
 """B, H, ∇H and f = B∇H of a problem as formulas and numbers, for libraries with their own arrays, such as JAX or torch.
 
-A problem's own functions are NumPy's, which a compiler cannot trace (`TracerArrayConversionError`) and an automatic
-derivative does not see through. From a problem given as data, `pose` makes formulas (hashable) and numbers (arrays). A
-compiled step takes the formulas as a static argument and the numbers as data, so that one program serves all polynomial
-problems of a size. No library is imported here: a formula gets the library's functions as `xp`.
+A problem's own functions use NumPy. JAX cannot trace them (`TracerArrayConversionError`) or differentiate them. From a
+problem given as data, `pose` makes formulas (hashable) and numbers (arrays). A compiled step takes the formulas as a
+static argument and the numbers as data, so that one program serves all polynomial problems of a size. This module
+imports no library: a formula gets the library's functions as `xp`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ __all__ = ["Formulas", "field_in", "in_blocks", "pose"]
 
 # The smallest sizes of tables of polynomials, filled up with zeros, so that few programs serve all problems.
 LEAST_POWER, LEAST_TERMS = 8, 32
-# The number of lanes computed together; the last block is filled up.
+# The number of states computed together in a block; the last block is filled up.
 LANES = 64
 # A function (problem, y0 (d,), h, dW (N, m, M)) -> states (N + 1, d, M).
 Path = Callable[[Problem, Array, float, Array], Array]
@@ -89,11 +89,11 @@ class Formulas:
     def values(self, xp: Any, numbers: Any, y: Any, first: int, last: int) -> Any:
         """The values at y of the rows `first` to `last` − 1 of a table of polynomials, given by `numbers`."""
         exponents, coefficients = numbers
-        # Products, not y**e: both libraries differentiate 0**0 to NaN.
+        # Products replace y**e, because JAX and torch differentiate 0**0 to NaN.
         one, top = xp.ones_like(y), xp.amax(exponents, 1).reshape((-1, *[1] * (y.ndim - 1)))
         power = [one]
         for k in range(self.powers):
-            # Nor powers that no monomial has: they overflow, in single precision soon, and derivatives have 0·∞.
+            # Powers that no monomial has are left out: they may overflow, and then derivatives have 0·∞.
             power.append(power[-1] * xp.where(top > k, y, one))
         table = xp.stack(power)
         monomials = table[exponents[0], 0]
@@ -116,7 +116,7 @@ def pose(problem: str | Problem, *, padded: bool = True) -> tuple[Formulas, tupl
     Raises
     ------
     Skipped
-        For a problem given by NumPy functions, which no other library can run, or with a structure matrix for each
+        If the problem is given by NumPy functions, which no other library can run, or has a structure matrix for each
         noise. If a step does not catch this error, the laws take problems given as data instead.
 
     Examples

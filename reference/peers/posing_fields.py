@@ -1,7 +1,7 @@
 """A system with several Hamiltonians H_j for libraries such as JAX: drift and noise fields in one table of numbers.
 
-dy = F_0 dt + Σ_j F_j ∘dW_j with F_0 = B∇H_0 and F_j = c_j B∇H_j, or the same in Itô's form, whose drift is
-F_0 + ½ Σ_j F_j′F_j: products and derivatives of polynomials, made once for each system.
+The system is dy = F_0 dt + Σ_j F_j ∘dW_j with F_0 = B∇H_0 and F_j = c_j B∇H_j. In Itô's form its drift is
+F_0 + ½ Σ_j F_j′F_j. The products and derivatives of polynomials are computed once for each system.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from sepv.record import Polynomial, poly
 
 @dataclass(frozen=True)
 class PosedFields:
-    """Drift and noise fields of a system for arrays of any library `xp`; hashable, so that JAX can compile for it."""
+    """Drift and noise fields of a system for arrays of any library `xp`; hashable, as a static argument of JAX."""
 
     dimension: int
     noises: int

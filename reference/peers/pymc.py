@@ -1,6 +1,6 @@
 """PyMC's leapfrog, which its samplers call with a compiled log density. Needs the extra ``samplers``.
 
-The log density is handed over as PyMC's own compiled ones are; these attributes are private.
+PyMC's leapfrog gets the log density through private attributes, as it gets PyMC's own compiled log densities.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
-"""REBOUND's integrators: some for any mechanical problem's forces, and those for planets, under REBOUND's gravity.
+"""REBOUND's integrators: some for the forces of any mechanical problem, others for planets under REBOUND's gravity.
 
-Needs the extra ``simulators``. Those for planets split the motion into Kepler's and the rest, so that they take
-gravity alone, V = −G Σ m_im_j/|q_i − q_j| in the plane or in space, heaviest first, such as
-`sepv.problems.planets`. A step is one of REBOUND's with `safe_mode=1`, its default: synchronized at the end.
+They need the extra ``simulators``. Integrators for planets split the motion into Kepler's motion and the rest. So they
+take only gravity, V = −G Σ m_im_j/|q_i − q_j| in the plane or in space with the heaviest body first, such as
+`sepv.problems.planets`. A step is one of REBOUND's with its default `safe_mode=1`: synchronized at the end.
 
-JANUS computes on integers of 64 bits, x/scale and v/scale: its documentation asks for the scale of the problem.
-Here it is 2⁻⁵⁶ times a power of two above the state and its change in a step, below the rounding of binary64.
+JANUS computes with integers of 64 bits, x/scale and v/scale, and its documentation asks for a scale. Here the scale is
+2⁻⁵⁶ times a power of two above the state and its change in a step, which is below the rounding of binary64.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def _advance(
             particle.ax += a
 
     simulation.additional_forces = forces
-    if order is None:  # it chooses its steps, which may not become ever smaller where a solution ends
+    if order is None:  # the integrator chooses its steps; a least size ends them where a solution ends
         simulation.integrator.min_dt = abs(h) / 1000
         simulation.integrate(h)
     else:
@@ -76,7 +76,7 @@ def _gravitate(
     for m, x, v in zip(mass, _in_space(q, space), _in_space(p, space) / mass[:, None], strict=True):
         simulation.add(m=m, **dict(zip(("x", "y", "z", "vx", "vy", "vz"), (*x, *v), strict=True)))
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # of steps longer than a period: the laws see them
+        warnings.simplefilter("ignore", RuntimeWarning)  # of steps longer than a period: laws see them
         simulation.steps(1)
     ends = [(a.xyz[:space], a.vxyz[:space]) for a in simulation.particles]
     q1, v1 = (np.array(part) for part in zip(*ends, strict=True))

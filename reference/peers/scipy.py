@@ -1,4 +1,4 @@
-"""SciPy's ODE solvers over one step, at their default tolerances: they preserve no structure, and serve to compare."""
+"""SciPy's ODE solvers over one step, at their default tolerances, for comparison: they preserve no structure."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """sdeint's integrators, one step at a time and over whole paths through its own code. Needs the extra ``sdeint``.
 
-sdeint has single paths only. In a comparison it gets the one process Σ c_j W_j, whose field is f.
+sdeint solves one path at a time. In a comparison it gets the one process Σ c_j W_j, whose field is f.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from sepv.studies import from_states
 def _integrate(
     integrator: Callable[..., Any], problem: Problem, y: Array, h: float, dW: Array, **more: Any
 ) -> Array:
-    """Call an integrator of sdeint from y (d,) with increments dW (N, m) and noise fields c_j f; states (N + 1, d)."""
+    """Return states (N + 1, d) by an integrator of sdeint from y (d,), with increments dW (N, m) and fields c_j f."""
 
     def drift(state: Array, _time: float) -> Array:
         return vector_field(problem, state)
@@ -35,7 +35,7 @@ def _integrate(
 
 
 def _step_by(integrator: Callable[..., Any], integrals: bool) -> Step:
-    """Make a step from sdeint's integrator over (0, h); with `integrals` it is also given the J_ij = ∫∫∘dW_i∘dW_j."""
+    """Make a step from sdeint's integrator over (0, h), which with `integrals` also gets the J_ij = ∫∫∘dW_i∘dW_j."""
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         row = dW.reshape(1, -1)
@@ -71,12 +71,12 @@ def _scheme(
 
 strat_heun = _scheme(sdeint.stratHeun, "sdeint.stratHeun; order 1 because all noises drive one field")
 strat_srs2 = _scheme(sdeint.stratSRS2, "sdeint.stratSRS2: order 1.0 strong convergence", integrals=True)
-# One step of a two-step method is the explicit one that starts it, so its paths are computed from their start.
+# A two-step method starts with another, explicit step. So its paths are computed from their start.
 strat_kp2is = Scheme(
     name="sdeint stratKP2iS", step=PathSolver(_kp2is_path), mean_square_order=1.0, truncation=None,
     source="sdeint.stratKP2iS: two-step implicit order 1.0 strong algorithm",
 )  # fmt: skip
-# A user who overlooks the difference gives Stratonovich coefficients without conversion.
+# A user who overlooks the difference gives Stratonovich coefficients to an Itô solver without conversion.
 _GIVEN = "sdeint.itoEuler, given the coefficients of the Stratonovich form"
 ito_euler = _scheme(sdeint.itoEuler, _GIVEN, order=0.5, note=", unconverted")
 

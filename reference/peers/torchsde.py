@@ -1,11 +1,11 @@
 """torchsde's Stratonovich solvers, one step at a time and in batches of whole paths. Needs the extra ``peers``.
 
-torchsde has no public step, so that a step is `torchsde.sdeint` over (0, h) with dt = h and a Brownian motion
-that returns the given increment.
+torchsde has no public step. A step here is `torchsde.sdeint` over (0, h) with dt = h and a Brownian motion that returns
+the given increment.
 
-torchsde's noise type is "scalar" for one noise and "general" for several. Milstein does not take the general type: it
+torchsde's noise type is "scalar" for one noise and "general" for several. Milstein does not take the general type. It
 gets the one Wiener process c·W/|c|, which drives the same equation.
-Lévy areas are given as zero: all noises drive one field, so that the commutators which areas multiply vanish.
+Lévy areas are zero here: all noises drive one field, so the commutators that areas multiply vanish.
 In a comparison all paths are one batch of `torchsde.sdeint` over the whole interval.
 """
 
@@ -139,7 +139,7 @@ reversible_heun = Scheme(
 
 def _method(method: str) -> Method:
     def run(problem: Problem, y0: Array, h: float, dW: Array, keep: bool) -> Callable[[], Array]:
-        # Several noises of one field are the one process Σ c_j W_j.
+        # Several noises of one field act as the one process Σ c_j W_j.
         system = _System(problem, torch.ones(1, dtype=torch.float64), "scalar")
         sums = np.einsum("j,njl->nl", problem.c, dW)[:, :, None]
         noise = Given(torch.as_tensor(sums), h)

@@ -24,7 +24,7 @@ SABOTEURS = Family("noise")
 _LOCAL = ("local-mean", "local-mean-square", "local-weak")
 _STEP = ("midpoint", "reference", "reduction", "expansion")
 _LIMIT = ("local-mean-square", "mean-square-order", "right-limit")
-# Laws that find a scheme with another limit whose mean is wrong too.
+# Laws that find a scheme with a wrong limit, if the mean of this limit is wrong too.
 _MEAN = (*_STEP, *_LIMIT, "local-mean", "local-weak", "weak-order")
 _SEVERAL = ("midpoint", "reference", "reduction", "noise-sum", "random-step", *_LIMIT)
 _SIZES = (

@@ -1,4 +1,4 @@
-"""Saboteurs, which are schemes broken on purpose: their record, and functions that make them, mostly from (2.1)."""
+"""The class of saboteurs, which are schemes broken on purpose, and functions that make them, mostly from (2.1)."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Faults of schemes that claim to keep the Poisson structure or the domain.
 
-Each saboteur claims what the scheme that it imitates claims. That scheme is the midpoint rule, which is symplectic, or
-the splitting, whose step is a Poisson map and stays in the positive octant.
+Each saboteur claims what the scheme that it imitates claims. It imitates the midpoint rule, which is symplectic, or the
+splitting, whose step is a Poisson map and stays in the positive octant.
 """
 
 from __future__ import annotations
