@@ -43,7 +43,7 @@ def over(items: Iterable[T], text: Callable[[T], str] = str) -> Iterator[T]:
 
 
 def tell(text: str, share: float) -> None:
-    """Show the current work and the fraction of all work that is done, 0 to 1, for work that is no loop by `over`."""
+    """Show the current work and the fraction of all work that is done, 0 to 1, if the work is no loop by `over`."""
     track = _TRACK.get()
     if track is not None:
         track.shown.update(text, share)

@@ -21,7 +21,7 @@ from sepv.schemes._one_step import implicit
 
 PAIRS, SEED, T = 10_000, 1, 1.0
 STEPS = (2, 16)
-# The last argument has the increments over the first half of the step, which only one of the schemes uses.
+# The last argument holds the increments over the first half of the step, which only one of the schemes uses.
 Step = Callable[[Problem, Array, float, Array, Array], Array]
 
 _implicit = implicit(lambda fields, y, z, step: step[0] * fields.field(y + z), parts=quiet.parts)

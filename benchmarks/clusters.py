@@ -87,7 +87,7 @@ def overhead(paths: int, steps: int, rounds: int) -> None:
         Client(cluster) as client,
     ):
         for workers in (2, client):
-            run(workers)  # compiled, and loaded everywhere
+            run(workers)  # compiles, and loads the code in all workers
         ratios, cpu = [], []
         for number in over(range(rounds), lambda n: f"round {n + 1} of {rounds}"):
             order: list[Any] = [2, client] if number % 2 else [client, 2]

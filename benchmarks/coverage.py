@@ -1,16 +1,16 @@
 """How often do the intervals of the statistical laws miss the true value? ``python -m benchmarks.coverage``.
 
-A batch has 512 paths, the number that a law draws first. The true value is taken from 1000 batches of a scheme
-together, so that its error is √1000 times smaller than that of a batch. Misses are counted on both sides: `below` is an
-interval wholly below the value, which can accuse a right scheme; `above` is one wholly above it, which can let a fault
-pass. Misses of several means count as one. The last rows are verdicts: how often a law, run with this alpha on
-one problem, calls the scheme violated. Schemes of order 2 and more are measured as in their laws, on the weighted
-samples of `sepv.properties._orders.tilting`, which have no quantile.
+An interval has a nominal error probability alpha. A batch has 512 paths, as many as a law draws first. 1000 batches
+of a scheme together give the true value, with an error √1000 times smaller than that of a batch. Misses are counted on
+both sides: an interval wholly `below` the value can accuse a right scheme; one wholly `above` it can let a fault pass.
+Misses of several means count as one. The last rows are verdicts: how often a law, run with this alpha on one problem,
+calls the scheme violated. Schemes of order 2 and more are measured as in their laws, on the weighted samples of
+`sepv.properties._orders.tilting`, for which no quantile is used.
 
 The laws use an alpha near 3e-6, at which misses are too rare to count. So the misses are compared with their nominal
-rate as alpha falls. The verdicts show how many misses remain as accusations if a law accuses by two intervals.
-``--deep`` counts only the misses of *right-limit*, of whose intervals one is enough to accuse, down to an alpha of
-1e-5.
+rate as alpha falls. If a law accuses only by two intervals together, the verdicts show how many misses accuse.
+``--deep`` counts only the misses of *right-limit*, because one of its intervals is enough to accuse. Then alpha falls
+to 1e-5.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Convergence without global bounds: how often paths leave a compact set, and errors of those that stay.
 
-``python -m benchmarks.exits``. D = {y : |F(y) − F(y0)| < R} for an invariant F of the exact flow. Suppose that a step
-from any state of D moves F by g with |E g| ≤ m and E g² ≤ v. Up to the exit the sum of all g − E g is a martingale, so
-that by Kolmogorov's inequality, if Nm < R,
+``python -m benchmarks.exits``. The set is D = {y : |F(y) − F(y0)| < R} for an invariant F of the exact flow. Let a step
+from any state of D move F by g with |E g| ≤ m and E g² ≤ v. Up to the exit the sum of all g − E g is a martingale. So,
+by Kolmogorov's inequality, if Nm < R,
 
     P(a path leaves D within N steps) ≤ Nv/(R − Nm)².
 

@@ -1,4 +1,4 @@
-"""How often does the suite accuse a correct scheme? Whole runs with fresh seeds, in pieces that add up.
+"""How often does the suite accuse a correct scheme? Whole runs with fresh seeds; later calls add runs to the file.
 
     python -m benchmarks.false_alarms --runs 20 --log runs.jsonl -j 2     go on where the file ends
     python -m benchmarks.false_alarms --runs 0 --log runs.jsonl           only the count

@@ -1,7 +1,7 @@
 """Does the gate of `sepv bench` report planted regressions, and pass equal code? ``python -m benchmarks.gate``.
 
 Two folders stand for two checkouts of a third party's scheme. One of them has a planted regression: one Newton
-iteration more, one evaluation more in all, an error 5 % larger, or a slowdown of 10 %. Then both have the same code,
+iteration more, one evaluation more in all, an error 5 % larger, or a slowdown of 10 %. Then equal code is compared
 twenty times, and counters, errors and paired times must all pass. The run takes some ten minutes.
 """
 

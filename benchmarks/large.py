@@ -2,7 +2,7 @@
 
 The time is the processor time of one step without tracking of invariants, as a median with quartiles over runs that
 alternate between the sizes. The exponent is the slope of log time against log d, over all sizes and over the last
-decade of d. Defects are the largest of a whole path.
+decade of d. A defect is the largest of a whole path.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""Write the heads of the laws' pages from the records of the laws: ``python -m benchmarks.law_pages``.
+"""Write the heads of the laws' pages from the `Law` objects: ``python -m benchmarks.law_pages``.
 
-The head of a law's page, all that comes before the formula, is made from the record; the rest is written by hand.
+The head of a law's page, all that comes before the formula, is made from the `Law`; the rest is written by hand.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def page_of(law: Law) -> Path:
 
 
 def head(law: Law) -> str:
-    """The lines of a page up to its formula: the statement, and the facts of the record."""
+    """The lines of a page up to its formula: the law's statement and its other fields."""
     file = f"test_{law.name.replace('-', '_')}.py"
     facts = f"Source: {law.source}. Unit: [{law.unit}](../laws.md#terms). [{file}](../../properties/{file})."
     facts += " Every scheme claims it." if law.always_claimed else ""

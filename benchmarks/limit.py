@@ -1,8 +1,8 @@
 """How close does the compiled engine come to hand-written C? ``python -m benchmarks.limit``.
 
-The limit is a hand-written C kernel for the rigid body, compiled here if there is a compiler. Other runs alternate
-with the kernel, and are shown as medians of paired ratios with quartiles. Times are CPU times of one thread, so that
-other programs on the machine disturb less; two threads are compared with one by wall time.
+The limit is a hand-written C kernel for the rigid body, compiled here if there is a compiler. Runs of the engine and of
+the kernel alternate. Ratios of their times are shown as medians with quartiles. Times are CPU times of one thread, so
+that other programs on the machine disturb less; two threads are compared with one by wall time.
 """
 
 from __future__ import annotations

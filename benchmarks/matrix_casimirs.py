@@ -19,7 +19,7 @@ from sepv.problems import algebra_of
 
 SCHEMES = ("isospectral-midpoint", "stochastic-midpoint")
 STEPS = (2.0**-3, 2.0**-5, 2.0**-7)
-QUIET = 1e-9  # the noise c_j in place of zero, so that the problem remains one of several Hamiltonians
+QUIET = 1e-9  # the noise c_j in place of zero, so that the problem still has several Hamiltonians
 
 
 def powers(problem: Problem, y: np.ndarray) -> np.ndarray:

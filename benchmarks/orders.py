@@ -2,13 +2,13 @@
 
 Errors are against the exact flow at the random time. Each step size has its own paths. With two stages or more they are
 importance sampled (`sepv.properties._orders.tilting`), because the mean square of an error of order s is a (4s + 2)th
-moment, which plain paths do not show. Intervals are 99 %. Defects are the largest over 256 plain paths, relative to
-the invariant's size at the start, in binary64.
+moment, which plain paths do not show. Intervals have level 99 %. Defects are the largest over 256 plain paths, relative
+to the invariant's size at the start, in binary64.
 
-Clipped increments (Remark 2.1) are too rare to occur in a sample. Their part of the mean square is added in closed
-form (`sepv.exact._truncation_error`), and paths of the sample that have one are left out. ``--stall`` shows the
-error of three stages with the paper's truncation k = 2 and with larger k, and the part of clipping in it.
-``--clipping`` prints this for all numbers of stages.
+Clipped increments (Remark 2.1) are too rare for sampling. Their part of the mean square is added in closed form
+(`sepv.exact._truncation_error`), and sampled paths with a clipped increment are left out. ``--stall`` shows the error
+of three stages with the paper's truncation k = 2 and with larger k, and the part of this error that clipping causes.
+``--clipping`` prints both for all numbers of stages.
 """
 
 from __future__ import annotations
@@ -122,8 +122,8 @@ def defects(name: str, stages: int) -> tuple[float, float]:
 def weak_slope(errors: StrongErrors, alpha: float) -> Estimate:
     """The slope of log |E e| over the step sizes whose mean error exceeds SIGNAL standard errors.
 
-    If fewer than two step sizes do, the slope is NaN with an infinite interval. Laws judge instead by `leading` and
-    `decay` of `sepv.properties._orders.means`.
+    With fewer than two such step sizes the slope is NaN and its interval infinite. Laws judge by `leading` and `decay`
+    of `sepv.properties._orders.means` instead.
     """
     d, paths = errors.errors.shape[1:]
     size = np.linalg.norm(errors.errors.mean(axis=2), axis=1)

@@ -1,6 +1,6 @@
 """Invariant defects over the paper's runs, in eps·√N: ``python -m benchmarks.paper_runs``.
 
-H and C are evaluated in extended precision at the binary64 states of every step of every run. Their defects are
+H and the Casimirs C are evaluated in extended precision at the binary64 state after every step. Their defects are
 relative to the value at the start (for an energy near zero, to Σ|∂_iH y_i|).
 """
 

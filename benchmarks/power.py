@@ -1,10 +1,10 @@
 """How surely does a law find a fault that shows in one stratum of its cases only, or in one pair of strata?
 
-``python -m benchmarks.power [--seeds N] [--start S]``. The schemes are saboteurs (broken on purpose). They are broken
-except in the strata that the table names, in which they are right or their error is below rounding. Each case of a
-law's design is measured once. A scheme broken only in a pair of strata is accused if the scheme that is broken
-everywhere is accused in a case of both strata. So one measurement of each case gives the power against the faults of
-all pairs. Random examples, which come after the design, are not counted.
+``python -m benchmarks.power [--seeds N] [--start S]``. A stratum is a part of the test cases, such as those with d = 3.
+A law's design is a list of cases that covers the strata and their pairs. The schemes are saboteurs (broken on purpose).
+In the strata that the table names they are right, or their error is below rounding. Each case of the design is measured
+once. If the saboteur is accused in a case of two strata, so is a scheme that is broken only in this pair of strata. So
+one measurement of each case gives the power for all pairs. Random examples, which come after the design, do not count.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Strong error against evaluations, for collocation and other methods: ``python -m benchmarks.precision``.
 
-All schemes have the same paths, and errors are against the exact flow at the random time. Evaluations are those of ∇H
+All schemes have the same paths, and errors are against the exact flow at the random time. Evaluations of ∇H are counted
 for one path over [0, T], with those of Newton's iterations and without Hessians. The squared error is that on unclipped
-paths plus the part of clipped increments by `sepv.exact._truncation_error`. The exact time change costs one normal
+paths plus the part of clipped increments by `sepv.exact._truncation_error`. The exact flow itself costs one normal
 number per path and one dense solve for all paths, and has no step size. Points with an unsolved step are left out.
 
 ``--picture FILE.png`` draws a picture, for which matplotlib is needed (the extra ``plots``).

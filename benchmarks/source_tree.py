@@ -1,7 +1,7 @@
 """Numbers about the source tree: ``python -m benchmarks.source_tree [FOLDER of another checkout]``.
 
-They are subpackages (rooms), modules, public names, lengths, repeated lines and circular imports. A name is public if
-no part of its path begins with an underscore: a name in a subpackage's `__init__`, or of a module without underscore.
+The numbers count subpackages, modules, public names, lines, repeated lines and circular imports. A name is public if no
+part of its path begins with an underscore: a name in a subpackage's `__init__`, or of a module without underscore.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from statistics import median
 
 from benchmarks import start
 
-# The length from which on equal runs of lines count as repeated; blank lines, comments and imports are left out.
+# The least length of a run of equal lines that counts as repeated; blank lines, comments and imports are left out.
 RUN = 6
 
 
@@ -62,7 +62,7 @@ def public(path: Path, root: Path, tree: ast.Module) -> set[str]:
     if any(part.startswith("_") and part != "__init__" for part in parts):
         return set()
     if parts == ("sepv", "__init__"):
-        return set()  # it repeats the names of subpackages
+        return set()  # the file repeats names of subpackages
     found: set[str] = set()
     for node in tree.body:
         if isinstance(node, ast.Assign) and any(ast.unparse(t) == "__all__" for t in node.targets):

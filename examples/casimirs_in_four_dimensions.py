@@ -1,12 +1,12 @@
 """Energy and two Casimirs that are not quadratic, in dimension four, all kept to rounding.
 
-Cohen and Dujardin (2014), §5, ask for schemes that keep more invariants. Where B is a totally antisymmetric tensor
-contracted with gradients of Casimirs, B_ij = Σ_kl ε_ijkl ∂_kC ∂_lD, averaging all three gradients along the segment,
-∇̄F = ∫₀¹∇F(y0 + τ(y1 − y0))dτ, gives
+Cohen and Dujardin (2014), §5, ask for schemes that keep more invariants. Let B be a totally antisymmetric tensor
+contracted with gradients of Casimirs, B_ij = Σ_kl ε_ijkl ∂_kC ∂_lD. Average all three gradients along the segment,
+∇̄F = ∫₀¹∇F(y0 + τ(y1 − y0))dτ. This gives the scheme
 
     y1 = y0 + Δ ε(·, ∇̄H, ∇̄C, ∇̄D),   F(y1) − F(y0) = ∇̄Fᵀ(y1 − y0) = 0   for F = H, C, D,
 
-because the contraction is orthogonal to each of the three. For quadratic C and D it is (2.1).
+because the contraction is orthogonal to each of the three gradients. For quadratic C and D the scheme is (2.1).
 
     python examples/casimirs_in_four_dimensions.py
     sepv verify examples/casimirs_in_four_dimensions.py:step -p examples/casimirs_in_four_dimensions.py:problem
@@ -20,7 +20,7 @@ import numpy as np
 
 import sepv
 
-# Nodes of Gauss-Legendre quadrature: three are exact for polynomials of degree six.
+# Gauss-Legendre quadrature with three nodes, which is exact for gradients of polynomials of degree six.
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(3)
 NODES, WEIGHTS = (NODES + 1) / 2, WEIGHTS / 2
 EPSILON = np.zeros((4, 4, 4, 4))

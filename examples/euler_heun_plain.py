@@ -2,8 +2,8 @@
 
     sepv verify --exec "python examples/euler_heun_plain.py"
 
-y1 = y0 + h f(y0) + ½(f(ŷ) + f(y0)) S with ŷ = y0 + (h + S) f(y0), f = B∇H and S = Σ c_j ΔW_j. It reads one
-JSON message a line from stdin and answers each with one line on stdout, as docs/protocol.md says.
+y1 = y0 + h f(y0) + ½(f(ŷ) + f(y0)) S with ŷ = y0 + (h + S) f(y0), f = B∇H and S = Σ c_j ΔW_j. The program reads a
+JSON message from each line of stdin, and answers with one line on stdout, as in docs/protocol.md.
 """
 
 import json
@@ -97,7 +97,7 @@ NAMED = {
 
 
 def read_problem(problem):
-    """f and the noise coefficients c, or None where the problem is unknown."""
+    """f and the noise coefficients c, or None if the problem is unknown."""
     if "name" not in problem:
         return polynomial_field(problem), [float.fromhex(c) for c in problem["noise"]]
     if problem["name"] not in NAMED:
@@ -118,7 +118,7 @@ def step(field, noise, y, h, dW):
 
 
 def answer(message):
-    """What to answer, without the id."""
+    """The answer to a message, without the id."""
     if message["type"] == "hello":
         return HELLO
     if message["type"] != "step":
@@ -137,7 +137,7 @@ def answer(message):
 
 
 def main():
-    """Answer line by line; leave at stop or at the end of stdin."""
+    """Answer each line until "stop" or the end of stdin."""
     for line in sys.stdin:
         message = json.loads(line)
         if message["type"] == "stop":

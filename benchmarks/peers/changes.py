@@ -1,4 +1,4 @@
-"""Which verdict changed, in which version: records side by side."""
+"""Which verdict changed, and in which version of a library: each record is compared with the one before."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from benchmarks.peers.records import Record
 from sepv.files import finite
 from sepv.verification import Verdict
 
-# What a record says of a solver that the version has not.
+# Words for a solver that a version of the library lacks, and for one that it has.
 ABSENT, THERE = "absent", "there"
 
 
 @dataclass(frozen=True)
 class Change:
-    """A verdict that is another one than in the record before."""
+    """A verdict that differs from that in the record before."""
 
     library: str
     solver: str
-    law: str  # empty where the whole solver came or went
-    since: str  # the version of the record before; the same as `version` where that was measured again
+    law: str  # empty if the whole solver came or went
+    since: str  # the version of the record before; equal to `version` if this version was measured again
     version: str
-    before: str  # as `sepv.verification.Verdict` has it, or "absent"
+    before: str  # a value of `sepv.verification.Verdict`, or ABSENT or THERE
     after: str
     besides: tuple[str, ...]  # what else changed and may be the reason: the suite, packages, Python
 
@@ -59,7 +59,7 @@ def _between(before: Record, after: Record) -> Iterator[Change]:
 
 
 def _besides(before: Record, after: Record) -> Iterator[str]:
-    """The differences between two records that are not of the library itself, such as versions of its companions."""
+    """The differences between two records other than the library itself, such as versions of other packages."""
     old, new = before.data, after.data
     if old["suite"]["laws_version"] != new["suite"]["laws_version"]:
         yield f"suite {old['suite']['laws_version']} → {new['suite']['laws_version']}"
@@ -92,13 +92,13 @@ def cell(record: Record, solver: str) -> str:
 
 @dataclass(frozen=True)
 class Deviation:
-    """A script over the versions: where it shows its deviation, and the version that mended it."""
+    """A script that shows a deviation: the versions in which it does, and the version that mended the deviation."""
 
     library: str
     script: str
     title: str
     seen: tuple[str, ...]
-    mended: str  # the first version after those in which it does not deviate; empty where none was seen
+    mended: str  # the first version without the deviation after the last with it; empty if there is none
 
 
 def deviations(records: Sequence[Record]) -> list[Deviation]:
@@ -117,7 +117,7 @@ def deviations(records: Sequence[Record]) -> list[Deviation]:
 
 
 def _mended(found: Sequence[tuple[str, bool | None]]) -> str:
-    """The first version that does not deviate after the last that does."""
+    """The first version that does not deviate after the last that does; "" if there is none."""
     last = max((n for n, (_, deviates) in enumerate(found) if deviates), default=len(found))
     return next((version for version, deviates in found[last:] if deviates is False), "")
 

@@ -1,8 +1,8 @@
 """The compliance table of other libraries' solvers: ``python -m benchmarks.peers.compliance --out docs/compliance.md``.
 
-Every law on every solver of the adapters, as `sepv verify` measures it, and energy defects in numbers.
-Solvers of which a script in the folder ``peers`` beside the output shows less than is documented are marked
-(`benchmarks.peers.deviations`).
+The table has the verdict of every law on every solver of `sepv.reference.peers`, as by `sepv verify`, and energy
+defects in numbers. A solver is marked if a script in the folder ``peers`` beside the output shows that it deviates from
+its documentation (`benchmarks.peers.deviations`).
 """
 
 from __future__ import annotations
@@ -40,21 +40,21 @@ from sepv.verification import LAWS, Effort, Law, Verdict, energy_ulp, load_laws
 from sepv.verification._report import MARKS
 
 COMMAND = "python -m benchmarks.peers.compliance"
-# Energy defects are those of this many paths and steps.
+# The numbers of paths and steps for energy defects.
 PATHS = 256
 ENERGY_STEPS = 64
-# The columns of `kept`, and a sentence for the laws that they do not name.
+# The columns of `kept`, and a sentence about the laws that these columns do not name.
 KEPT = ("claimed laws that hold", "hold, not claimed")
 UNNAMED = (
     "Measured laws missing from a line are not claimed; they are violated, inconclusive or not applicable."
 )
 HOLDS = MARKS[Verdict.HOLDS]
-# Marks that are read as words.
+# Words that replace marks.
 WORDS = {MARKS[Verdict.VIOLATED]: "violated", MARKS[Verdict.INCONCLUSIVE]: "open"}
 
 
 def rows(libraries: Sequence[str], effort: Effort, folder: Path | None, shown: Shown) -> list[Row]:
-    """The rows of the libraries that are installed, after one of sepv's own for comparison."""
+    """The rows of the installed libraries, after a row of a scheme of sepv for comparison."""
     jobs: list[tuple[str, Any]] = [("sepv", replace(energy_preserving, name="energy-preserving"))]
     for library in libraries:
         try:
@@ -72,7 +72,7 @@ def rows(libraries: Sequence[str], effort: Effort, folder: Path | None, shown: S
 
 
 def solver_cells(library: str, solver: Scheme, laws: Sequence[Law], effort: Effort) -> Iterator[Cell]:
-    """Laws on one scheme, and energy defects."""
+    """The cells of one scheme: its laws and its energy defects."""
     yield from law_cells(library, solver, laws, effort)
     for setup in SETUPS:
         yield Cell(
@@ -118,7 +118,7 @@ def document(found: Sequence[Row], deviations: Sequence[Deviation], command: str
 
 
 def _grouped(pairs: Iterable[tuple[str, str]]) -> list[str]:
-    """Lines of Markdown: each text once, after all names that it is about."""
+    """Lines of Markdown: each text of the pairs (name, text) once, after all its names."""
     names: dict[str, list[str]] = {}
     for text, name in pairs:
         names.setdefault(text, []).append(name)
@@ -126,7 +126,7 @@ def _grouped(pairs: Iterable[tuple[str, str]]) -> list[str]:
 
 
 def _listed(names: Sequence[str]) -> str:
-    """The solvers "library name" in one line of text. A library is not repeated between its own solvers."""
+    """The solvers "library name" in one line of text. The library is not repeated between solvers of one library."""
     libraries = ["", *(name.split()[0] for name in names)]
     pairs = zip(names, libraries, strict=False)
     return "; ".join(name.removeprefix(f"{before} ") if before else name for name, before in pairs)
@@ -149,7 +149,7 @@ def _energy_defects(found: Sequence[Row]) -> str:
 
 
 def kept(verdicts: Mapping[str, str]) -> tuple[str, str]:
-    """How many claimed laws hold and which do not, and the laws that hold without a claim, from the marks of laws."""
+    """Two texts from the marks of laws: how many claimed laws hold and which do not; which hold without a claim."""
     claimed = {law: mark.removesuffix(" +") for law, mark in verdicts.items() if mark.endswith("+")}
     failed = [f"{law} {WORDS.get(mark, mark)}" for law, mark in claimed.items() if mark != HOLDS]
     held = [law for law, mark in verdicts.items() if mark == HOLDS]

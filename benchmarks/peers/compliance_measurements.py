@@ -1,4 +1,4 @@
-"""The laws measured on a library's solver, each a cell that can be kept."""
+"""Measurements of laws on a library's solver. Each is a `Cell`, whose result can be stored."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from sepv.schemes import Scheme
 from sepv.verification import Effort, Law, Verdict, verify
 
 LIBRARIES = tuple(VERSIONS)
-# Where schemes with untruncated increments are judged, as all of these are.
+# The setups on which schemes with untruncated increments are judged: all solvers here have such increments.
 SETUPS = setups(truncation=None)
 
-# Laws by quadrature over ΔW, which is all of the noise that they know of.
+# Laws by quadrature over ΔW, which do not average over other noise that a step draws.
 OVER_INCREMENTS = ("local-mean", "local-weak")
 NO_AREAS = "not applicable: these laws average over ΔW alone, but the solver's step also draws an area"
 
 
 def law_cells(library: str, scheme: Scheme, laws: Sequence[Law], effort: Effort) -> Iterator[Cell]:
-    """Laws on one scheme, but for those that do not know of the areas which it draws (`silent`)."""
+    """The cells of laws on one scheme, without the laws that cannot judge it because it draws areas (`silent`)."""
     for law in laws:
         if law.name in OVER_INCREMENTS and draws(library, scheme):
             continue
@@ -41,7 +41,7 @@ def law_cells(library: str, scheme: Scheme, laws: Sequence[Law], effort: Effort)
 
 
 def silent(library: str, scheme: Scheme) -> dict[str, dict[str, Any]]:
-    """Law -> the finding "not applicable" of the laws that cannot judge a solver that draws areas beside ΔW."""
+    """Law -> the finding "not applicable", for the laws that cannot judge a solver that draws areas beside ΔW."""
     text = {"verdict": Verdict.NOT_APPLICABLE.value, "claimed": False, "message": NO_AREAS, "measured": ()}
     return {name: text for name in OVER_INCREMENTS if draws(library, scheme)}
 
@@ -58,7 +58,7 @@ def suite_key(effort: Effort) -> tuple[Any, ...]:
 
 
 def _text_of(law: Law) -> str:
-    """A digest of the law's file: a kept measurement is used only while the law is unchanged."""
+    """A digest of the law's file: a stored measurement is used only while the law is unchanged."""
     file = resources.files("sepv.properties") / f"test_{law.name.replace('-', '_')}.py"
     return hashlib.sha256(file.read_bytes()).hexdigest()
 

@@ -1,4 +1,4 @@
-"""A line of the compliance table: what one solver was found to do, in words and numbers for a reader."""
+"""A row of the compliance table: the measured behaviour of one solver, in words and numbers for a reader."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from sepv.verification._report import MARKS
 
 @dataclass(frozen=True)
 class Row:
-    """The measured behaviour of one solver: a line of the table.
+    """The measured behaviour of one solver: a row of the table.
 
     Attributes
     ----------
@@ -22,7 +22,7 @@ class Row:
         The largest energy defect in energy ulps, for each of `SETUPS`.
     verdicts : dict of law name to mark
     notes : tuple of str
-        Reasons of the verdict "error".
+        Reasons of the verdict "error", and other remarks.
     """
 
     library: str
@@ -58,11 +58,11 @@ def scheme_row(library: str, scheme: Scheme, cells: Mapping[tuple[str, str], Any
 
 
 def _notes(scheme: Scheme, findings: Mapping[str, Any]) -> Iterator[str]:
-    """Reasons of errors, and what a reader of the marks must know."""
+    """Reasons of errors, and remarks that a reader of the marks needs."""
     for name, found in findings.items():
         lines = found["message"].splitlines()
         if Verdict(found["verdict"]) is Verdict.ERROR and lines:
-            # Below the case that could not be measured stand three lines of the error.
+            # The message has the case that could not be measured, and then three lines of the error.
             yield f"{scheme.name}, {name}: {lines[-3] if lines[0].endswith(':') and len(lines) > 3 else lines[0]}"
     no_areas = [name for name, found in findings.items() if found["message"] == NO_AREAS]
     if no_areas:

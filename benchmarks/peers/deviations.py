@@ -1,12 +1,12 @@
-"""Scripts that show, in a library's own terms and without sepv, where a measurement differs from its documentation.
+"""Scripts that use a library alone, without sepv, to show where its solver differs from its documentation.
 
-``python -m benchmarks.peers.deviations --out docs`` runs them and makes two pages: deviations.md has solvers of
+``python -m benchmarks.peers.deviations --out docs`` runs the scripts and makes two pages: deviations.md has solvers of
 stochastic equations, integrator-deviations.md integrators without noise.
 
 A script is a file of the folder ``docs/peers``. Its docstring begins with the solver, "library name", a colon and the
-statement. Its list NOTES quotes what the library itself says of the matter, (place, date, quotation) each: README,
-docstring, source and issues were read, and nothing is published without them. It ends with exit code 1 while the
-difference is there, and with 0 where there is none.
+statement. Its list NOTES has a (place, date, quotation) for each place where the library itself speaks of the matter.
+README, docstring, source and public threads were read, and no deviation is published without these quotations. The exit
+code is 1 if the difference is there, and 0 if not.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from sepv.errors import UsageError
 from sepv.files import write_atomically
 
 COMMAND = "python -m benchmarks.peers.deviations --out docs"
-# Libraries of solvers of stochastic equations; those of all others are integrators without noise.
+# Libraries with solvers of stochastic equations. All other libraries have integrators without noise.
 STOCHASTIC = ("diffrax", "sdeint", "torchsde")
 
 
 class Note(NamedTuple):
-    """A quotation from the library's own notes, the place where it stands, and its date (YYYY-MM-DD)."""
+    """A quotation from the library's own notes, with its place and its date (YYYY-MM-DD)."""
 
     place: str
     date: str
@@ -42,10 +42,10 @@ class Note(NamedTuple):
 class Shown:
     """The result of a script that shows a deviation: its output and exit code."""
 
-    name: str  # of its file
+    name: str  # of the script's file
     title: str  # the first line of its docstring
-    body: str  # the rest, up to the exit code
-    notes: tuple[Note, ...]  # what the library itself says
+    body: str  # the rest of the docstring, up to the exit code
+    notes: tuple[Note, ...]  # quotations of the library itself
     code: int  # 1: the library deviates; 0: it does not; else the script failed
     output: str
     errors: str
@@ -62,9 +62,9 @@ class Shown:
 
 
 def shown_by(folder: Path, libraries: Collection[str] = ()) -> Iterator[Shown]:
-    """Run every script of the folder, or those about some libraries, each in a process of its own.
+    """Run each script of the folder, or each about one of these libraries, in a process of its own.
 
-    A UsageError for a script that does not quote the library's own notes.
+    Raise a UsageError for a script that does not quote the library's own notes.
     """
     for script in sorted(folder.glob("*.py")):
         tree = ast.parse(script.read_text("utf-8"))
@@ -80,7 +80,7 @@ def shown_by(folder: Path, libraries: Collection[str] = ()) -> Iterator[Shown]:
 
 @dataclass(frozen=True)
 class Deviation:
-    """A solver, "library name", that was measured to differ from its documentation, and the section about it."""
+    """A solver, "library name", that differs from its documentation, and the section of a page about it."""
 
     solver: str
     text: str
@@ -92,7 +92,7 @@ class Deviation:
 
 
 def deviations_shown_by(folder: Path, libraries: Collection[str] = ()) -> list[Deviation]:
-    """The docstring and the output of every script that still shows its deviation."""
+    """The `Deviation` of every script that still shows its deviation."""
     found = []
     for script in shown_by(folder, libraries):
         if not script.deviates:
@@ -138,7 +138,7 @@ def main(out: Path) -> None:
 
 
 def _notes(script: str, tree: ast.Module) -> tuple[Note, ...]:
-    """The list NOTES of a script, checked."""
+    """The list NOTES of a script, after a check."""
     try:
         (value,) = (
             node.value

@@ -1,4 +1,4 @@
-"""One version of a library and the sepv of this checkout in an environment of their own, which uv makes and keeps."""
+"""Environments, made and kept by uv, with one version of another library and the sepv of this checkout."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from pathlib import Path
 from sepv.errors import SepvError
 
 ROOT = Path(__file__).resolve().parents[2]
-# An address, and the name of a host: where an installer looked is the user's own business.
+# Addresses and names of hosts, which are left out of messages, because they are the user's own.
 _ADDRESS = re.compile(r"\w+://\S+|host='[^']*'")
 
-# Released versions that were measured, each with the companions of its time: a library says the oldest companion that
-# it takes, and seldom the newest. Nothing stands where a version runs with the newest of all.
+# Released versions that were measured, each with the versions of other packages that it needs: a library states the
+# oldest version that it takes, and seldom the newest. () means that it runs with the newest of all.
 VERSIONS: dict[str, dict[str, tuple[str, ...]]] = {
     "diffrax": {"0.5.1": ("jax==0.4.38", "jaxlib==0.4.38", "equinox==0.11.12"), "0.6.2": (), "0.7.2": ()},
     "torchsde": {"0.2.5": (), "0.2.6": ()},
@@ -24,7 +24,7 @@ VERSIONS: dict[str, dict[str, tuple[str, ...]]] = {
 
 
 class EnvironmentFailure(SepvError, RuntimeError):
-    """An environment that could not be made, or in which nothing could be measured."""
+    """An environment could not be made, or nothing could be measured in it."""
 
     def __init__(self, what: str, remedy: str) -> None:
         self.what, self.remedy = what, remedy
@@ -32,12 +32,12 @@ class EnvironmentFailure(SepvError, RuntimeError):
 
 
 def measure(requirements: Sequence[str], arguments: Sequence[str], python: str = sys.executable) -> None:
-    """``python -m benchmarks.peers.one_release`` beside these requirements, as uv takes them: ``"diffrax==0.6.2"``.
+    """Run ``python -m benchmarks.peers.one_release`` with these requirements of uv, such as ``"diffrax==0.6.2"``.
 
     Raises
     ------
     EnvironmentFailure
-        With the last words of uv or of the measurement, but no addresses.
+        The message has the last words of uv or of the measurement, but no addresses.
     """
     beside = [word for text in requirements for word in ("--with", text)]
     command = [

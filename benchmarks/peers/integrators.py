@@ -1,9 +1,9 @@
-"""The page of what integrators of samplers and simulators keep: ``python -m benchmarks.peers.integrators``.
+"""The page on the laws that integrators of samplers and simulators keep: ``python -m benchmarks.peers.integrators``.
 
-Every installed peer's integrators of mechanical systems (`Peer.integrators`), on random ones. Scripts show, without
-sepv, why a claim is not found to hold: those in the folder ``peers`` beside the page where a library's
-documentation says otherwise (`benchmarks.peers.deviations`), those in the folder ``integrators`` where it is a
-matter of rounding. The latter are quoted on a page beside it, integrator-rounding.md.
+The integrators of all installed libraries (`Peer.integrators`) are tested on random mechanical systems. If a claim does
+not hold, a script shows the reason without sepv. If the library's documentation says otherwise, the script is in the
+folder ``peers`` beside the page (`benchmarks.peers.deviations`). If the reason is rounding, it is in the folder
+``integrators``, and the page integrator-rounding.md quotes it.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ ASKED = ("contract", "symplecticity", "volume", "symmetry", "reversibility", "de
 
 @dataclass(frozen=True)
 class Row:
-    """One integrator: its facts, and the finding on each law."""
+    """One integrator: its fields, and the finding on each law."""
 
     library: str
     release: str
@@ -44,7 +44,7 @@ class Row:
 
 
 def rows(libraries: Sequence[str], effort: Effort, folder: Path | None, shown: Shown) -> list[Row]:
-    """The rows of the installed libraries, or of these among them."""
+    """The rows of the installed libraries; only of those in `libraries`, if any are named."""
     listed = [load(name) for name in libraries] if libraries else installed()
     jobs = [(peer.library, scheme) for peer in listed for scheme in peer.integrators.values()]
     laws = load_laws(ASKED)
@@ -112,7 +112,7 @@ def _marks(differing: Iterable[Deviation], rounded: Iterable[Deviation]) -> Iter
 
 
 def _reasons(found: Sequence[Row], marked: Collection[str]) -> Iterator[str]:
-    """The defects of claimed laws that do not hold, unless a script shows them, and the reasons of errors."""
+    """The defects of claimed laws that do not hold, if no script shows them, and the reasons of errors."""
     for row in found:
         violated = []
         for law, f in row.found.items():
@@ -137,7 +137,7 @@ only rounding errors, so laws hold that it violates in longer steps. REBOUND's i
 (whfast, saba, mercurius, trace, eos) run on the problem `planets`."""
 
 
-# Issues: as far as a search of public threads finds them.
+# The notes were read as far as a search of public threads finds them.
 READ = """\
 Docstrings and source of each integrator; for REBOUND documentation and changelog. The history of JAX MD's and mici's
 integrators. 16 issues and pull requests."""

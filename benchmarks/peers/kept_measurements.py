@@ -1,8 +1,8 @@
-"""Measurements that take long, one by one, each kept in a file as soon as it is made: an interrupted run goes on there.
+"""Long measurements, each stored in a file as soon as it is made, so that an interrupted run can continue.
 
-A cell is one law on one solver, or one number on one problem. What it was measured with is its key: another release
-of the library or of sepv, another seed, a law that says something else, and it is measured again. Other changes to
-sepv's code are not in the key; whoever makes them begins with an empty folder.
+A cell is the measurement of one law on one solver, or of one number on one problem. Its key lists what the result
+depends on: the releases of the library and of sepv, the seed, and the law's text. If one of these changes, the cell is
+measured again. Other changes to sepv's code are not in the key; after such a change begin with an empty folder.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ class Cell:
 
     solver: str  # cells of one solver share a file
     name: str  # a law, or a number on a problem
-    key: tuple[Any, ...]  # all that the result depends on, as JSON, beside the solver and the name
+    key: tuple[Any, ...]  # what the result depends on, besides the solver and the name, as JSON
     measure: Callable[
         [], Any
-    ]  # a value that JSON keeps: NaN and infinities too, as Python's json writes them
+    ]  # returns a value that Python's json can write; this includes NaN and infinities
 
     @property
     def digest(self) -> str:
-        """The key as it stands in the file."""
+        """The digest of solver, name and key, under which the file has the value."""
         return hashlib.sha256(json.dumps([self.solver, self.name, self.key]).encode()).hexdigest()[:24]
 
 
 def measured(cells: Iterable[Cell], folder: Path | None, shown: Shown) -> dict[tuple[str, str], Any]:
-    """The value of every cell, by solver and name: from the folder where it has it, else measured and put there."""
+    """The value of every cell, by solver and name: read from the folder, or else measured and stored there."""
     listed = list(cells)
     kept = {solver: _read(folder, solver) for solver in {cell.solver for cell in listed}}
     missing = [cell for cell in listed if cell.digest not in kept[cell.solver]]
@@ -46,7 +46,7 @@ def measured(cells: Iterable[Cell], folder: Path | None, shown: Shown) -> dict[t
         shown.update(f"{len(listed) - len(missing)} of {len(listed)} cells are in {folder}")
     for n, cell in enumerate(missing):
         shown.update(f"{cell.solver}, {cell.name}, {n + 1} of {len(missing)} cells", n / len(missing))
-        # Through JSON, so that a value measured now and one read again are the same.
+        # The value passes through JSON, so that it is the same now and when it is read again.
         kept[cell.solver][cell.digest] = json.loads(json.dumps(cell.measure()))
         if folder is not None:
             # Another process may measure other cells of the same solver into the same folder.

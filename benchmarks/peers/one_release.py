@@ -1,6 +1,6 @@
-"""One library as it is installed here, measured and recorded: ``python -m benchmarks.peers.one_release``.
+"""Measure the installed version of one library, and record it: ``python -m benchmarks.peers.one_release``.
 
-`benchmarks.peers.releases` calls this inside the environment of each version. It asks the few laws that decide what a
+`benchmarks.peers.releases` runs this program in the environment of each version. It runs only the laws about what a
 general library claims of a solver: its orders and its limit. The compliance table has all laws.
 """
 
@@ -27,10 +27,10 @@ from sepv.files import finite, json_text, write_atomically
 from sepv.verification import SUITE, Effort, Law, load_laws
 
 FORMAT = 1
-# Those that are quick enough for many versions. The local laws, by quadrature over several noises, see most faults
-# of a formula; laws that search ask a compiled step about systems of every size, which is compiled anew for each.
+# The laws that are quick enough for many versions. Local laws, by quadrature over several noises, find most faults of a
+# formula. Laws that search are slow, because they need a new compilation for systems of each size.
 ASKED = ("local-mean", "local-mean-square", "local-weak", "mean-square-order", "right-limit")
-# Of a law's message; the whole is in the output of `sepv verify`.
+# The most characters of a law's message; `sepv verify` prints the whole message.
 LONGEST = 600
 
 
@@ -43,7 +43,7 @@ def record(
     cells = [cell for s in schemes for cell in measurements.law_cells(library, s, asked, effort)]
     found = measured(cells, keep, shown)
     shown.update("the scripts that show deviations", 1.0)
-    # What is installed beside it, without installers: a change may be another library's.
+    # The other installed packages, without installers: one of them may be the reason of a change.
     beside = {d.metadata["Name"].lower(): d.version for d in distributions() if d.metadata["Name"]}
     packages = {n: beside[n] for n in sorted(beside) if n not in ("pip", "setuptools", "wheel", "sepv")}
     return {
@@ -102,7 +102,7 @@ _FOLDER = click.Path(file_okay=False, path_type=Path)
     "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Of examples and paths."
 )
 def main(library: str, out: str, keep: Path | None, scripts: Path | None, seed: int) -> None:
-    """Measure the solvers of LIBRARY as it is installed here, and write the record."""
+    """Measure the solvers of the installed version of LIBRARY, and write the record."""
     # Counterexamples are not shown here, so that nothing is spent on simplifying them.
     effort = Effort(seed=seed, shrink_checks=0)
     if keep is not None:

@@ -1,4 +1,4 @@
-"""What the commands that make a page of other libraries' solvers take, and what they do around it."""
+"""Options and error handling that the commands for pages about other libraries' solvers share."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _KEEP = (
 
 
 def page_options(known: Sequence[str]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """--out, --keep, --library, one of the known, and --seed."""
+    """Add the options --out, --keep, --seed, and --library, whose value is one of `known`, to a command."""
 
     def add(command: Callable[..., Any]) -> Callable[..., Any]:
         for option in (
@@ -45,7 +45,7 @@ def page_options(known: Sequence[str]) -> Callable[[Callable[..., Any]], Callabl
 
 @contextmanager
 def measuring(keep: Path | None) -> Iterator[Shown]:
-    """Progress on stderr; an error of sepv is a message, and Ctrl-C says where what was measured is."""
+    """Show progress on stderr. Errors of sepv become messages, and Ctrl-C says where the finished cells are stored."""
     if keep is not None:
         keep.mkdir(parents=True, exist_ok=True)
     try:
@@ -59,7 +59,7 @@ def measuring(keep: Path | None) -> Iterator[Shown]:
 
 
 def put(out: Path | None, page: Callable[[str], str], libraries: Sequence[str], seed: int) -> None:
-    """Write the page that is made with these arguments, or print it."""
+    """Write the page to the file `out`, or print it. `page` makes the text from the arguments of the command."""
     chosen = "".join(f" --library {name}" for name in libraries) + (f" --seed {seed}" if seed else "")
     text = page((f" --out {out}" if out else "") + chosen)
     if out is None:

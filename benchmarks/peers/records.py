@@ -1,7 +1,7 @@
-"""Records of what each version of a library was found to do: ``results/LIBRARY/VERSION.json``. Append-only.
+"""Records: the measured behaviour of each version of a library, in ``results/LIBRARY/VERSION.json``.
 
-A record is never overwritten. Where a version is measured again, by a newer suite say, the new record stands beside the
-old one and has its date in its name: ``VERSION@DATE.json``.
+A record is never overwritten. If a version is measured again, for example by a newer suite, the new record is stored
+beside the old one, with its date in the name: ``VERSION@DATE.json``.
 """
 
 from __future__ import annotations
@@ -47,13 +47,13 @@ class Record:
 
 
 def recorded(folder: Path, library: str, version: str) -> list[Path]:
-    """The records of one version that there are, the oldest first."""
+    """The files of all records of one version, the oldest first."""
     own = folder / library
     return [p for p in (own / f"{version}.json", *sorted(own.glob(f"{version}@*.json"))) if p.exists()]
 
 
 def add(folder: Path, data: dict[str, Any]) -> Path:
-    """Put a record there, under a new name; a UsageError where there is one of this version and day already."""
+    """Write a record to the folder under a new name. Raise UsageError if this version has a record of this day."""
     if wrong := _fault(data):
         raise UsageError(expected="a record of a version", received=wrong, remedy="measure it again")
     own, version = folder / data["library"], data["version"]
@@ -71,7 +71,7 @@ def add(folder: Path, data: dict[str, Any]) -> Path:
 
 
 def load(folder: Path) -> dict[str, list[Record]]:
-    """All records by library, in the order of versions and, within one, of dates; a UsageError where there are none."""
+    """All records by library, in the order of versions and then of dates. Raise UsageError if there are none."""
     found: dict[str, list[Record]] = {}
     for path in sorted(folder.glob("*/*.json")):
         said = {

@@ -39,15 +39,15 @@ from sepv.files import read_json
 @click.option("-j", "--jobs", type=cli.COUNT, default=1, help="Side by side.")
 @cli.friendly
 def main(library: str | None, releases: cli.Names, versions: bool, results: str, **options: Any) -> None:
-    """Measure VERSIONs of LIBRARY, each in an environment of its own, and record what its solvers do.
+    """Measure VERSIONs of LIBRARY, each in an environment of its own, and record the behaviour of its solvers.
 
-    uv installs each version, from wherever your uv installs. A record is RESULTS/LIBRARY/VERSION.json and is never
-    overwritten: with --again a further one has its date in its name. Without a version: which records there are.
+    uv installs each version, from its usual source. A record is RESULTS/LIBRARY/VERSION.json and is never overwritten:
+    with --again, a further record has its date in its name. Without a version, existing records are listed.
 
     \b
-    python -m benchmarks.peers.releases                              the records that there are
+    python -m benchmarks.peers.releases                              list the records
     python -m benchmarks.peers.releases sdeint 0.2.4 0.3.0           two versions
-    python -m benchmarks.peers.releases --versions -j 2              each that was tried
+    python -m benchmarks.peers.releases --versions -j 2              all versions measured before
     python -m benchmarks.peers.releases diffrax 0.5.1 --with "jax<0.5" --keep peers
     python -m benchmarks.peers.trend                                 which verdict changed, and when
 

@@ -1,8 +1,8 @@
-"""One solver of a library for general noise: what its documentation says of it by kind of noise, and its step.
+"""One solver of a library for general noise: its documented orders by kind of noise, and its step.
 
-The problems are systems of several Hamiltonians, one for each kind. A solver of Itô equations is given Itô's form of
-them, whose solution is the same. What a solver wants beside the increments it gets from the same rough path as the
-reference: space-time Lévy areas, or the areas A_ij (`sepv.simulate._areas`).
+The problems are systems with several Hamiltonians, one system for each kind of noise. A solver of Itô equations gets
+the system in Itô's form, which has the same solution. If a solver needs space-time Lévy areas or the areas A_ij besides
+increments, it gets them from the path that the reference solution uses (`sepv.simulate._areas`).
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from sepv import problems
 from sepv.problem import Problem
 from sepv.schemes import Scheme, Step, Systems
 
-# One system for each kind of noise: polynomial, so that the generator knows its means, and without a symmetry by which
-# an error would vanish that other systems show.
+# One system for each kind of noise. The systems are polynomial, so that the generator gives exact means. They have no
+# symmetry that would make errors vanish.
 PROBLEMS: dict[str, Callable[[], Problem]] = {
     "general": problems.random_inertia,
     "commutative": problems.commuting_twists,
@@ -48,16 +48,16 @@ class Solver:
     name : str
         "library name".
     documented : {kind of noise: (strong order, weak order)}
-        None where the documentation names no order; kinds that the solver does not take are left out.
+        None if the documentation names no order; kinds that the solver does not take are left out.
     source : str
-        Where that is said.
+        The place in the documentation.
     step : callable (kind of noise) -> step
     ito : bool
-        Whether it is documented for Itô's form.
+        True if the solver is documented for Itô's form.
     asks : str
-        As of `Scheme`.
+        The areas that it needs, as for `Scheme`.
     path : callable (kind of noise) -> path, optional
-        For a solver that hands state from step to step: (problem, y0, h, dW (N, m + k, M)) -> states (N + 1, d, M).
+        For a solver with a state of its own: (problem, y0, h, dW (N, m + k, M)) -> states (N + 1, d, M).
     """
 
     name: str

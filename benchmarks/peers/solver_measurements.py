@@ -1,9 +1,9 @@
-"""What is measured of a solver for each kind of noise: orders of one step and of paths, its limit, what it keeps.
+"""Measurements of a solver for each kind of noise: orders of one step and of paths, its limit, structure that it keeps.
 
-One step: the laws "local-mean", "local-mean-square" and "local-weak", by quadrature. By Milstein's theorem the
-mean-square order is the lesser of the slope of the mean error less 1 and that of the rms error less ½; the weak order
-is the slope of the weak error less 1. Paths: the slope of the rms error against the log-ODE over a rough path, as in
-the law "mean-square-order", for orders up to that of the reference, 1.
+The laws "local-mean", "local-mean-square" and "local-weak" give slopes of errors of one step by quadrature. By
+Milstein's theorem the mean-square order is the lesser of the slope of the mean error less 1 and that of the rms error
+less ½; the weak order is the slope of the weak error less 1. The order of paths is the slope of the rms error against
+the log-ODE, as in the law "mean-square-order". It is measured for orders up to that of the log-ODE, 1.
 """
 
 from __future__ import annotations
@@ -33,18 +33,18 @@ from sepv.verification import Effort, Verdict, load_laws, verify
 LOCAL = ("local-mean", "local-mean-square", "local-weak")
 KEPT = ("casimir", "poisson-map")
 T, STEPS = 0.5, (8, 32, 128)
-# Paths of solvers that take batches, and of those that take one state at a time.
+# The number of paths of solvers that take batches, and of solvers that take one state at a time.
 PATHS, SINGLE = 512, 128
-# An interval of an order over paths misses with this probability.
+# The probability that the interval of an order of paths misses it.
 ALPHA = 1e-4
-# The order of the reference over paths.
+# The order of the log-ODE, which is the reference for paths.
 KNOWN = 1.0
-# So small a step shows the limit: what is left of a mean is h, or √h for a difference over √h.
+# A step that is small enough to show the limit up to LIMIT: a mean is off by O(h), or O(√h) for differences over √h.
 LIMIT_STEP, LIMIT = 2.0**-16, 0.05
 
 
 def cells(library: str, solver: Solver, effort: Effort) -> Iterator[Cell]:
-    """The cells of one solver: all measurements of it."""
+    """The cells of all measurements of one solver."""
     texts = {law.name: _text_of(law) for law in load_laws((*LOCAL, *KEPT))}
     key = (release(library), __version__, effort.seed)
     for kind, documented in solver.documented.items():
@@ -66,8 +66,8 @@ def cells(library: str, solver: Solver, effort: Effort) -> Iterator[Cell]:
 def orders(solver: Solver, kind: str, local: dict[str, Any]) -> tuple[float, float]:
     """Mean-square and weak order from the slopes of `_local`.
 
-    The log-ODE that steps are compared with is O(h^{3/2}) from the solution, or O(h²) where noises commute and
-    space-time areas are known: no more than order 1 or 1.5 shows.
+    Steps are compared with the log-ODE. It is O(h^{3/2}) from the solution, or O(h²) if noises commute and space-time
+    areas are known. So no order above 1, or 1.5, is visible.
     """
     mean, rms, weak = (local[law]["slope"] for law in LOCAL)
     known = 1.5 if solver.asks == "space-time" and kind != "general" else KNOWN
@@ -75,7 +75,7 @@ def orders(solver: Solver, kind: str, local: dict[str, Any]) -> tuple[float, flo
 
 
 def _local(solver: Solver, kind: str, effort: Effort) -> dict[str, Any]:
-    """Slopes of the three local errors, infinite where all errors are rounding, and verdicts on what is documented."""
+    """Slopes of the three local errors, infinite if all errors are rounding, and verdicts on the documented orders."""
     report = verify(solver.scheme(kind), laws=list(LOCAL), effort=effort)
     if report.interrupted:
         raise KeyboardInterrupt
@@ -99,9 +99,9 @@ def _kept(solver: Solver, kind: str, law: str, effort: Effort) -> str:
 
 
 def _limit(solver: Solver, kind: str) -> dict[str, float]:
-    """λ with E[y1 − y0] = h(a + λs) for the drift a that was given and s = ½Σ F_j′F_j, and what is left of |s|.
+    """λ with E[y1 − y0] = h(a + λs), for the given drift a and s = ½Σ F_j′F_j, and the remainder relative to |s|.
 
-    λ is 0 for a solver that takes a for the drift of an Itô equation, 1 for that of a Stratonovich equation.
+    λ is 0 for a solver that takes a as the drift of an Itô equation, and 1 for a solver of Stratonovich equations.
     """
     problem, scheme = problem_of(kind), solver.scheme(kind)
     h, states = LIMIT_STEP, local_states(scheme, problem)
@@ -139,13 +139,13 @@ def limit_of(found: dict[str, float]) -> str:
 
 @lru_cache(maxsize=8)
 def _reference(kind: str, seed: int, paths: int) -> tuple[RoughPath, Array, float]:
-    """The rough path that solver and reference see, y(T), and the rms of the reference's own error."""
+    """The path with areas that solver and reference share, y(T), and the rms of the reference's own error."""
     problem = problem_of(kind)
     return refined(problem, np.array(problem.initial), T, STEPS[-1], range(paths), seed)
 
 
 def _over_paths(solver: Solver, kind: str, seed: int) -> dict[str, Any]:
-    """The order over paths as (estimate, low, high), rms errors, and paths that failed at some number of steps."""
+    """The order of paths as (estimate, low, high), rms errors, and the number of paths that failed at any step size."""
     scheme, problem = solver.scheme(kind), problem_of(kind)
     count = PATHS if solver.batched else SINGLE
     rough, exact, doubt = _reference(kind, seed, count)

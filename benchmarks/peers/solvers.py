@@ -1,6 +1,6 @@
 """The table of other libraries' solvers by kind of noise: ``python -m benchmarks.peers.solvers --out docs/solvers.md``.
 
-A row is a solver. A cell is a kind of noise: the documented order beside the measured ones.
+A row is for a solver and a column for a kind of noise. A cell has the measured orders beside the documented ones.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from sepv.console import Shown, markdown
 from sepv.verification import Effort, Verdict
 
 COMMAND = "python -m benchmarks.peers.solvers"
-# Half-way to the next lower order, as the laws about orders have it.
+# Half-way to the next lower order, as in the laws about orders.
 MARGIN = 0.25
-# An order of one step stands in the table, beside the documented one.
+# Words of a shortcoming in the order of one step, which the table shows beside the documented order.
 IN_THE_TABLE = "of one step"
 WORDS = {Verdict.HOLDS.value: "kept", Verdict.VIOLATED.value: "no", Verdict.NOT_APPLICABLE.value: "–"}
 
 
 @dataclass(frozen=True)
 class Line:
-    """A line of the table, and what of it falls short of the documentation."""
+    """A solver with one kind of noise: the texts of its cells, and where it falls short of the documentation."""
 
     cells: tuple[str, ...]
     short: tuple[str, ...]
@@ -48,7 +48,7 @@ def line(solver: Solver, kind: str, found: Mapping[tuple[str, str], Any]) -> Lin
     strong, weak = solver.documented[kind]
     found_strong, found_weak = orders(solver, kind, local)
     documented, converges = "Itô" if solver.ito else "Stratonovich", limit_of(limit)
-    # A solver that hands state on is what its paths are; its one step is another method.
+    # A solver with a state of its own is judged by its paths, because its single step is another method.
     short = [] if solver.path else [
         f"{word} order {_number(order)} {IN_THE_TABLE} (documented: {claim:g})"
         for word, order, claim in (("strong", found_strong, strong), ("weak", found_weak, weak))
@@ -142,7 +142,7 @@ def table(library: str, own: Sequence[Line]) -> str:
     for each in own:
         name, kind, strong, step, paths, weak, weak_step, limit, *_ = each.cells
         row = rows.setdefault(name.removeprefix(f"{library} "), {"limit": limit})
-        # A solver that hands state on is what its paths are.
+        # For a solver with a state of its own the order of its paths is shown.
         own = f"{paths.partition(' [')[0]} §" if "§" in step else step
         orders = [beside(own, strong), beside(weak_step.removesuffix(" §"), weak)]
         row[kind] = "; ".join(orders[: 1 if orders[1] == "1.00" else 2]) + " †" * bool(each.short)
@@ -157,7 +157,7 @@ def table(library: str, own: Sequence[Line]) -> str:
 
 
 def _sources(library: str, own: Sequence[Line]) -> str:
-    """Where the documented orders of a library stand, with the solvers where there are several places."""
+    """The places of a library's documented orders; if there are several, each with its solvers."""
     names: dict[str, list[str]] = {}
     for each in own:
         names.setdefault(each.source, []).append(each.cells[0].removeprefix(f"{library} "))
@@ -169,7 +169,7 @@ def _sources(library: str, own: Sequence[Line]) -> str:
 
 
 def beside(measured: str, documented: str) -> str:
-    """A measured order, with the documented one in brackets where they differ by more than 0.1."""
+    """A measured order, with the documented one in brackets if they differ by more than 0.1."""
     try:
         same = documented == "–" or abs(float(measured.removesuffix(" §")) - float(documented)) <= 0.1
     except ValueError:  # none was measured
@@ -178,7 +178,7 @@ def beside(measured: str, documented: str) -> str:
 
 
 def _kept(lines: Sequence[Line]) -> str:
-    """The solvers that keep one of them, or are not judged."""
+    """The solvers that keep Casimirs or are Poisson maps, and those that were not judged, as text."""
     kept = [
         f"{each.cells[0]}, {each.cells[1]}: {', '.join(each.cells[-2:])}"
         for each in lines
@@ -188,7 +188,7 @@ def _kept(lines: Sequence[Line]) -> str:
 
 
 def _is_about(script: str, entry: str) -> bool:
-    """True if a line names the solver of a script, "library method option"."""
+    """True if the text `entry` names the solver of a script, "library method option"."""
     named = entry.partition(":")[0].replace(",", " ").split()
     return set(script.replace(",", " ").split()) <= set(named)
 

@@ -1,4 +1,4 @@
-"""diffrax's solvers for general noise, with the space-time Lévy areas that some want. Needs the extra ``peers``."""
+"""diffrax's solvers for general noise, with the space-time Lévy areas that some need. Needs the extra ``peers``."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SOURCE = 'diffrax, "SDE solver table" (docs.kidger.site/diffrax/devdocs/SDE_solv
 
 
 def _terms(fields: PosedFields, constant: bool, numbers: Any, dW: Any, H: Any) -> Any:
-    """Drift and noise fields (d, m); `constant` ones do not depend on y for JAX either."""
+    """Drift and noise fields (d, m). If `constant`, the noise fields do not use y, so that JAX finds them constant."""
 
     def drift(_t: Any, y: Any, _args: Any) -> Any:
         return fields.drift(jnp, numbers, y)
@@ -36,7 +36,7 @@ def _terms(fields: PosedFields, constant: bool, numbers: Any, dW: Any, H: Any) -
 def _advance(
     solver: Any, fields: PosedFields, constant: bool, numbers: Any, h: Any, y: Any, rows: Any, state: Any
 ) -> Any:
-    """y_next and the solver's state, from rows of ΔW and H; a state of None starts the solver."""
+    """The next y and the solver's state, from rows of ΔW and H. If `state` is None, the solver starts."""
     dW, H = rows[: fields.noises], rows[fields.noises :]
     terms, t0 = _terms(fields, constant, numbers, dW, H), jnp.zeros_like(h)
     if state is None:
@@ -47,7 +47,7 @@ def _advance(
 
 @partial(jax.jit, static_argnames=("solver", "fields", "constant"))
 def _steps(solver: Any, fields: PosedFields, constant: bool, numbers: Any, h: Any, y: Any, rows: Any) -> Any:
-    """One step of each lane: y (d, L), rows (m or 2m, L)."""
+    """One step of each of L states: y (d, L), rows (m or 2m, L)."""
 
     def lane(y: Any, rows: Any) -> Any:
         return _advance(solver, fields, constant, numbers, h, y, rows, None)[0]
@@ -57,7 +57,7 @@ def _steps(solver: Any, fields: PosedFields, constant: bool, numbers: Any, h: An
 
 @partial(jax.jit, static_argnames=("solver", "fields"))
 def _paths(solver: Any, fields: PosedFields, numbers: Any, h: Any, y: Any, rows: Any) -> Any:
-    """Whole paths with the solver's state handed on: rows (N, m, L) -> (N + 1, d, L)."""
+    """L whole paths, in which the solver keeps its state: rows (N, m, L) -> (N + 1, d, L)."""
 
     def lane(y: Any, rows: Any) -> Any:
         def advance(carry: Any, rows: Any) -> Any:
@@ -96,7 +96,7 @@ def _path_by(solver: Any) -> Path:
 
 
 def _orders(general: float, commutative: float, additive: float, weak: Mapping[str, float]) -> Any:
-    """By kind of noise; one noise is commutative."""
+    """Strong and weak orders by kind of noise; one noise counts as commutative."""
     strong = {"general": general, "commutative": commutative, "one": commutative, "additive": additive}
     return {kind: (p, weak.get(kind, 1.0)) for kind, p in strong.items()}
 
@@ -138,5 +138,5 @@ def _solver(name: str) -> Solver:
     )
 
 
-# What an older release lacks is left out.
+# Solvers that an older release lacks are left out.
 SOLVERS = tuple(_solver(name) for name in DOCUMENTED if hasattr(diffrax, name))

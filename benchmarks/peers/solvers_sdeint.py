@@ -1,6 +1,6 @@
-"""sdeint's integrators for general noise, with the repeated integrals that some want. Needs the extra ``sdeint``.
+"""sdeint's integrators for general noise, with the repeated integrals that some need. Needs the extra ``sdeint``.
 
-J_ij = ∫W_i ∘dW_j = ½ΔW_iΔW_j + A_ij of the step's own Lévy areas, and Itô's I_ij = J_ij − ½h where i = j.
+These are J_ij = ∫W_i ∘dW_j = ½ΔW_iΔW_j + A_ij with the step's Lévy areas A_ij, and Itô's I_ij = J_ij − ½h δ_ij.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from sepv.problem import Array, Problem
 from sepv.schemes import Step
 from sepv.schemes._further_increments import as_matrix, as_rows
 
-# What stratKP2iS leaves of its equation: its default, 1e-4, would hide an order.
+# The tolerance with which stratKP2iS solves its equation: its default, 1e-4, would hide an order.
 _SOLVED = {"stratKP2iS": {"rtol": 1e-12}}
 # The names of the argument that takes repeated integrals.
 _INTEGRALS = {"itoSRI2": "I", "stratSRS2": "J", "stratKP2iS": "J"}
@@ -57,7 +57,7 @@ def _stepper(integrator: Callable[..., Any], ito: bool) -> Step:
 
 def _path_by(integrator: Callable[..., Any]) -> Path:
     def path(problem: Problem, y0: Array, h: float, dW: Array) -> Array:
-        """NaN for a path of which sdeint says that a step could not be solved."""
+        """States of all paths; NaN for a path if sdeint reports a step that could not be solved."""
         found = []
         for lane in range(dW.shape[2]):
             try:

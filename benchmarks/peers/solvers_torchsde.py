@@ -1,7 +1,7 @@
-"""torchsde's solvers for general noise, with the areas that some want. Needs the extra ``peers``.
+"""torchsde's solvers for general noise, with the areas that some need. Needs the extra ``peers``.
 
-The kinds of noise are torchsde's noise types: "one" is its scalar type, "additive" its own, and noises that commute are
-posed as general ones. Its diagonal type has no problem here: a Hamiltonian field B∇H_j moves more components than one.
+The kinds of noise correspond to torchsde's noise types: "one" to scalar, "additive" to additive, all others to general,
+also noises that commute. No problem has the diagonal type, because a Hamiltonian field B∇H_j moves several components.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def _integrate(
     h: float,
     rows: Array,
 ) -> Array:
-    """torchsde.sdeint from y (d, L) with the rows (N, m + k, L): states (N + 1, d, L)."""
+    """States (N + 1, d, L) by torchsde.sdeint from y (d, L), with the rows (N, m + k, L) of increments and areas."""
     m = problem.noises
     dW, further = rows[:, :m], rows[:, m:]
 
@@ -119,7 +119,7 @@ def _path_by(method: str, kind: str) -> Path:
 
 
 def _orders(strong: tuple[float | None, float, float], weak: float) -> dict[str, tuple[float | None, float]]:
-    """From those of the general, scalar and additive type; None for a type that is not taken."""
+    """Orders by kind of noise, from strong orders for general, scalar and additive noise; None if a type is refused."""
     general, scalar, additive = strong
     by_kind = {"general": general, "commutative": general, "one": scalar, "additive": additive}
     return {kind: (p, weak) for kind, p in by_kind.items() if p is not None}

@@ -1,4 +1,4 @@
-"""The page of the site about versions, in Markdown: made from the records alone, so that it can be made again."""
+"""The site's page about versions, in Markdown. It is made from the records alone, so that it can be made again."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from benchmarks.peers.records import Record
 from sepv.console import markdown
 from sepv.verification import Verdict
 
-# Half of the lowest order that a consistent scheme has, ½: an error that falls so has a limit of 0.
+# Half of ½, the lowest order of a consistent scheme: an error that falls with a larger slope has the limit 0.
 LEAST_SLOPE = 0.25
 
 INTRODUCTION = """\
@@ -38,7 +38,7 @@ def _library(records: Sequence[Record]) -> Iterator[str]:
     last = latest(records)
     found = changes(records)
     if found:
-        alike: dict[tuple[str, ...], list[str]] = {}  # solvers with the same cells share a row
+        alike: dict[tuple[str, ...], list[str]] = {}  # solvers with equal cells share a row
         for name in solvers(records):
             alike.setdefault(tuple(cell(r, name) for r in last), []).append(name)
         yield markdown(
@@ -81,14 +81,14 @@ def _library(records: Sequence[Record]) -> Iterator[str]:
 
 
 def _falls_slowly(entry: dict[str, Any]) -> bool:
-    """True if a violated right limit may only show the lower order, well above 0, that *mean-square-order* found."""
+    """True if *right-limit* may be violated only because the order, which *mean-square-order* found, is too low."""
     limit, order = (entry["laws"].get(law) for law in ("right-limit", "mean-square-order"))
     both = limit and order and limit["verdict"] == order["verdict"] == Verdict.VIOLATED.value
     return bool(both and order["defect"] is not None and order["defect"] > LEAST_SLOPE)
 
 
 def _few(besides: Sequence[str]) -> str:
-    """What computes comes first; the rest is counted."""
+    """The changes of the suite, Python and the numerical packages as text, and the number of other changes."""
     first = ("suite", "python", "machine", "jax", "torch", "numpy", "scipy")
     named = [b for b in besides if b.split()[0] in first]
     rest = len(besides) - len(named)

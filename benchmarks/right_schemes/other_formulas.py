@@ -35,7 +35,7 @@ from sepv.schemes._explicit_tableaux import TABLEAUX
 from sepv.schemes._leapfrog import KicksAndDrifts, composed
 from sepv.solve import CountedFields, Fields
 
-# Claims of (2.1) that a scheme of similar structure, but with another formula, does not have.
+# Claims of (2.1) that a scheme with a similar structure but another formula does not make.
 _NOT_ITSELF = {"midpoint", "reduction", "reference", "refusal"}
 _TRIPLE = 1 / (2 - 2 ** (1 / 3))
 

@@ -31,7 +31,7 @@ from benchmarks.vectors.selection import SCHEMES, Candidate, candidates
 from sepv.errors import SepvError
 from sepv.files import write_atomically
 
-# The digits computed beyond those printed; a proof by balls may leave three of them undecided.
+# The number of digits computed beyond those printed; a proof by balls may leave three of them undecided.
 _EXTRA = 10
 # If a component is much smaller than the largest, _MANY digits are computed; below 1e-390 of the largest it is 0.
 _FEW, _MANY = DIGITS + _EXTRA, 460

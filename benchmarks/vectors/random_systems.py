@@ -1,4 +1,4 @@
-"""Random polynomial systems for the vectors, which are the same in every run and on every machine.
+"""Random polynomial systems for the reference vectors; they are the same in every run and on every machine.
 
 Only `random()` of Python's Mersenne twister is used, because Python promises to keep its stream.
 """

@@ -1,6 +1,6 @@
-"""The choice of cases for the vectors: the paper's problems, extremes, folds, separatrices, random systems.
+"""The choice of cases for the reference vectors: the paper's problems, extremes, folds, separatrices, random systems.
 
-Everything here is deterministic, the random systems too.
+All cases are the same in each run, also the random systems.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Heun's method at the random step, compiled by JAX; the vector field is handed over."""
+"""Heun's method with the random step Δ, compiled by JAX, for any vector field."""
 
 from functools import partial
 

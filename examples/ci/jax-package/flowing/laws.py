@@ -1,4 +1,4 @@
-"""The step as sepv asks it, for `sepv verify flowing.laws:scheme`."""
+"""The step with the arguments that sepv gives, for `sepv verify flowing.laws:scheme`."""
 
 from functools import lru_cache, partial
 
@@ -20,7 +20,7 @@ def _field(formulas):
 
 
 def step(problem, y, h, dW):
-    """One state (d,) or a batch (d, M), in blocks of 64: the bits do not depend on the size of the batch."""
+    """One step of a state (d,) or a batch (d, M), in blocks of 64, so that no bit depends on the size of the batch."""
     formulas, numbers = pose(problem)
 
     def block(y, dW):

@@ -1,4 +1,4 @@
-"""What the step claims, for `sepv verify spinning.laws:scheme`."""
+"""The step with its claims, for `sepv verify spinning.laws:scheme`."""
 
 import sepv
 from spinning.midpoint import step

@@ -1,4 +1,4 @@
-"""The implicit midpoint rule at the random step, for one state (d,) or a batch (d, M)."""
+"""The implicit midpoint rule with the random step Δ, for one state (d,) or a batch (d, M)."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ def step(problem, y, h, dW):
         move = np.einsum("ij...,j...->i...", problem.structure(middle), problem.gradient(middle))
         before, y1 = y1, y + delta * move
         size = np.max(np.abs(y1), axis=0)
-        # Four sweeps without a visible change: every lane has come to rest, and none is held up by another.
+        # After four sweeps without a visible change every state of the batch has converged.
         settled = settled + 1 if np.all(np.max(np.abs(y1 - before), axis=0) <= 1e-15 * size) else 0
         if settled == 4 and np.all(np.isfinite(size)):
             return y1
