@@ -53,7 +53,7 @@ def exact_flow(
     ExactFlow
         Its `error` estimates the largest error. For a numerical solution it is four times its largest difference
         from a second one, of another order and with other panels, plus 8 roundings. For a closed form it is
-        16 eps (|y| + |f(y)| (1 + |θ|)) with the largest |y|, |f(y)| and |θ| (special functions: below 4 eps measured).
+        16 eps (|y| + |f(y)| (1 + |θ|)), the largest of each (for the special functions, less than 4 eps was measured).
 
     Raises
     ------
