@@ -19,7 +19,7 @@ from sepv.verification import Case
 
 # The least distance of two states, as a fraction of the result. By rounding, closer states may have equal results.
 APART = 2.0**-20
-# The size of the short steps that are made between steps without a solution, as a fraction of the latter.
+# The size of a short step made after a step without a solution, as a fraction of the size of that step.
 SHORT_OF_FOLD = 2.0**-10
 # The number of states in each repeated call of a scheme that takes batches: 1024 calls make ten thousand steps.
 LANES = 10
