@@ -4,8 +4,8 @@
  *     sepv verify --exec ./midpoint
  *
  * y1 = y0 + D f((y0 + y1)/2), f = B grad H, with the random step D = h + sum_j c_j dW_j: equation (3.4) of
- * D. Cohen and G. Dujardin, Energy-preserving integrators for stochastic Poisson systems (2014). It keeps
- * quadratic Casimirs, is symmetric, and keeps H where H is quadratic. The protocol is docs/protocol.md.
+ * D. Cohen and G. Dujardin, Energy-preserving integrators for stochastic Poisson systems (2014). The rule keeps
+ * quadratic Casimirs, is symmetric, and keeps a quadratic H. docs/protocol.md describes the protocol.
  */
 #include <float.h>
 #include <math.h>
@@ -15,14 +15,14 @@
 
 enum { MAXD = 16, MAXE = MAXD * (MAXD - 1) / 2, MAXM = 16, MAX_ITERATIONS = 40 };
 
-/* ---- JSON: the text stays where it is; a value is a pointer to its first character. ---- */
+/* ---- JSON: the text is not copied; a value is a pointer to its first character. ---- */
 
 static const char *blank(const char *p) {
     while (*p == ' ' || *p == '\t' || *p == '\r' || *p == '\n') p++;
     return p;
 }
 
-/* The character after the value at p, or NULL where the text is not JSON (deeper than 64 does not occur). */
+/* The character after the value at p, or NULL if the text is not JSON or is nested more than 64 deep. */
 static const char *after(const char *p, int depth) {
     if (!p || depth > 64) return NULL;
     p = blank(p);
@@ -89,7 +89,7 @@ static const char *member(const char *p, const char *key) {
 /* A hex float in a string: strtod reads it. */
 static double number(const char *p) { return p && *p == '"' ? strtod(p + 1, NULL) : NAN; }
 
-/* At most `most` numbers of the array at p; how many there are, -1 for more than that or no array. */
+/* Read the numbers of the array at p; return their count, or -1 if there are more than `most` or no array. */
 static int numbers(const char *p, double *to, int most) {
     int n = 0;
     if (!p || *blank(p) != '[') return -1;
@@ -102,7 +102,7 @@ static int numbers(const char *p, double *to, int most) {
 
 /* ---- Problems: the vector field f = B grad H. ---- */
 
-/* Terms of all polynomials of a message, read once: a step evaluates them some fifty times. */
+/* Terms of all polynomials of a message, read once, because a step evaluates them some fifty times. */
 static struct { double coefficient; int e[MAXD]; } *terms;
 static size_t used, room;
 
@@ -117,7 +117,7 @@ typedef struct {
     Polynomial hamiltonian, structure[MAXE]; /* B above its diagonal */
 } Problem;
 
-/* The polynomial; its derivative by y_k where k >= 0. */
+/* The value of the polynomial at y, or of its derivative by y_k if k >= 0. */
 static double polynomial(Polynomial p, int d, const double *y, int k) {
     double sum = 0;
     for (size_t n = p.from; n < p.to; n++) {
@@ -152,7 +152,7 @@ static void field(const Problem *P, const double *y, double *f) {
     }
 }
 
-/* The polynomial [[exponents, coefficient], ...] at p; whether it is one, of d exponents a term. */
+/* Read the polynomial [[exponents, coefficient], ...] at p; return 1 if each term has d exponents, else 0. */
 static int read_terms(const char *p, int d, Polynomial *to) {
     to->from = to->to = used;
     if (!p || *p != '[') return 0;
@@ -172,7 +172,7 @@ static int read_terms(const char *p, int d, Polynomial *to) {
     return 1;
 }
 
-/* NULL, or why this problem is skipped. */
+/* Read a problem; return NULL, or the reason why it is skipped. */
 static const char *read_problem(const char *p, Problem *P) {
     const char *name = member(p, "name"), *parameters = member(p, "parameters");
     if (name) {
@@ -208,7 +208,7 @@ static const char *read_problem(const char *p, Problem *P) {
 
 /* ---- The scheme. ---- */
 
-/* Solve A x = b in place by elimination with row exchanges; 0 where A is singular. */
+/* Solve A x = b in place by elimination with row exchanges; return 0 if A is singular. */
 static int eliminate(int d, double A[MAXD][MAXD], double *b) {
     for (int k = 0; k < d; k++) {
         int pivot = k;
@@ -234,8 +234,8 @@ static int eliminate(int d, double A[MAXD][MAXD], double *b) {
     return 1;
 }
 
-/* y1 by Newton's method on the unknown z = y1 - y0, iterated until rounding stops it: a solver that stops at
- * a tolerance makes invariants drift. NULL, or why there is no y1. */
+/* Compute y1 by Newton's method on the unknown z = y1 - y0, iterated until only rounding is left: a solver that
+ * stops at a tolerance makes invariants drift. Return NULL, or the reason why there is no y1. */
 static const char *step(const Problem *P, const double *y, double h, const double *dW, double *y1) {
     const int d = P->d;
     double z[MAXD] = {0}, D = h, before = HUGE_VAL;
@@ -251,8 +251,8 @@ static const char *step(const Problem *P, const double *y, double h, const doubl
             F[i] = z[i] - D * f[i];
             residual = fmax(residual, fabs(F[i]));
         }
-        if (residual == 0) break; /* y0 at rest, or D = 0: exact, even where the Jacobian is singular */
-        /* The Jacobian of F from differences: their error costs an iteration, not accuracy. */
+        if (residual == 0) break; /* y0 at rest, or D = 0: exact, even if the Jacobian is singular */
+        /* The Jacobian of F by differences: their error costs an iteration, but no accuracy. */
         for (int k = 0; k < d; k++) {
             double save = middle[k], width = sqrt(DBL_EPSILON) * (scale > 0 ? scale : 1);
             middle[k] += width;
@@ -266,8 +266,8 @@ static const char *step(const Problem *P, const double *y, double h, const doubl
             if (!isfinite(F[i])) return "overflow";
             size = fmax(size, fabs(F[i]));
         }
-        /* Done where the correction is far below rounding, or small and no longer shrinking. Its size is that of
-         * its largest component, as rounding is: a component near zero would end the others too soon. */
+        /* Done if the correction is far below rounding, or is small and no longer shrinks. Its size is that of its
+         * largest component, as for rounding: a component near zero would end the iteration too soon. */
         if (size <= DBL_EPSILON / 256 * scale || (size <= sqrt(DBL_EPSILON) * scale && size >= 0.5 * before)) break;
         before = size;
         for (int i = 0; i < d; i++) z[i] -= F[i];

@@ -1,5 +1,5 @@
 // The scheme as a program for `sepv verify --exec`: one line of JSON in, one line out (sepv's docs/protocol.md).
-// It takes the rigid body alone, so that a reader of numbers in order is all the JSON that it needs.
+// It takes only the rigid body, and therefore reads only the few numbers of JSON that this problem needs.
 #include <cstdio>
 #include <cstdlib>
 #include <iostream>
@@ -8,7 +8,7 @@
 
 #include "scheme.hpp"
 
-// The hex floats of the array that follows "key": in the text, from `from` on; `end` is behind it.
+// The hex floats of the first array after "key" in the text from `from` on; *end becomes the place of its "]".
 static std::vector<double> numbers(const std::string &text, const std::string &key, size_t from, size_t *end) {
     std::vector<double> found;
     size_t at = text.find("\"" + key + "\"", from);
@@ -57,7 +57,7 @@ int main() {
         if (line.find("\"stop\"") != std::string::npos) break;
         if (line.find("\"hello\"") != std::string::npos) answer = HELLO;
         else if (line.find("\"step\"") != std::string::npos) answer = answer_steps(line);
-        std::cout << "{\"id\":" << id << "," << answer << "}" << std::endl;  // endl flushes: an answer must not wait
+        std::cout << "{\"id\":" << id << "," << answer << "}" << std::endl;  // endl flushes the answer
     }
     return 0;
 }

@@ -12,7 +12,7 @@ inline State field(const State &y, const State &inertia) {
     return {y[1] * g[2] - y[2] * g[1], y[2] * g[0] - y[0] * g[2], y[0] * g[1] - y[1] * g[0]};
 }
 
-// y1 = y + delta f((y + y1)/2), iterated until nothing changes; nothing where that does not happen.
+// y1 = y + delta f((y + y1)/2), iterated until it no longer changes; nullopt if the iteration does not converge.
 inline std::optional<State> midpoint(const State &y, const State &inertia, double delta) {
     State next = y;
     int still = 0;

@@ -1,4 +1,4 @@
-// The scheme that the project is about: Heun's method at the random step.
+// The scheme that the project is about: Heun's method with the random step Δ.
 
 /** y + ½Δ(f(y) + f(y + Δf(y))) for an array y and the vector field f. */
 export function heun(field, y, delta) {

@@ -8,11 +8,11 @@ const HELLO = {
   max_steps: 256, claims: ["noise-sum", "random-step", "expansion"], mean_square_order: 1, truncation: null,
 };
 
-// JavaScript reads and writes no hex floats: sign, digits, exponent by hand, without a rounding.
+// JavaScript has no hex floats, so sign, digits and exponent are converted here, without a rounding.
 function read(text) {
   const [, sign, whole, digits = "", exponent] = /^(-?)0x([01])\.?([0-9a-f]*)p([+-]?\d+)$/.exec(text);
   const mantissa = parseInt(whole + digits, 16); // at most 53 bits: exact
-  const half = Math.trunc(Number(exponent) / 2); // in two halves: 2 ** -1074 alone would be 0 for subnormals
+  const half = Math.trunc(Number(exponent) / 2); // two factors, because one could underflow for subnormals
   const scale = Number(exponent) - half - 4 * digits.length;
   return (sign ? -1 : 1) * mantissa * 2 ** half * 2 ** scale;
 }
@@ -38,7 +38,7 @@ function derivative(terms, k) {
   ]);
 }
 
-// f = B grad H of a problem, or null for one that is not known.
+// f = B grad H of a problem, or null if the problem is unknown.
 function fieldOf(problem) {
   if (problem.name === "harmonic-oscillator") return (y) => [-y[1], y[0]];
   if (problem.name === "rigid-body") {
