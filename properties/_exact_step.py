@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,7 +9,7 @@ from sepv.reference.arithmetic import context
 from sepv.reference.equations import Equation
 from sepv.reference.steps import reference_step
 
-from sepv._kept import kept
+from sepv._kept import kept, key_of
 from sepv.problem import Description
 from sepv.verification._tolerance import DIGITS
 
@@ -31,8 +30,7 @@ def exact_step(
         ], step.condition
 
     if isinstance(method, str):
-        question = f"{method} {data!r} {tuple(y)} {h!r} {tuple(dW)} {start}"
-        parts, condition = kept("steps").get(hashlib.sha256(question.encode()).hexdigest(), solved)
+        parts, condition = kept("steps").get(key_of(method, data, tuple(y), h, tuple(dW), start), solved)
     else:
         parts, condition = solved()
     return [context(DIGITS).make_mpf(part) for part in parts], condition

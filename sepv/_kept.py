@@ -6,6 +6,7 @@ version of Python or NumPy, has changed.
 
 from __future__ import annotations
 
+import hashlib
 import pickle
 import sys
 from collections.abc import Callable
@@ -60,6 +61,12 @@ class Kept:
             if sources == _sources():
                 return dict(results)
         return {}
+
+
+def key_of(*values: Any) -> str:
+    """The key of a result that these values determine, such as polynomial data, numbers, and arrays."""
+    texts = [repr(v.tolist() if isinstance(v, np.ndarray) else v) for v in values]
+    return hashlib.sha256(" ".join(texts).encode()).hexdigest()
 
 
 @cache

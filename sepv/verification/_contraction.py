@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from sepv._kept import kept, key_of
 from sepv.problem import Array, HamiltoniansProblem, PolynomialSystem, Problem, matmul, matvec
 from sepv.problems import build
 from sepv.record import PolynomialMap
@@ -59,6 +60,10 @@ def contraction_ball(problem: Problem, y: Array) -> tuple[float, float]:
     Each r > 0 gives a radius, and the largest radius is returned. The values tried for r are parts of |y|, the scale of
     the system near y, and of 1 + |y|, for states at and near the origin.
     """
+    return kept("balls").get(key_of(problem.data, y), lambda: _ball(problem, y))
+
+
+def _ball(problem: Problem, y: Array) -> tuple[float, float]:
     largest = float(np.max(np.abs(y)))
     sizes = [(1 + largest) * 2.0**-k for k in range(6)] + [largest * 2.0**-k for k in range(-1, 6) if largest]
     balls = np.array(sizes)
