@@ -27,7 +27,7 @@ MOST = 2048
 
 
 class Kept:
-    """The stored results of one kind, found by a text, their key. The file is read at the first use."""
+    """The stored results of one kind; a text, the key, finds a result. The file is read at the first use."""
 
     def __init__(self, kind: str, most: int | None = None) -> None:
         self.kind, self.most, self.added = kind, most or MOST, False

@@ -19,7 +19,7 @@ CONTRACTION = 0.25
 
 
 def has_majorants(case: Case) -> bool:
-    """True if a case's contraction radius is derived: polynomial data, and if noises have H_j, not all commute."""
+    """True if a case's radius is derived: for polynomial data, unless all noises have H_j that commute with H_0."""
     data = case.problem
     if not isinstance(data, PolynomialSystem):
         return False
@@ -44,12 +44,10 @@ def shortened(case: Case) -> Case:
 def contraction_radius(problem: Problem, y: Array) -> float:
     """A radius for |h| + Σ|c_jΔW_j| inside which every implicit scheme's step from y is a contraction.
 
-    Let y1 = y0 + R(y1) be the step's equation, and M_B ≥ |B| and M_g ≥ |∇H| bounds on the ball |y1 − y0|_∞ ≤ r. There
-    |R| ≤ |Δ| G with G = |M_B M_g|_∞, and R has the Lipschitz constant |Δ| L with L = |B′|M_g + M_B|H″| (twice that of
-    (2.1), as a discrete gradient with coordinate increments needs). If |Δ| ≤ min(r/G, CONTRACTION/L), y0 + R maps the
-    ball into itself.
-
-    `problem` must be polynomial data.
+    Let y1 = y0 + R(y1) be the step's equation, |Δ| = |h| + Σ|c_jΔW_j|, and M_B ≥ |B| and M_g ≥ |∇H| bounds on the ball
+    |y1 − y0|_∞ ≤ r. There |R| ≤ |Δ| G with G = |M_B M_g|_∞. R has the Lipschitz constant |Δ| L with
+    L = |B′|M_g + M_B|H″|, twice that of (2.1), as a discrete gradient with coordinate increments needs. If
+    |Δ| ≤ min(r/G, CONTRACTION/L), y0 + R maps the ball into itself. `problem` must be polynomial data.
     """
     return contraction_ball(problem, y)[0]
 
