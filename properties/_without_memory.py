@@ -6,12 +6,15 @@ The law *contract* makes these checks, which need several calls. A failed check 
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
+from sepv.properties._surroundings import watched
 
-from sepv.errors import SchemeFault, SepvError, StepFailure
+from sepv.errors import NotFinite, SchemeFault, SepvError, StepFailure
 from sepv.problem import Array, Problem
 from sepv.problems.shown_to_schemes import shown
 from sepv.schemes import Scheme, ask
@@ -54,14 +57,17 @@ def repeats(scheme: Scheme, case: Case) -> None:
 def refuses_again(scheme: Scheme, case: Case) -> None:
     """Try a step without a solution twice, with a short step from the same y before, in between and at the end.
 
-    Raise SchemeFault if the two tries or the three short steps have different results.
+    Raise SchemeFault if the two tries or the three short steps have different results, or change global state.
     """
     problem, y, h, dW = case.build()
 
     def outcome(share: float) -> Array | None:
         try:
-            return ask(scheme, problem, y, share * h, share * dW)
-        except SepvError:  # an answer NaN and a skipped system count as refusals too
+            with watched(scheme) as seen:
+                return ask(seen, problem, y, share * h, share * dW)
+        except SepvError as error:  # an answer NaN and a skipped system count as refusals too
+            if isinstance(error, SchemeFault) and not isinstance(error, NotFinite):
+                raise
             return None
 
     seen = [outcome(share) for share in (SHORT_OF_FOLD, 1.0, SHORT_OF_FOLD, 1.0, SHORT_OF_FOLD)]
@@ -103,16 +109,20 @@ def forgets_problems(scheme: Scheme, problem: Problem, y: Array, h: float, dW: A
         return
     whole, missed = shown(problem), 0
     # Factors of noise and H. The last pair leaves the noise alone, so that a cached noise is still the half of before.
-    parts = [(0.5, 1.0)] * bool(problem.noises) + [(1.0, 0.5)]
+    # If the scheme sees the degree of H, it may have cached that, or the nodes for it.
+    parts = [partial(_quadratic, whole, y)] if whole.degree is not None else [
+        *[partial(_as_others, whole, 0.5)] * bool(problem.noises), partial(_as_others, whole, 1.0, 0.5)
+    ]  # fmt: skip
     elsewhere: list[Problem] = []
     while missed < ADDRESSES and len(elsewhere) < FRESH:
         addresses, blind = set[int](), False
-        for factors in parts:
-            half = _as_others(whole, *factors)
-            addresses.add(id(half))
+        for make in parts:
+            other = make()
+            addresses.add(id(other))
             # If a cache has the whole problem's result at this address, it returns that: no comparison is possible.
-            blind = np.array_equal(first, ask(scheme, half, y, h, dW)) or blind
-            del half
+            with suppress(StepFailure):
+                blind = np.array_equal(first, ask(scheme, other, y, h, dW)) or blind
+            del other
         twin = _as_others(whole)
         answer = ask(scheme, twin, y, h, dW)
         if not np.array_equal(first, answer):
@@ -138,6 +148,20 @@ def _as_others(problem: Problem, of_noise: float = 1.0, of_energy: float = 1.0) 
         noise=of_noise * problem.c,
         hamiltonian=times(problem.hamiltonian),
         gradient=times(problem.gradient),
+        check=False,
+    )
+
+
+def _quadratic(problem: Problem, y: Array) -> Problem:
+    """Return the problem with H = ½ s|y|² and its degree, where s makes ∇H at y as large as it was."""
+    d, s = len(y), float(np.linalg.norm(problem.gradient(y)) / np.linalg.norm(y))
+    return replace(
+        problem,
+        hamiltonian=lambda y: 0.5 * s * (y * y).sum(axis=0),
+        gradient=lambda y: s * y,
+        hessian=lambda y: s * np.eye(d).reshape(d, d, *(1,) * (y.ndim - 1)) + np.zeros_like(y),
+        mean_gradient=None,
+        degree=2,
         check=False,
     )
 

@@ -47,6 +47,10 @@ class SchemeFault(UsageError):
     """A scheme broke the contract of ``step``: a wrong shape or type, a NaN, or a changed argument."""
 
 
+class NotFinite(SchemeFault):
+    """A scheme returned NaN or infinity."""
+
+
 class Skipped(SepvError):
     """Raised by a scheme that does not take this problem: this is no fault, and no law gets a verdict from it."""
 

@@ -26,7 +26,6 @@ from sepv.properties._orders.local_moments import FULL_DEGREE, SPLIT, exponents,
 from sepv.properties._orders.log_ode import field, log_flow, runge_kutta
 
 from sepv import problems
-from sepv.errors import Skipped
 from sepv.exact import FlowFailure, exact_flow
 from sepv.problem import (
     Array,
@@ -37,7 +36,6 @@ from sepv.problem import (
     Systems,
     column,
     commutes,
-    damping_of,
     sample_states,
 )
 from sepv.problems import started
@@ -151,8 +149,6 @@ def local_errors(scheme: Scheme, problem: Problem, run: Run) -> LocalErrors:
 
 
 def _measure(scheme: Scheme, problem: Problem, spared: bool) -> LocalErrors:
-    if damping_of(problem):
-        raise Skipped(f"the solution of one step of {problem.name} is not known here: it depends on the path")
     kind = column(problem)
     strong, weak = order_of(scheme.mean_square_order, kind), order_of(scheme.weak_order, kind)
     asked, m = guarded(scheme), problem.noises

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from sepv._journal import note_step
-from sepv.errors import SchemeFault, SepvError, StepFailure, UsageError
+from sepv.errors import NotFinite, SchemeFault, SepvError, StepFailure, UsageError
 from sepv.problem import Array, Problem, is_several
 from sepv.problems.shown_to_schemes import shown
 from sepv.schemes._further_increments import answer, carry, joined
@@ -28,8 +28,8 @@ class Refusal(StepFailure):
 
     def __init__(self, error: BaseException, problem: Problem, y: Array, h: float, dW: Array) -> None:
         self.problem, self.y, self.status = problem.name, y, "refused"
-        # The message gives Δ if there is one: a batch has many, and several structures have none.
-        whole = y.ndim == 1 and not is_several(problem)
+        # The message gives Δ if there is one: batches and whole paths have many, and several structures have none.
+        whole = y.ndim == dW.ndim == 1 and not is_several(problem)
         self.delta = float(problem.random_step(h, dW)) if whole else float(h)
         self.residual, self.iterations = float("nan"), 0
         self.traceback = "".join(traceback.format_exception(error))
@@ -111,6 +111,12 @@ def ask_next(
 def require_unchanged(**arguments: tuple[Array, Array]) -> None:
     """Raise a SchemeFault if a step has changed an argument; each is given as (array before, array after)."""
     for name, (before, after) in arguments.items():
+        if not after.flags.writeable or after.shape != before.shape:
+            raise SchemeFault(
+                expected=f"{name} unchanged by the step",
+                received=f"{name} of another shape, or read-only, after the step",
+                remedy=f"work on a copy: {name} = {name}.copy()",
+            )
         if before.tobytes() != after.tobytes():
             raise SchemeFault(
                 expected=f"{name} unchanged by the step",
@@ -174,7 +180,7 @@ def check_answer(answer: Any, y: Array, dtype: str = "float64", *, finite: bool 
             "a complex value hints at a square root or logarithm out of range",
         )
     if finite and not np.all(np.isfinite(answer)):
-        raise SchemeFault(
+        raise NotFinite(
             expected="finite values",
             received=f"{answer.tolist()!r:.200}",
             remedy="raise sepv.StepFailure where a step cannot be made, instead of returning NaN or infinity",

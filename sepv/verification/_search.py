@@ -26,7 +26,7 @@ from hypothesis.errors import Unsatisfiable
 from sepv._journal import note_case, note_violation
 from sepv._kept import kept
 from sepv._patches import without_local_constants
-from sepv.errors import SchemeFault, SepvError, Skipped, StepFailure, UsageError
+from sepv.errors import NotFinite, SchemeFault, SepvError, Skipped, StepFailure, UsageError
 from sepv.schemes import Scheme, takes
 from sepv.verification import _corpus as corpus
 from sepv.verification._cases import case as cases_of
@@ -312,7 +312,8 @@ def _measure(log: SearchLog, scheme: Scheme, case: Case, check: Check, faults_vi
             log.skip(reason, may=True)
             raise Skipped(reason) from error
         extreme = FAR if beyond(case) else LENGTHY if is_long(case) else ""
-        if case.h <= 0 or (extreme and isinstance(error, StepFailure)):
+        impure = faults_violate and isinstance(error, SchemeFault) and not isinstance(error, NotFinite)
+        if (case.h <= 0 and not impure) or (extreme and isinstance(error, StepFailure)):
             # No path has h ≤ 0. A scheme that fails then, or refuses a state or step of extreme size, skips the case
             # and does not violate the law. Errors of one kind share a line with the first message.
             back = "a step back in time, h < 0," if case.h < 0 else "a step with h = 0"
