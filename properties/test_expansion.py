@@ -22,6 +22,7 @@ from sepv.problem import (
     HamiltoniansProblem,
     PolynomialSystem,
     Problem,
+    StructuresProblem,
     combined,
     combined_slope,
     derivative_along,
@@ -111,11 +112,10 @@ def frozen(problem: Problem, h: float, dW: Array) -> tuple[Problem, float]:
             structure_derivative=problem.structure_derivative, check=False,
         ), length  # fmt: skip
 
-    def slope(y: Array) -> Array:
-        value = combined_slope(problem, y, parts / length)
-        assert value is not None
-        return value
-
+    derivatives: list[Any] = [problem.structure_derivative]
+    if isinstance(problem, StructuresProblem):
+        derivatives.append(problem.noise_structure_derivatives)
+    slope: Any = None if None in derivatives else lambda y: combined_slope(problem, y, parts / length)
     return Problem(
         problem.dimension,
         lambda y: combined(problem, y, parts / length),

@@ -21,8 +21,8 @@ from sepv.properties._orders.means import leading, limit_errors
 from sepv.properties._sequential import Assess, Assessment, is_tilted, judge
 
 from sepv.errors import Skipped
-from sepv.problem import Array, Problem
-from sepv.schemes import Scheme
+from sepv.problem import Array, Problem, column
+from sepv.schemes import Scheme, order_of
 from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 from sepv.verification._law import pathwise, sparing
 
@@ -46,7 +46,8 @@ def assessing(tilted: bool, orders: tuple[float, ...] = (1.0,), resolution: floa
 
     def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) -> Assessment:
         for order in orders:
-            assessment = _assessed(problem, errors, alpha, more, order)
+            of_noise = order_of(order, column(problem))
+            assessment = _assessed(problem, errors, alpha, more, of_noise)
             if assessment.verdict is not Verdict.VIOLATED:
                 break
         return assessment
