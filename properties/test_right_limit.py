@@ -105,9 +105,14 @@ def _hidden(names: list[str], sizes: Array) -> Array:
 
 
 def mean_orders(scheme: Scheme) -> tuple[float, ...]:
-    """Return the possible orders of the means: the claimed weak order, else the mean-square one, else 1 and ½."""
-    claimed = [order for order in (scheme.weak_order, scheme.mean_square_order) if order is not None]
-    return tuple(claimed[:1]) or (1.0, 0.5)
+    """Return the possible orders of the means: the claimed weak order, else 1 and the mean-square order, else 1 and ½.
+
+    A scheme of mean-square order ½ often has the weak order 1 without claiming it.
+    """
+    if scheme.weak_order is not None:
+        return (scheme.weak_order,)
+    order = 0.5 if scheme.mean_square_order is None else scheme.mean_square_order
+    return (order,) if order >= 1 else (1.0, order)
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
