@@ -41,8 +41,6 @@ TRIES = 24
 # For a step from y = 0, Δ as a share of the radius inside which y1(Δ) is analytic. The share balances the terms that
 # the law "expansion" omits against rounding.
 ORIGIN_SHARE = 2.0**-9
-# If d is larger than this, H gets a linear form of all components, because few other terms leave most of them at rest.
-MANY = 12
 # Near a rest point some components are multiplied by ½ to a power in this range; the motion still exceeds rounding.
 NEARNESS = (8, 30)
 # In steps with uneven noises the |c_jΔW_j| are scaled by powers of ten with exponents between minus and plus this.
@@ -84,7 +82,7 @@ class Parts:
             self.y = tuple(small * v if i in self.zero else v for i, v in enumerate(self.y))
             return self._weighted(kept)
         H = self.with_slope(some.hamiltonian(d, n, self.terms, self.unit, random))
-        if d > MANY:
+        if d > some.MANY:
             H = poly.add(H, poly.linear([some.coefficient(random) / self.unit for _ in range(d)]))
         return some.with_constant(H, self.y, random) if random.random() < some.SOMETIMES else H
 

@@ -23,6 +23,9 @@ from sepv.verification._cases.strata import Levels, Stratum, monomials
 FEW = 300
 # The most entries of B above the diagonal for large d, because the derivatives of B are d³ polynomials.
 MOST_ENTRIES = 8
+# If d is larger than this, H gets a linear form of all components, and B an entry in the last row, because few terms
+# leave most components at rest: then a component that a scheme forgets does not show.
+MANY = 12
 # The probability of special parts: components of a state near zero, an H with a constant, a B with one nonzero block.
 SOMETIMES = 1 / 8
 
@@ -162,7 +165,8 @@ def skew(d: int, degree: Stratum, unit: float, random: Random) -> Structure:
     """A random skew B of this degree; half of the constant B are canonical, some B are 0 outside one diagonal block."""
     if degree.high == 0 and random.random() < 0.5:
         return planes(d)
-    moved = random.sample(range(d), random.randint(2, d)) if random.random() < SOMETIMES else range(d)
+    some = random.random() < SOMETIMES and d <= MANY
+    moved = random.sample(range(d), random.randint(2, d)) if some else range(d)
     pairs = list(combinations(sorted(moved), 2))
     count = random.randint(min(d - 1, len(pairs)), min(len(pairs), max(d - 1, MOST_ENTRIES)))
     chosen = sorted(random.sample(pairs, count))
@@ -315,8 +319,10 @@ def contracted(d: int, forms: list[list[Polynomial]], random: Random) -> Structu
     """B_ij = Σ T_ijk… v_k … for a random antisymmetric T with few entries, v from `forms`; empty if B = 0."""
     rank = 2 + len(forms)
     entries: dict[tuple[int, int], list[Polynomial]] = {}
-    for _ in range(random.randint(1, 3) if d > rank else 1):
+    for n in range(random.randint(1, 3) if d > rank else 1):
         indices = sorted(random.sample(range(d), rank))
+        if d > MANY and not n:
+            indices[-1] = d - 1
         weight = random.choice([1.0, -1.0, 2.0])
         for place, product in tensor_terms(d, indices, weight, forms):
             entries.setdefault(place, []).append(product)
