@@ -34,12 +34,14 @@ from sepv.verification._cases import random_parts as parts
 from sepv.verification._cases.case import Case
 from sepv.verification._cases.strata import Stratum
 
-# A scheme computes Δ with rounding errors of a share of 2⁻⁵⁰. The proof holds for every Δ within the share ROOM.
-ROOM = Fraction(1, 1024)
+# A scheme computes Δ with rounding errors of a share of 2⁻⁵⁰, or 2⁻²¹ in single precision. The proof holds for every Δ
+# within the share ROOM.
+ROOM = Fraction(1, 2**20)
 # The classes of systems for which `made` makes steps without a solution.
 MADE = (Systems.SINGLE, Systems.NAMBU, Systems.SEVERAL)
-# Exponents n: a step is longer than a fold by the fraction 2^n. Most are small, so that two half steps have solutions.
-BEYOND = (-6, -6, -6, -5, -4, -3, -1, 0, 3)
+# Exponents n: a step is longer than a fold by the fraction 2^n. Most are small, so that two half steps have solutions,
+# and some so small that a loose test of convergence takes the nearest state for a solution.
+BEYOND = (-6, -6, -16, -12, -4, -3, -1, 0, 3)
 _NONE = (Fraction(0), Fraction(0), Fraction(0))
 
 
@@ -149,7 +151,7 @@ def _value(p: Polynomial) -> Fraction:
 
 
 def made(random: Random, systems: Systems, stages: int = 1) -> Case:
-    """Make a random step, 2⁻⁶ to 8 times |Δ*| beyond a fold Δ*. One case in four is also stepped in a batch."""
+    """Make a random step, 2⁻¹⁶ to 8 times |Δ*| beyond a fold Δ*. One case in four is also stepped in a batch."""
     while True:
         case = _drawn(random, systems, stages)
         if proof(case, stages) is not None:

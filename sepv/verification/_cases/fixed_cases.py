@@ -37,9 +37,17 @@ def for_energy() -> tuple[Case, ...]:
 
 @cache
 def long_steps() -> tuple[Case, ...]:
-    """Solvable steps far beyond the contraction radius, for which Newton's method takes six or more iterations."""
-    found = []
-    for name, y, lengths in (("rigid-body", None, (4.0, 8.0)), ("pendulum", _FAST, (1.0, 2.0))):
+    """Solvable steps far beyond the contraction radius, for which Newton's method takes six or more iterations.
+
+    From a small state an iteration with an absolute tolerance stops too early.
+    """
+    found, small = [], tuple(2.0**-20 * v for v in (0.75, 0.5, -0.5))
+    long = (
+        ("rigid-body", None, (4.0, 8.0)),
+        ("pendulum", _FAST, (1.0, 2.0)),
+        ("rigid-body", small, (2.0**19,)),
+    )
+    for name, y, lengths in long:
         problem = problems.by_name(name)
         assert isinstance(problem.data, NamedProblem)
         start = y or tuple(float(v) for v in np.asarray(problem.initial))
