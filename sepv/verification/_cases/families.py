@@ -142,13 +142,13 @@ _UNDAMPED = maker(_homogeneous, shows=False)
 def damped(levels: Levels, random: Random, attempt: int | None) -> Case | None:
     """A step of a system with damping −γy dt, homogeneous H and |γh| from 1/16 to 1/8: e^{−2γh} is far from 1 − 2γh.
 
-    For h < 0 damping makes the state larger by 7 % at most, so that the step is less than twice as long as the
+    For γh < 0 damping makes the state larger by 7 % at most, so that the step is less than twice as long as the
     contraction radius.
     """
     case = _UNDAMPED(levels, random, attempt)
     if case is None or not isinstance(case.problem, PolynomialSystem) or not case.h:
         return None
-    gamma = 2.0 ** math.floor(math.log2(0.125 / abs(case.h)))
+    gamma = random.choice([1.0, 1.0, -1.0]) * 2.0 ** math.floor(math.log2(0.125 / abs(case.h)))
     return replace(case, problem=replace(case.problem, damping=gamma))
 
 
