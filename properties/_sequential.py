@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from sepv.properties._failed_step import row
 from sepv.properties._orders.convergence import StrongErrors, first, join, strong_errors
-from sepv.properties._orders.local_errors import two_noises
+from sepv.properties._orders.local_errors import three_inertias, two_noises
 from sepv.properties._orders.tilting import tilted_errors
 
 from sepv import problems
@@ -114,7 +114,7 @@ def _setup(name: str, truncation: int | None, order: float | None) -> Setup:
     if name == "kubo-oscillator":  # schemes for several Hamiltonians need their gradients
         return replace(_setup("", truncation, order), problem=name, given=problems.kubo_by_hamiltonians())
     if name == "random-inertia":  # long enough for means to exceed the noise of paths of order ½
-        return Setup(name, 1.0, (4, 16, 64))
+        return Setup(name, 1.0, (4, 16, 64), given=three_inertias())
     if order is not None and order >= TILTED:
         return Setup(name, 0.5, next((steps for least, steps in FEW if order >= least), (8, 16, 64)))
     return Setup(name, 0.5, (8, 16, 64) if truncation is None else (4, 16, 64))

@@ -62,6 +62,17 @@ def two_noises() -> Problem:
     return five_noises((0.75, 0.5))
 
 
+@lru_cache(maxsize=1)
+def three_inertias() -> Problem:
+    """Build the rigid body with random inertia in all three directions, with different c_j."""
+    return problems.random_inertia(noise_inertia=(1.0, 0.5, 0.75), noise=(0.5, 0.375, 0.25))
+
+
+def unequal_twists() -> Problem:
+    """Build the rigid body with two noises that commute and have different c_j."""
+    return problems.commuting_twists((0.5, 0.375))
+
+
 CASES: dict[Systems, tuple[Callable[[], Problem], ...]] = {
     Systems.SINGLE: (problems.rigid_body, problems.pendulum, five_noises),
     Systems.NAMBU: (problems.rigid_body, problems.lotka_volterra, five_noises),
@@ -71,7 +82,7 @@ CASES: dict[Systems, tuple[Callable[[], Problem], ...]] = {
     # Noises that are general, commuting, additive, and one noise that does not commute with the drift. None of the
     # problems has a symmetry that makes errors of a step vanish.
     Systems.HAMILTONIANS: (
-        problems.random_inertia, problems.commuting_twists, problems.pushed_henon_heiles, problems.twisted_top
+        three_inertias, unequal_twists, problems.pushed_henon_heiles, problems.twisted_top
     ),
 }  # fmt: skip
 
