@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 from sepv.properties._failed_step import row
+from sepv.properties._longest_step import divisor
 from sepv.properties._orders.convergence import StrongErrors, first, join, strong_errors
 from sepv.properties._orders.local_errors import three_inertias, two_noises
 from sepv.properties._orders.tilting import tilted_errors
@@ -211,7 +212,7 @@ def judge(
     at_least: bool = True, setups: Sequence[Setup] | None = None,
 ) -> Finding:  # fmt: skip
     """Return the worst verdict over the problems, with more paths as needed. If `at_least`, bounds are lower bounds."""
-    setups = setups_for(scheme, run.effort) if setups is None else setups
+    setups = [_taken(scheme, s) for s in (setups_for(scheme, run.effort) if setups is None else setups)]
     alpha = share(scheme, run.effort, len(setups))
     judged: list[tuple[Setup, StrongErrors, Assessment]] = []
     lines: list[str] = []
@@ -247,6 +248,14 @@ def judge(
         witness={"seed": run.effort.seed, "paths": run.effort.paths, "alpha": alpha, "measured": measured},
         replay=f"--law {law.name} --seed {run.effort.seed} --paths {run.effort.paths}",
     )  # fmt: skip
+
+
+def _taken(scheme: Scheme, setup: Setup) -> Setup:
+    """Multiply the numbers of steps, if the scheme states a longest step that the coarsest step may exceed."""
+    if scheme.longest_step is None:
+        return setup
+    factor = divisor(scheme, setup.build(), setup.T / setup.steps[0])
+    return replace(setup, steps=tuple(factor * n for n in setup.steps))
 
 
 def _explained(

@@ -23,6 +23,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from sepv.properties._failed_step import failed_step
+from sepv.properties._longest_step import divisor
 from sepv.properties._orders.local_errors import two_noises
 from sepv.reference.problem import exact_problem
 
@@ -85,9 +86,10 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
     spared = sparing(scheme, effort)
     paths, runs = (SPARED_PATHS, _fewer(runs_for(scheme))) if spared else (PATHS, runs_for(scheme))
     for problem, h, usual in runs:
-        label, steps = f"{problem.name}, h = {h:g}", usual * deeper
+        size = h if scheme.longest_step is None else h / divisor(scheme, problem, h)
+        label, steps = f"{problem.name}, h = {size:g}", usual * deeper
         try:
-            defects, predicted, failed = energy_walk(scheme, problem, h, steps, effort.seed, paths)
+            defects, predicted, failed = energy_walk(scheme, problem, size, steps, effort.seed, paths)
         except Skipped as reason:
             skipped.append(f"{label}: {reason}")
             continue

@@ -28,7 +28,7 @@ from sepv.verification._cases.classes import CLASSES
 from sepv.verification._cases.covering import pairwise, shown_pairs
 from sepv.verification._cases.ends import beyond, in_other_units
 from sepv.verification._cases.fixed_cases import fixed_cases, for_energy, long_steps
-from sepv.verification._cases.random_cases import MANY
+from sepv.verification._cases.random_parts import MANY
 from sepv.verification._cases.shrink import shrunk
 from sepv.verification._cases.strata import FAR, NEAR, STILL, UNDONE, UNEVEN, Levels, Space
 from sepv.verification._contraction import contraction_radius

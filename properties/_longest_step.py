@@ -1,0 +1,28 @@
+"""Step sizes of paths for a scheme that states its longest step (`sepv.Scheme.longest_step`)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from sepv.problem import Problem
+from sepv.schemes import Scheme, takes
+
+# Increments of this many standard deviations are rare: a scheme may refuse some longer ones.
+LIKELY = 4.0
+# Step sizes are divided by 2^HALVINGS at most.
+HALVINGS = 12
+
+
+def divisor(scheme: Scheme, problem: Problem, h: float) -> int:
+    """Return the power of two by which h is divided, so that the scheme takes steps with |ΔW_j| = LIKELY √h."""
+    for n in range(HALVINGS):
+        size = h / 2**n
+        if takes(
+            scheme,
+            problem,
+            np.asarray(problem.initial, dtype=float),
+            size,
+            np.full(problem.noises, LIKELY * size**0.5),
+        ):
+            return int(2**n)
+    return int(2**HALVINGS)
