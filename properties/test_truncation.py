@@ -29,7 +29,7 @@ from sepv.reference.increments import lost_variance, moment, truncated_moment
 from sepv.errors import Skipped
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.record import EPS
-from sepv.schemes import Scheme, ask, point_law
+from sepv.schemes import Scheme, ask, point_law, takes
 from sepv.simulate import truncation as bounded
 from sepv.simulate import wiener
 from sepv.verification import Effort, Finding, Law, Run, Verdict, require
@@ -160,6 +160,8 @@ def _weakest(
     y = np.repeat(np.asarray(problem.initial, dtype=np.float64)[:, None], xi.size, axis=1)
     dW = np.zeros((problem.noises, xi.size))
     dW[j] = np.sqrt(h) * xi
+    if not all(takes(scheme, problem, y[:, i], h, dW[:, i]) for i in range(xi.size)):
+        return 0.0, 0.0
     if scheme.batched:
         ends = ask(scheme, problem, y, h, dW)
     else:

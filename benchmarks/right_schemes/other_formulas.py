@@ -20,6 +20,7 @@ from sepv.schemes import (
     Step,
     Systems,
     as_lanes,
+    by_name,
     collocation,
     conformal,
     drift_and_noise,
@@ -157,6 +158,15 @@ def _reversible_heun_paths(problem: Problem, y0: Array, h: float, dW: Array) -> 
     return np.array([y for y, _, _ in states])
 
 
+def _divided(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """The step of explicit-4, or two half steps where |Δ| > ¼."""
+    y0, noise = as_lanes(problem, y, h, dW)
+    step = by_name("explicit-4").step
+    whole = step(problem, y0, h, noise)
+    halves = step(problem, step(problem, y0, h / 2, noise / 2), h / 2, noise / 2)
+    return np.where(np.abs(problem.random_step(h, noise)) > 0.25, halves, whole).reshape(np.shape(y))
+
+
 def _velocity_verlet(problem: Problem, y: Array, h: float, _dW: Array) -> Array:
     """Velocity Verlet with step h: q1 = q + hv + ½h²a(q), v1 = v + ½h(a(q) + a(q1)), a = M⁻¹F."""
     m = mechanics(problem)
@@ -238,6 +248,16 @@ SCHEMES: tuple[Scheme, ...] = (
         mean_square_order=1.0,
         weak_order=1.0,
         source="reversible Heun as a solver that computes whole paths only",
+    ),
+    Scheme(
+        name="divided-long-steps",
+        step=_divided,
+        claims=("reproducibility", "truncation", "identity", "noise-sum", "random-step"),
+        mean_square_order=2.0,
+        weak_order=2.0,
+        truncation=4,
+        source="explicit-4 in two half steps where |Δ| > ¼, so that its order shows at small steps only",
+        batched=True,
     ),
     like_the_core(
         "two-half-steps",

@@ -1,0 +1,129 @@
+"""Faults that show in corners only: global state, batches of mixed sizes, many components, steps next to a fold."""
+
+from __future__ import annotations
+
+import os
+import random
+import warnings
+from typing import Any
+
+import numpy as np
+
+from sepv.errors import StepFailure
+from sepv.problem import Array, Problem
+from sepv.schemes import conformal, energy_preserving
+from sepv.schemes._scheme import Step, as_lanes
+
+from .damping import _between
+from .record import Family, right_side
+
+SABOTEURS = Family("corners")
+_CONTRACT = ("contract",)
+
+
+@SABOTEURS.around("Python's global random numbers are seeded with the same number", _CONTRACT)
+def seeds_python(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    random.seed(0)
+    return step(problem, y, h, dW)
+
+
+@SABOTEURS.around("NumPy is told to print three digits", _CONTRACT)
+def prints_three_digits(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    np.set_printoptions(precision=3)
+    return step(problem, y, h, dW)
+
+
+@SABOTEURS.around("warnings are ignored for ever", _CONTRACT)
+def silences_warnings(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    warnings.simplefilter("ignore", RuntimeWarning)
+    return step(problem, y, h, dW)
+
+
+@SABOTEURS.around("an environment variable counts the calls", _CONTRACT)
+def counts_in_the_environment(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    os.environ["CALLS"] = str(int(os.environ.get("CALLS", "0")) + 1)
+    return step(problem, y, h, dW)
+
+
+@SABOTEURS.around("y becomes read-only for the caller", _CONTRACT)
+def freezes_y(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    y1 = step(problem, y, h, dW)
+    y.flags.writeable = False
+    return y1
+
+
+@SABOTEURS.around("a random number is drawn where the step is refused", _CONTRACT)
+def draws_if_refused(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    try:
+        return step(problem, y, h, dW)
+    except StepFailure:
+        np.random.standard_normal()  # noqa: NPY002 - the global generator is the point
+        raise
+
+
+@SABOTEURS.around("y is changed in place where h < 0", _CONTRACT)
+def changes_y_backwards(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    y1 = step(problem, y, h, dW)
+    if h < 0:
+        y[...] = y1
+    return y1
+
+
+@SABOTEURS.around("an array that is not contiguous is copied in single precision", _CONTRACT)
+def copies_in_single_precision(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    rounds = not y.flags["C_CONTIGUOUS"] and np.max(np.abs(y)) < 1e30
+    return step(problem, y.astype(np.float32).astype(np.float64) if rounds else y, h, dW)
+
+
+@SABOTEURS.around("the degree of H is remembered by the id of the problem's record", _CONTRACT, memory=dict)
+def remembers_degrees_by_id(
+    known: dict[int, Any], _step: Step, problem: Problem, y: Array, h: float, dW: Array
+) -> Array:
+    degree = known.setdefault(id(problem), problem.degree)
+    if degree in (None, problem.degree):
+        return _step(problem, y, h, dW)
+    # H has another degree than the record that was here before, and ∇H is averaged with one node.
+    y0, noise = as_lanes(problem, y, h, dW)
+    z, delta = np.zeros_like(y0), problem.random_step(h, noise)[None]
+    for _ in range(100):
+        middle = y0 + 0.5 * z
+        z = delta * np.einsum("ijm,jm->im", problem.structure(middle), problem.gradient(middle))
+    return (y0 + z).reshape(np.shape(y))
+
+
+@SABOTEURS.around("a residual of 1e-3 counts as solved if no solution is found", ("refusal",))
+def nearly_solved(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    try:
+        return step(problem, y, h, dW)
+    except StepFailure:
+        y0, noise = as_lanes(problem, y, h, dW)
+        z, delta = np.zeros_like(y0), problem.random_step(h, noise)[None]
+        with np.errstate(all="ignore"):
+            for _ in range(2000):
+                residual = right_side(problem, y0, y0 + z, delta) - z
+                if np.abs(residual).max() <= 1e-3 * (np.abs(y0) + np.abs(z)).max():
+                    return (y0 + z).reshape(np.shape(y))
+                z = z + 0.25 * residual
+        raise
+
+
+@SABOTEURS.around("components after the 32nd do not move", ("energy", "reference"))
+def thirty_two_components(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    y1 = step(problem, y, h, dW)
+    y1[32:] = y[32:]
+    return y1
+
+
+@SABOTEURS.around("noises after the 16th are left out", ("noise-sum", "reference"))
+def sixteen_noises(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    used = dW.copy()
+    used[16:] = 0
+    return step(problem, y, h, used)
+
+
+@SABOTEURS.like(
+    conformal, "the damping is taken by its size, also where it is negative", ("conformal-casimir",)
+)
+def damped_by_size(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    half = float(np.exp(-0.5 * h * abs(getattr(problem, "damping", 0.0))))
+    return _between(problem, y, h, dW, energy_preserving, half, half)
