@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import mpmath
 import numpy as np
+from sepv.properties._long_steps import for_energy
 from sepv.reference.problem import exact_problem
 
 from sepv.errors import StepFailure
@@ -23,7 +24,7 @@ from sepv.verification import (
     searched,
     step_residual,
 )
-from sepv.verification._cases.fixed_cases import for_energy, may_be_refused
+from sepv.verification._cases.fixed_cases import may_be_refused
 from sepv.verification._cases.of_law import NOT_KEPT
 from sepv.verification._contraction import contraction_radius
 
@@ -34,7 +35,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     """Measure the largest defect of H over a few steps, evaluated at the binary64 states in extended precision.
 
     The bound follows from the step's residual alone, whether or not its equation is a contraction. So long steps are
-    tested too (`sepv.verification._cases.fixed_cases.long_steps` and simplified ones). A scheme may refuse long steps.
+    tested too (`sepv.properties._long_steps` and simplified ones). A scheme may refuse long steps.
     """
     problem, y, h, increments = case.build()
     exact = exact_problem(case.problem, 40)

@@ -111,16 +111,11 @@ def ask_next(
 def require_unchanged(**arguments: tuple[Array, Array]) -> None:
     """Raise a SchemeFault if a step has changed an argument; each is given as (array before, array after)."""
     for name, (before, after) in arguments.items():
-        if not after.flags.writeable or after.shape != before.shape:
+        frozen = "" if after.flags.writeable else ", and read-only,"
+        if frozen or before.shape != after.shape or before.tobytes() != after.tobytes():
             raise SchemeFault(
                 expected=f"{name} unchanged by the step",
-                received=f"{name} of another shape, or read-only, after the step",
-                remedy=f"work on a copy: {name} = {name}.copy()",
-            )
-        if before.tobytes() != after.tobytes():
-            raise SchemeFault(
-                expected=f"{name} unchanged by the step",
-                received=f"{name} = {after.tolist()!r:.200} after, {before.tolist()!r:.200} before",
+                received=f"{name} = {after.tolist()!r:.200}{frozen} after, {before.tolist()!r:.200} before",
                 remedy=f"work on a copy: {name} = {name}.copy(), and no operators such as += on arguments",
             )
 

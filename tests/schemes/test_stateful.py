@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 from doors import measured, says, verdicts
+from drawn import refusing
 from sepv.properties._states_of_a_path import keeps_states
 
 import sepv
@@ -194,6 +195,8 @@ def test_whole_paths_are_those_of_the_steps_and_a_refused_step_is_named() -> Non
         replace(solver, batched=True)
     with pytest.raises(SchemeCrash, match=r"states \(N \+ 1, d, M\) = \(2, 3, 1\)"):
         ask(replace(solver, step=PathSolver(lambda *_: np.zeros(3))), problem, np.ones(3), h, np.zeros(1))
+    refuses = Scheme("refuses", PathSolver(refusing(ArithmeticError("no root"))), order=2.0)
+    says(refuses, "long-time-energy", "error", "no root")
 
 
 SINGLE = RIGHT["energy-preserving-in-single-precision"]

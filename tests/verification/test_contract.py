@@ -27,10 +27,8 @@ FEW: dict[str, Any] = {"examples": 1, "shrink_checks": 0}
     ("name", "said"),
     [
         ("remembers-digits", "another answer for another state"),
-        ("remembers-without-y", "another answer for another state"),
-        ("remembers-steps-by-id", "whichever record holds the problem"),
-        ("sets-print-options", "a change of NumPy's print options"),
-        ("remembers-the-last", "another answer for another state"),
+        ("remembers-degrees-by-id", "whichever record holds the problem"),
+        ("seeds-python", "a change of Python's global random numbers"),
         ("refuses-once", "a refusal and then"),
         ("writes-and-restores", "an attempt to write into one of them"),
         ("reads-memory", "however they lie in memory"),

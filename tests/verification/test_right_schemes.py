@@ -42,14 +42,11 @@ def test_energy_and_symmetry_hold_where_they_are_claimed(name: str) -> None:
 
 
 # A hundred vectors and more each: the other in the deep run.
+METICULOUS = pytest.param("lists-and-fsum", marks=pytest.mark.deep)
+
+
 @pytest.mark.parametrize(
-    "name",
-    [
-        "twenty-nodes",
-        "to-an-ulp",
-        "energy-preserving-in-single-precision",
-        pytest.param("lists-and-fsum", marks=pytest.mark.deep),
-    ],
+    "name", ["twenty-nodes", "to-an-ulp", "energy-preserving-in-single-precision", METICULOUS]
 )
 def test_other_quadratures_solvers_and_precisions_meet_the_reference_vectors(name: str) -> None:
     assert accused(name, {"reference"}, 1) == []

@@ -12,6 +12,7 @@ import pytest
 from doors import command, says
 from drawn import refusing
 from sepv.properties import test_energy as energy
+from sepv.properties._long_steps import for_energy, long_steps
 from sepv.reference.faults.saboteurs import SABOTEURS
 
 from sepv import Skipped, problems, schemes
@@ -27,7 +28,7 @@ from sepv.verification._cases.case import to_json
 from sepv.verification._cases.classes import CLASSES
 from sepv.verification._cases.covering import pairwise, shown_pairs
 from sepv.verification._cases.ends import beyond, in_other_units
-from sepv.verification._cases.fixed_cases import fixed_cases, for_energy, long_steps
+from sepv.verification._cases.fixed_cases import fixed_cases
 from sepv.verification._cases.random_parts import MANY
 from sepv.verification._cases.shrink import shrunk
 from sepv.verification._cases.strata import FAR, NEAR, STILL, UNDONE, UNEVEN, Levels, Space

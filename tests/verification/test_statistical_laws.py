@@ -60,6 +60,15 @@ def test_a_scheme_of_weak_order_one_that_claims_two_is_violated(name: str) -> No
     says(replace(schemes.by_name(name), weak_order=2.0), "weak-order", "violated", paths=2048)
 
 
+def test_a_scheme_that_divides_long_steps_shows_its_order_at_finer_steps() -> None:
+    laws = ("mean-square-order", "weak-order")
+    assert verdicts(RIGHT["divided-long-steps"], laws) == dict.fromkeys(laws, "holds")
+
+
+def test_laws_without_a_reference_do_not_fail_a_damped_scheme() -> None:
+    assert verify("conformal", laws="identity,contract,local-mean", effort=Effort(examples=1)).exit_code == 0
+
+
 @pytest.mark.parametrize("factor", [0.99, 1.02])
 @pytest.mark.parametrize("name", ["energy-preserving", "milstein"])
 def test_a_noise_wrong_by_one_per_cent_is_another_limit(name: str, factor: float) -> None:

@@ -7,7 +7,6 @@ counterexample that is found first is a small one.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -17,42 +16,16 @@ from sepv.problem import NamedProblem, PolynomialSystem
 from sepv.problems import UNIT3, hat, planes
 from sepv.record import Polynomial, poly
 from sepv.verification._cases.case import Case
-from sepv.verification._contraction import CONTRACTION, contraction_radius
+from sepv.verification._contraction import contraction_radius
 
 # A state of the pendulum from which the angle moves by 1.5 in a step of ½.
-_FAST = (3.0, 1.0)
+FAST = (3.0, 1.0)
 
 
 @cache
 def fixed_cases() -> tuple[Case, ...]:
     """Steps up to the contraction radius for polynomial H of degree 5 and 6, and long steps of the paper's problems."""
     return (*_polynomial(), *_papers())
-
-
-@cache
-def for_energy() -> tuple[Case, ...]:
-    """Cases that each test one degree of H, and long steps: a scheme may refuse these, but return no wrong solution."""
-    return (*_degrees(), *long_steps())
-
-
-@cache
-def long_steps() -> tuple[Case, ...]:
-    """Solvable steps far beyond the contraction radius, for which Newton's method takes six or more iterations.
-
-    From a small state an iteration with an absolute tolerance stops too early.
-    """
-    found, small = [], tuple(2.0**-20 * v for v in (0.75, 0.5, -0.5))
-    long = (
-        ("rigid-body", None, (4.0, 8.0)),
-        ("pendulum", _FAST, (1.0, 2.0)),
-        ("rigid-body", small, (2.0**19,)),
-    )
-    for name, y, lengths in long:
-        problem = problems.by_name(name)
-        assert isinstance(problem.data, NamedProblem)
-        start = y or tuple(float(v) for v in np.asarray(problem.initial))
-        found += [_split(problem.data, start, length, sign) for length in lengths for sign in (1.0, -1.0)]
-    return tuple(found)
 
 
 def may_be_refused(case: Case) -> bool:
@@ -68,9 +41,9 @@ def _polynomial() -> list[Case]:
     for degree in (5, 6):
         flat = PolynomialSystem(2, _dominated(2, degree), planes(2), (1.0,))
         sphere = PolynomialSystem(3, _dominated(3, degree), hat(), (1.0, 0.5), (UNIT3,))
-        found += [_longest(flat, (1.0, 0.75)), _longest(sphere, (1.0, 0.75, -0.5))]
+        found += [longest(flat, (1.0, 0.75)), longest(sphere, (1.0, 0.75, -0.5))]
     # Two uncoupled pairs of components, the second at rest: a nonzero guess for the second pair shows in the result.
-    found.append(_longest(PolynomialSystem(4, _dominated(4, 6), planes(4), (1.0,)), (1.0, 0.75, 0.0, 0.0)))
+    found.append(longest(PolynomialSystem(4, _dominated(4, 6), planes(4), (1.0,)), (1.0, 0.75, 0.0, 0.0)))
     return [*(case for pair in found for case in pair), _many()]
 
 
@@ -79,7 +52,7 @@ def _many() -> Case:
     d, m = 40, 20
     H = poly.add(poly.squares((1.0,) * d), poly.polynomial(d, {(*(0,) * (d - 2), 1, 3): 0.25}))
     c = tuple(2.0 ** -(n % 5) for n in range(m))
-    return _longest(PolynomialSystem(d, H, planes(d), c), tuple(0.5 + n / 80 for n in range(d)))[0]
+    return longest(PolynomialSystem(d, H, planes(d), c), tuple(0.5 + n / 80 for n in range(d)))[0]
 
 
 def _dominated(d: int, degree: int) -> Polynomial:
@@ -89,29 +62,10 @@ def _dominated(d: int, degree: int) -> Polynomial:
     return poly.add(poly.squares((1.0,) * d), poly.polynomial(d, {first: 0.5, mixed: -0.25}))
 
 
-def _degrees() -> list[Case]:
-    """For each degree n of H, steps in which too few quadrature nodes cause thousands of times the allowed defect.
-
-    With H = a q^n + p, q changes at a constant rate. It starts at ¼ of |y|, and a is so small that q gets as far as 1
-    inside the contraction radius. The longest step whose solution is proved to exist shows that one node is missing up
-    to n = 14, three for n = 17 and four for n = 20. For n = 16 and 20 further cases give H as bare functions.
-    """
-    found = []
-    for degree, given in (*((n, "data") for n in _DEGREES), *((n, "bare functions") for n in _OPAQUE)):
-        slope = degree * (degree - 1) * 1.25 ** (degree - 2)
-        H = poly.polynomial(2, {(degree, 0): 2.0 ** np.floor(np.log2(CONTRACTION / slope)), (0, 1): 1.0})
-        driven = PolynomialSystem(2, H, planes(2), (1.0,))
-        found += [replace(case, given=given) for case in _longest(driven, (0.25, 1.0))]
-    return found
-
-
-_DEGREES, _OPAQUE = (3, 4, 5, 6, 7, 8, 9, 10, 12, 14, 17, 20), (16, 20)
-
-
-def _longest(data: PolynomialSystem, y: tuple[float, ...]) -> tuple[Case, Case]:
+def longest(data: PolynomialSystem, y: tuple[float, ...]) -> tuple[Case, Case]:
     """Two cases, with Δ > 0 and Δ < 0, in which |h| + Σ|c_jΔW_j| is nearly the contraction radius."""
     radius = contraction_radius(problems.build(data), np.array(y))
-    return _split(data, y, radius, 1.0), _split(data, y, radius, -1.0)
+    return split(data, y, radius, 1.0), split(data, y, radius, -1.0)
 
 
 def _papers() -> list[Case]:
@@ -122,15 +76,15 @@ def _papers() -> list[Case]:
         assert problem.longest_step is not None
         y = tuple(float(v) for v in np.asarray(problem.initial))
         for sign in (1.0, -1.0):
-            found.append(_split(problem.data, y, problem.longest_step, sign))
+            found.append(split(problem.data, y, problem.longest_step, sign))
     # A fast pendulum, whose angle moves by 1.5: H is no polynomial, and a quadrature with four nodes is not enough.
     fast = problems.by_name("pendulum").data
     assert isinstance(fast, NamedProblem)
-    found += [_split(fast, _FAST, 0.5, sign) for sign in (1.0, -1.0)]
+    found += [split(fast, FAST, 0.5, sign) for sign in (1.0, -1.0)]
     return found
 
 
-def _split(data: PolynomialSystem | NamedProblem, y: tuple[float, ...], length: float, sign: float) -> Case:
+def split(data: PolynomialSystem | NamedProblem, y: tuple[float, ...], length: float, sign: float) -> Case:
     """The case with |h| + Σ|c_jΔW_j| ≤ `length`, h = |Δ|/16 and Δ = h + Σ c_jΔW_j = ±⅞ `length`, with this `sign`."""
     c = problems.build(data).c
     delta = sign * length * 7 / 8
