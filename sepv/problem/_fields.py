@@ -199,8 +199,7 @@ def derivative_along(problem: Problem, y: Array, v: Array) -> Array:
     best, error = np.zeros_like(at), np.full(reach.shape, np.inf)
     with np.errstate(all="ignore"):  # a width that overflows is not used
         for scale in _SCALES:
-            # NumPy's power of a single number may differ from that of an array in the last bit.
-            power = np.power(np.atleast_1d(reach), scale).reshape(reach.shape)
+            power = np.power(np.atleast_1d(reach), scale).reshape(reach.shape)  # the bits of a batch
             step = share * np.where(reach > 0, power, 1.0)
             odd, largest = [], np.zeros_like(reach)
             for distance in (1, 2, 3):

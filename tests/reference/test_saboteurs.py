@@ -51,16 +51,9 @@ def expected(name: str) -> list[str]:
 
 @pytest.mark.parametrize("name", SABOTEURS)
 def test_each_saboteur_is_killed_by_a_law_that_theory_names(name: str) -> None:
-    # By one of the laws that theory names with one of two seeds; the deep run below asks for each of ten.
+    # By one of the laws that theory names with one of two seeds; `sepv teeth --matrix --first` asks for each of ten.
     asked = (fault_detection.detect(name, seed, expected(name), first=True) for seed in range(2))
     assert any(b.kills for detections in asked for b in detections)
-
-
-@pytest.mark.deep
-@pytest.mark.parametrize("seed", fault_detection.SEEDS)
-@pytest.mark.parametrize("name", SABOTEURS)
-def test_each_saboteur_is_killed_with_every_seed(name: str, seed: int) -> None:
-    assert any(b.kills for b in fault_detection.detect(name, seed, LAWS, first=True))
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -123,7 +116,7 @@ def test_examples_end_with_the_first_violation() -> None:
     space = energy.cases.space(Systems.SINGLE)
     assert space is not None
     designed = len(space.design().rows) + len(space.kinds)
-    assert holding.examples == designed + 7 + len((*fixed_cases(), *for_energy()))
+    assert holding.examples == designed + 6 + len((*fixed_cases(), *for_energy()))  # one long step is refused
 
 
 def detect(

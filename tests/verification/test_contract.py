@@ -30,9 +30,7 @@ FEW: dict[str, Any] = {"examples": 1, "shrink_checks": 0}
         ("remembers-degrees-by-id", "whichever record holds the problem"),
         ("seeds-python", "a change of Python's global random numbers"),
         ("refuses-once", "a refusal and then"),
-        ("writes-and-restores", "an attempt to write into one of them"),
         ("reads-memory", "however they lie in memory"),
-        ("off-each-five-thousandth", "however often it is asked"),
     ],
 )
 def test_a_step_that_is_not_pure_is_found(name: str, said: str) -> None:
