@@ -18,7 +18,7 @@ from sepv.verification._contraction import CONTRACTION
 
 @cache
 def for_energy() -> tuple[Case, ...]:
-    """Cases that each test one degree of H, and long steps: a scheme may refuse these, but return no wrong solution."""
+    """Cases that test one degree of H each, and long steps, which a scheme may refuse, but not miss."""
     return (*_degrees(), *long_steps())
 
 

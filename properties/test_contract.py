@@ -46,6 +46,8 @@ OTHERWISE, LAYOUT = 64, 2.0**-30
 # Caches with rounded keys, and single precision, do not distinguish NEAR·y from y. Steps from both must have different
 # results if the states are farther apart than LEAST_APART (256 roundings) times the size of the result.
 NEAR, LEAST_APART = 1 + 2.0**-40, 2.0**-44
+# From this degree of H on, and up to this d, an address gets a problem of degree 2: a quadrature with one node shows.
+HIGH, SMALL = 3, 3
 # The number of steps without a solution that are tried, each twice.
 REFUSED = 2
 # The number of calls of the last case, a quarter of a second for (2.1). They find every fault with a shorter period. If
@@ -67,8 +69,14 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     problem, y, h, dW = _as_seen(scheme, case)
     first = _keeps(scheme, problem, y, h, dW, (0.75, 0.5))
     keeps_states(scheme, problem, y, h / 8, dW / 8, APART)
-    # To save time, this is checked for the cases with functions alone, and if H has a degree, for those of degree ≥ 3.
-    high = case.given == "functions" and (problem.degree or 0) > 2 and np.any(y)
+    # To save time, this is checked for the cases with functions alone, and if H has a degree, for high degrees.
+    high = (
+        case.given == "functions"
+        and (problem.degree or 0) >= HIGH
+        and len(y) <= SMALL
+        and h > 0
+        and np.any(y)
+    )
     if (np.any(problem.c * dW) or not problem.noises) and (case.given == "bare functions" or high):
         forgets_problems(scheme, problem, y, h, dW, first)
     if scheme.batched:

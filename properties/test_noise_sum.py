@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from sepv.errors import Skipped
-from sepv.problem import GivenProblem, HamiltoniansProblem, PolynomialSystem, is_several
+from sepv.problem import GivenProblem, HamiltoniansProblem, PolynomialSystem, Systems, is_several
 from sepv.record import Polynomial
 from sepv.schemes import Scheme, ask
 from sepv.verification import Case, Cases, Effort, Measurement, require, searched, state_ulp, step_residual
 from sepv.verification._amplification import amplification
 from sepv.verification._cases.case import with_noise
+from sepv.verification._cases.fixed_cases import many
 
 # A noise: its coefficient c_j, its structure G_j or Hamiltonian H_j, and its increment ΔW_j.
 Noise = tuple[float, tuple[tuple[int, int, Polynomial], ...] | Polynomial, float]
@@ -119,6 +120,7 @@ law = searched(
         where={"m": ("2", "3–4", "5–20")},
         adapt=several_noises,
         why="the problems have one structure for each noise",
+        fixed={Systems.SINGLE: many},
     ),
     check=check,
 )

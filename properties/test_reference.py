@@ -41,6 +41,7 @@ from sepv.verification import (
     state_ulp,
 )
 from sepv.verification._cases.commuting import of_actions
+from sepv.verification._cases.fixed_cases import many
 from sepv.verification._cases.random_parts import coefficient
 from sepv.verification._tolerance import gradient_majorant, state_error, structure_majorant
 
@@ -222,7 +223,7 @@ def _law(seen: list[tuple[Case, Measurement]], extra: Iterable[Case] = ()) -> La
                 Systems.HAMILTONIANS: "it is about the equation of (2.1), which several Hamiltonians do not have"
             },
             fixed={systems: lambda: extra for systems in Systems}
-            | {Systems.SEVERAL: lambda: (*_critical(), *extra)},
+            | {Systems.SEVERAL: lambda: (*_critical(), *extra), Systems.SINGLE: lambda: (*many(), *extra)},
         ),
         check=measured,
     )

@@ -44,15 +44,15 @@ def _polynomial() -> list[Case]:
         found += [longest(flat, (1.0, 0.75)), longest(sphere, (1.0, 0.75, -0.5))]
     # Two uncoupled pairs of components, the second at rest: a nonzero guess for the second pair shows in the result.
     found.append(longest(PolynomialSystem(4, _dominated(4, 6), planes(4), (1.0,)), (1.0, 0.75, 0.0, 0.0)))
-    return [*(case for pair in found for case in pair), _many()]
+    return [case for pair in found for case in pair]
 
 
-def _many() -> Case:
+def many() -> tuple[Case]:
     """The largest d and m, with the last components and noises as important as the others."""
     d, m = 40, 20
     H = poly.add(poly.squares((1.0,) * d), poly.polynomial(d, {(*(0,) * (d - 2), 1, 3): 0.25}))
     c = tuple(2.0 ** -(n % 5) for n in range(m))
-    return longest(PolynomialSystem(d, H, planes(d), c), tuple(0.5 + n / 80 for n in range(d)))[0]
+    return (longest(PolynomialSystem(d, H, planes(d), c), tuple(0.5 + n / 80 for n in range(d)))[0],)
 
 
 def _dominated(d: int, degree: int) -> Polynomial:
