@@ -67,7 +67,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         refuses_again(scheme, case)
         return Measurement(0.0, 0.0)
     problem, y, h, dW = _as_seen(scheme, case)
-    first = _keeps(scheme, problem, y, h, dW, (0.75, 0.5))
+    first = _keeps(scheme, problem, y, h, dW, (0.75, 0.5) if case.given == "data" else (0.75,))
     keeps_states(scheme, problem, y, h / 8, dW / 8, APART)
     # To save time, this is checked for the cases with functions alone, and if H has a degree, for high degrees.
     high = (
