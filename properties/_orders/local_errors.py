@@ -289,7 +289,10 @@ def ends_at(problem: Problem, states: Array, rules: list[tuple[float, Rule]]) ->
 
 
 def _flows_at(problem: Problem, states: Array, rules: list[tuple[float, Rule]]) -> tuple[list[Array], float]:
-    """Return exact solutions for commuting Hamiltonians, the flow of h f_0 + Σ c_j ΔW_j f_j at time 1; their error."""
+    """Return exact solutions for commuting Hamiltonians, and an estimate of their error.
+
+    The solution is the flow of h f_0 + Σ c_j ΔW_j f_j at time 1, with the fields f_j = B∇H_j.
+    """
     found, worst = [], 0.0
     for h, nodes in rules:
         n = nodes.weights.size

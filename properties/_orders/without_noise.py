@@ -154,7 +154,10 @@ def _slower(
 
 
 def _falls(h: Array, e: Array, used: int, least: float, rounding: float) -> Order | None:
-    """Bound the power of h from below, by the fall from an error to the first that is rounding; None if < `least`."""
+    """Return "holds" with a lower bound of the power of h: the slope from an error to the first error below `rounding`.
+
+    Of the errors e[:used] above rounding, the one with the largest slope is taken. None if this slope is below `least`.
+    """
     if not 0 < used < e.size:
         return None
     bounds = np.where(e[:used] < SMALL, np.log(e[:used] / rounding) / np.log(h[:used] / h[used]), 0.0)

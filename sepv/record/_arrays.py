@@ -123,7 +123,7 @@ class Evaluator:
     places: tuple[int, ...]
 
     def __call__(self, *arguments: Array) -> Array:
-        """The value of the function at arrays (d, ...), of shape (*shape, ...)."""
+        """The value of the function at arrays (d, ...). It has the shape (*self.shape, ...)."""
         given = [np.asarray(a) for a in arguments]
         try:
             values = self.source.function(*given, self.source.parameters)

@@ -37,7 +37,7 @@ def step_summary(report: Report) -> str:
 
 
 def error_lines(report: Report) -> list[str]:
-    """Commands of the runner: an error for each finding that makes the run fail, at the step's line if it is known."""
+    """GitHub commands that show an error for each finding that fails, at the scheme's source line if it is known."""
     red = [f for f in report.findings if f in report.failing or f.verdict is Verdict.ERROR]
     place = _place(report.scheme.step)
     lines = [
