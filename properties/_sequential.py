@@ -326,7 +326,7 @@ def _judge_one(
 def _confirmed(
     scheme: Scheme, setup: Setup, run: Run, assess: Assess, alpha: float, assessment: Assessment
 ) -> Assessment:
-    """Look at a violated slope again with FINER times the steps, and call it inconclusive if it is not low there too.
+    """Look at a violated slope again with FINER times the steps: if it holds there, it holds; if not low, it is open.
 
     A scheme that divides long steps, or takes them by another formula, shows its order at smaller step sizes only.
     """
