@@ -18,13 +18,14 @@ from sepv.properties._longest_step import divisor
 from sepv.properties._orders.convergence import StrongErrors, first, join, strong_errors
 from sepv.properties._orders.local_errors import three_inertias, two_noises
 from sepv.properties._orders.tilting import tilted_errors
+from sepv.properties._problems_of import problems_of
+from sepv.properties._sampled import sparing
 
 from sepv import problems
 from sepv.errors import Skipped
 from sepv.problem import NamedProblem, Problem, Systems
 from sepv.schemes import OF_SEVERAL, Scheme, guarded
-from sepv.verification._cases.users_problems import problems_of
-from sepv.verification._law import Effort, Finding, Law, Run, Verdict, sparing
+from sepv.verification._law import Effort, Finding, Law, Run, Verdict
 from sepv.verification._units import units_of
 
 FALSE_ALARM = 1e-4

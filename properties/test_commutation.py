@@ -11,12 +11,12 @@ from __future__ import annotations
 from typing import Any
 
 from sepv.properties._orders.convergence import StrongErrors, mean_square_order
+from sepv.properties._sampled import pathwise
 from sepv.properties._sequential import Assessment, Setup, judge
 
 from sepv.problem import Problem
 from sepv.schemes import Scheme, Systems
 from sepv.verification import Effort, Finding, Law, Run, Verdict, require
-from sepv.verification._law import pathwise
 
 T, STEPS = 0.5, (4, 16, 64)
 # Half the distance between mean-square orders, which are multiples of ½.

@@ -18,6 +18,7 @@ from random import Random
 from typing import Any
 
 import numpy as np
+from sepv.properties._problems_of import may_ask, taken_by
 from sepv.properties._states_of_a_path import keeps_states
 from sepv.properties._surroundings import watched
 from sepv.properties._without_memory import (
@@ -34,8 +35,7 @@ from sepv.errors import SchemeFault, SepvError, StepFailure
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.schemes import Scheme, SchemeCrash, ask, check_answer, raw_answer, require_unchanged, takes
 from sepv.verification import Case, Effort, Finding, Law, Measurement, Run, Verdict, require, searched
-from sepv.verification._cases.case import taken_by, to_json, to_token
-from sepv.verification._cases.users_problems import may_ask
+from sepv.verification._cases.case import to_json, to_token
 from sepv.verification._search_log import Check
 
 # The number of states in a batch. It is small, because the law "reproducibility" has larger batches.

@@ -6,10 +6,10 @@ from typing import Any
 
 from sepv.properties._orders.local_example import mean_example
 from sepv.properties._orders.local_orders import judge, mean_slope, strong_order
+from sepv.properties._sampled import pathwise
 
 from sepv.schemes import Scheme
 from sepv.verification import Effort, Finding, Law, Run, require
-from sepv.verification._law import pathwise
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:

@@ -13,10 +13,10 @@ from sepv.properties._orders.any_step import lower_order
 from sepv.properties._orders.local_errors import LocalErrors
 from sepv.properties._orders.local_example import step_example
 from sepv.properties._orders.local_orders import MARGIN, judge, strong_order
+from sepv.properties._sampled import pathwise
 
 from sepv.schemes import Scheme, Systems, order_of
 from sepv.verification import Effort, Finding, Law, Run, Verdict, require
-from sepv.verification._law import pathwise
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:

@@ -17,6 +17,7 @@ from typing import Any
 
 from sepv.properties._orders.integrable import Orbits, orbits_of_class, users_orbits
 from sepv.properties._orders.long_times import Judged, power, trend
+from sepv.properties._sampled import sparing
 
 from sepv.errors import Skipped
 from sepv.problem import Systems, damping_of, is_several
@@ -25,7 +26,6 @@ from sepv.verification import Case, Effort, Finding, Law, Run, Verdict, require
 from sepv.verification._cases.case import quiet_problem
 from sepv.verification._cases.from_problem import describe
 from sepv.verification._cases.users_problems import items
-from sepv.verification._law import sparing
 
 # The number of paths on an orbit, for a confidence interval of the growth. A scheme without batches gets fewer.
 PATHS, SPARED_PATHS = 8, 4

@@ -11,12 +11,12 @@ from typing import Any
 
 from sepv.properties._orders.convergence import StrongErrors, above_floor, floors, mean_square_order
 from sepv.properties._orders.local_orders import unclaimed
+from sepv.properties._sampled import pathwise
 from sepv.properties._sequential import Assess, Assessment, hold_level, is_tilted, judge
 
 from sepv.problem import Problem, column
 from sepv.schemes import Scheme, order_of
 from sepv.verification import Effort, Finding, Law, Run, Verdict, require
-from sepv.verification._law import pathwise
 
 # Orders of one-step methods for (1.1) are multiples of ½. If the interval of the slope is above p − MARGIN, the middle
 # between p and the next lower order, it rejects the lower order. The margin also allows for the pre-asymptotic part of

@@ -17,6 +17,7 @@ from random import Random
 from typing import Any
 
 import numpy as np
+from sepv.properties._problems_of import taken_by
 from sepv.properties._without_solution import MADE, NoSolution, made, proof
 
 from sepv.errors import SepvError, Skipped, StepFailure
@@ -37,7 +38,6 @@ from sepv.verification import (
     state_ulp,
     step_residual,
 )
-from sepv.verification._cases.case import taken_by
 
 # STEPS is the number of steps tested before the random search, SHOWN the number tried for a scheme that does not claim
 # *reference*. They are small, because an iteration without a solution takes fifty times as long as one that converges.

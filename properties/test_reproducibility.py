@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+from sepv.properties._problems_of import may_ask
 
 from sepv.problem import PolynomialSystem
 from sepv.schemes import Scheme, ask
 from sepv.verification import Case, Cases, Effort, Measurement, require, searched, state_ulp
-from sepv.verification._cases.users_problems import may_ask
 
 # Sizes of parts of a batch. Libraries change their code path near the widths of vector registers and unrolled loops, so
 # these sizes differ; a further part has as many states as y has components. Some cases have batches of thousands.

@@ -18,13 +18,13 @@ from typing import Any
 import numpy as np
 from sepv.properties._orders.convergence import StrongErrors, above_floor, floors, mean_square_order
 from sepv.properties._orders.means import leading, limit_errors
+from sepv.properties._sampled import pathwise, sparing
 from sepv.properties._sequential import Assess, Assessment, is_tilted, judge
 
 from sepv.errors import Skipped
 from sepv.problem import Array, Problem, column
 from sepv.schemes import Scheme, order_of
 from sepv.verification import Effort, Finding, Law, Run, Verdict, require
-from sepv.verification._law import pathwise, sparing
 
 # An error of noise or drift of this share must be detected; of SPARED if the scheme takes one state at a time.
 RESOLUTION, SPARED = 0.01, 0.02

@@ -25,6 +25,8 @@ import numpy as np
 from sepv.properties._failed_step import failed_step
 from sepv.properties._longest_step import divisor
 from sepv.properties._orders.local_errors import two_noises
+from sepv.properties._problems_of import as_taken, problems_of
+from sepv.properties._sampled import sparing
 from sepv.reference.problem import exact_problem
 
 from sepv import problems
@@ -39,8 +41,6 @@ from sepv.statistics import fishers_f, students_t
 from sepv.verification import Effort, Finding, Law, Run, Verdict, energy_ulp, require
 from sepv.verification._cases.from_problem import describe
 from sepv.verification._cases.of_law import NOT_KEPT, UNDAMPED
-from sepv.verification._cases.users_problems import as_taken, problems_of
-from sepv.verification._law import sparing
 from sepv.verification._tolerance import rounding_variances
 from sepv.verification._units import units_for, units_of
 

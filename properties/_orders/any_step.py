@@ -15,6 +15,7 @@ import numpy as np
 from sepv.properties._failed_step import row
 from sepv.properties._orders.local_errors import step_sizes, two_noises
 from sepv.properties._orders.local_orders import CLEAR, FLOOR, MARGIN, strong_order
+from sepv.properties._problems_of import problems_of
 
 from sepv.errors import Skipped
 from sepv.exact import FlowFailure, exact_flow
@@ -33,7 +34,6 @@ from sepv.record import EPS, poly
 from sepv.schemes import Scheme, guarded
 from sepv.simulate import advance
 from sepv.solve import Status
-from sepv.verification._cases.users_problems import problems_of
 from sepv.verification._law import Run
 from sepv.verification._units import units_for
 

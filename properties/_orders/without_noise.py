@@ -28,6 +28,7 @@ import numpy as np
 from sepv.properties._failed_step import first_failed
 from sepv.properties._orders.local_errors import cases
 from sepv.properties._orders.local_orders import CLEAR, FLOOR, ROUNDING
+from sepv.properties._problems_of import NO_START
 
 from sepv.errors import Skipped
 from sepv.exact import FlowFailure, exact_flow
@@ -254,9 +255,7 @@ def quiet_problems(scheme: Scheme) -> tuple[Problem, ...]:
     members = [member for item in own if item.space is not None for member in _members(item.text)]
     found = {id(p): p for p in (quiet_problem(p) for p in (*listed, *members) if not is_several(p))}
     if not found:
-        raise Skipped(
-            "the problems have no initial state: name one that has, or give initial= when making it"
-        )
+        raise Skipped(NO_START)
     return tuple(found.values())
 
 

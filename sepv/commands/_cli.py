@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import os
 import shlex
 import sys
@@ -12,6 +11,7 @@ from typing import Any
 import click
 
 from sepv._arguments import did_you_mean
+from sepv._processes import collect_seldom
 from sepv._version import __version__
 from sepv.commands._shared import EXIT_CODES, WORDS, interruptible
 from sepv.console import cannot_show, never_fail
@@ -24,8 +24,6 @@ GROUPS = {
     "For specialists": ("exact", "step", "ulps", "hard", "growth", "solvability", "teeth"),
 }
 COMMANDS = tuple(name for names in GROUPS.values() for name in names)
-# Python searches for cycles of objects each time that this many are new; chosen for the speed of `sepv verify`.
-OBJECTS = 5000
 _SETTINGS = {"help_option_names": ["-h", "--help"], "show_default": True}
 
 
@@ -92,8 +90,7 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if cannot_show(stream):
             never_fail(stream)
-    # Cases are many small objects without cycles: by default Python searches them for cycles every few hundred objects.
-    gc.set_threshold(max(OBJECTS, gc.get_threshold()[0]))
+    collect_seldom()
     # Hypothesis stores a small cache in a directory, which by default is in the user's current folder.
     if "HYPOTHESIS_STORAGE_DIRECTORY" not in os.environ:
         os.environ["HYPOTHESIS_STORAGE_DIRECTORY"] = str(cache_folder("hypothesis"))

@@ -11,7 +11,9 @@ from typing import Any
 import click
 
 from sepv._journal import attempted
+from sepv._processes import cores, start_ahead
 from sepv.commands import _shared as cli
+from sepv.commands._watch import followed
 from sepv.console import counted, print_table
 from sepv.errors import UsageError
 from sepv.files import made, write_atomically
@@ -62,7 +64,10 @@ from sepv.files import made, write_atomically
     "--check-protocol", is_flag=True, help="With --exec: say line by line what the program does wrong."
 )
 @click.option("--call-timeout", type=cli.Finite(0.01, cli.SECONDS), default=10.0, help="With --exec.")
-@click.option("-j", "--jobs", type=cli.COUNT, default=1, help="Processes for the laws.")
+@click.option(
+    "-j", "--jobs", type=cli.COUNT,
+    help="Processes for the laws. [default: 1; for all laws of a built-in scheme one per core, up to 4]",
+)  # fmt: skip
 @click.option(
     "--workers", type=cli.Workers(), help="A Dask scheduler's address, for the laws (docs/clusters.md)."
 )
@@ -159,6 +164,7 @@ def _verify(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any], 
 
     `shown` is the name in the output of a program (--exec), which has no name of its own.
     """
+    options["jobs"] = _jobs(targets, options, not laws)
     from sepv.console import console, print_sentence
     from sepv.verification import report as page
     from sepv.verification import verify as run
@@ -200,6 +206,19 @@ def _verify(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any], 
     if len(reports) > 1 and not quiet:
         print_table(page.matrix(reports), out)
     return max(reports, key=lambda r: r.exit_code).exit_code
+
+
+def _jobs(targets: tuple[Any, ...], options: dict[str, Any], all_laws: bool) -> int:
+    """The number of processes for the laws. Processes for all laws start here, before the imports of this process."""
+    if any(options[key] for key in ("require", "workers", "token", "against")) or not all_laws:
+        return options["jobs"] or 1
+    words = all(isinstance(target, str) and ":" not in target for target in targets)
+    jobs: int = options["jobs"] or (cores() if words and not followed() else 1)
+    if jobs > 1:
+        start_ahead(jobs)
+    from sepv.schemes import built_in
+
+    return jobs if options["jobs"] or all(map(built_in, targets)) else 1
 
 
 def _against(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any]) -> int:

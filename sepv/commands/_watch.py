@@ -92,9 +92,13 @@ def watched(work: Callable[[], Any]) -> int:
 def _can_watch() -> bool:
     """True if this process can watch a child: it can fork, has one thread, and no debugger or profiler follows it."""
     alone = threading.current_thread() is threading.main_thread() and threading.active_count() == 1
+    return hasattr(os, "fork") and alone and not followed()
+
+
+def followed() -> bool:
+    """True if a debugger or profiler follows this process."""
     tools = getattr(sys, "monitoring", None)
-    looked_at = sys.gettrace() or sys.getprofile() or (tools and any(map(tools.get_tool, range(6))))
-    return hasattr(os, "fork") and alone and not looked_at
+    return bool(sys.gettrace() or sys.getprofile() or (tools and any(map(tools.get_tool, range(6)))))
 
 
 def _unblock() -> None:

@@ -17,6 +17,7 @@ from sepv.schemes._catalogue import EXTENSIONS as EXTENSIONS
 from sepv.schemes._catalogue import FAMILIES as FAMILIES
 from sepv.schemes._catalogue import HAMILTONIANS as HAMILTONIANS
 from sepv.schemes._catalogue import PAPER as PAPER
+from sepv.schemes._catalogue import built_in as built_in
 from sepv.schemes._catalogue import by_name as by_name
 from sepv.schemes._collocation import FIRST_NODES, MAX_NODES
 from sepv.schemes._collocation import collocation as collocation

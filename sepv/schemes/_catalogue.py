@@ -61,15 +61,19 @@ DAMPED = _listed("conformal")
 FAMILIES: dict[str, Callable[[int], Scheme]] = {"collocation": collocation, "gauss": gauss}
 
 
-def by_name(name: str) -> Scheme:
-    """A built-in scheme or a member of a family such as "collocation-3", else a UsageError; "_" counts as "-"."""
-    wanted = name.replace("_", "-")
-    for schemes in (PAPER, EXTENSIONS, HAMILTONIANS, DAMPED):
-        if wanted in schemes:
-            return schemes[wanted]
+def built_in(name: object) -> Scheme | None:
+    """The built-in scheme or member of a family such as "collocation-3" with this name; "_" counts as "-"."""
+    wanted = str(name).replace("_", "-")
     family, _, stages = wanted.rpartition("-")
     if family in FAMILIES and stages.isdecimal() and 1 <= int(stages) <= MAX_STAGES:
         return FAMILIES[family](int(stages))
+    return (PAPER | EXTENSIONS | HAMILTONIANS | DAMPED).get(wanted)
+
+
+def by_name(name: str) -> Scheme:
+    """The built-in scheme with this name, else a UsageError."""
+    if scheme := built_in(name):
+        return scheme
     families = ", ".join(f"{f}-1 … {f}-{MAX_STAGES}" for f in FAMILIES)
     raise UsageError(
         expected=f"a built-in scheme: {', '.join([*PAPER, *EXTENSIONS, *HAMILTONIANS, *DAMPED])}, {families}",

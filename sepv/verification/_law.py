@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from sepv._arguments import require_whole
 from sepv.record import EPS
-from sepv.schemes import Scheme, point_law
+from sepv.schemes import Scheme
 
 if TYPE_CHECKING:
     from sepv.verification._cases.of_law import Cases
@@ -173,11 +173,6 @@ class Effort:
         return replace(self, examples=1000, designs=20, paths=16384, shrink_checks=5000)
 
 
-def sparing(scheme: Scheme, effort: Effort) -> bool:
-    """True if laws take fewer steps: the scheme takes one state a call, and `effort` has no more paths than usual."""
-    return not scheme.batched and effort.paths <= Effort.paths
-
-
 @dataclass(frozen=True)
 class Run:
     """One run of laws on one scheme: the effort, and errors that are computed once for several laws.
@@ -262,19 +257,6 @@ def about_noise(run: Measure) -> Measure:
         return run(law, scheme, this_run)
 
     return asked
-
-
-def pathwise(run: Measure) -> Measure:
-    """Wrap a law's `run`, so that the law is not applicable to schemes whose increments take only a few values."""
-
-    def asked(law: Law, scheme: Scheme, this_run: Run) -> Finding:
-        points = point_law(scheme.increments)
-        if points is None:
-            return run(law, scheme, this_run)
-        text = f"{points.name} increments are no path of a Wiener process: see the laws about weak orders"
-        return law.finding(Verdict.NOT_APPLICABLE, message=text)
-
-    return about_noise(asked)
 
 
 _collected: ContextVar[tuple[list[Finding], Measure | None] | None] = ContextVar("collected", default=None)

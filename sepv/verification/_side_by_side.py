@@ -16,10 +16,10 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from tempfile import TemporaryFile
 from typing import Any
 
-from sepv._journal import BYTES, Crashed, Notes, ended_with, interruption_answered
+from sepv._journal import Crashed, ended_with, interruption_answered
+from sepv._processes import take
 from sepv.errors import UsageError
 
 # Seconds between SIGTERM, on which a worker ends its own children, and SIGKILL.
@@ -42,27 +42,11 @@ class _Worker:
     """A worker process, and a thread of the parent that puts the worker's messages into the queue of all workers."""
 
     def __init__(self, task: bytes, answers: queue.Queue[tuple[_Worker, Any]]) -> None:
-        with TemporaryFile() as file:
-            file.truncate(BYTES)
-            self.notes = Notes(file.fileno())
-            self.process = self._started(file.fileno())
+        self.process, self.notes = take()
         self.left: list[str] = []
         self._write(task)
         self.listener = threading.Thread(target=self._listen, args=(answers,), daemon=True)
         self.listener.start()
-
-    @staticmethod
-    def _started(notes: int) -> subprocess.Popen[bytes]:
-        return subprocess.Popen(
-            [sys.executable, "-m", "sepv.verification._worker", str(notes)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            pass_fds=(notes,),
-            # A session of its own keeps Ctrl-C from the worker. The parent gets Ctrl-C and ends the workers.
-            start_new_session=True,
-            # The worker must import sepv before it can read the task, which contains sys.path.
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
-        )
 
     def give(self, group: Sequence[str]) -> None:
         """Send these laws to the worker, in this order."""

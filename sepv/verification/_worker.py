@@ -14,12 +14,14 @@ from queue import SimpleQueue
 from typing import Any
 
 from sepv._journal import Journal, Notes, attempted, open_journal
+from sepv._processes import collect_seldom
 from sepv.errors import UsageError
 
 
 def main() -> None:
     """Measure groups of laws until stdin ends. The process's argument is the number of an open file for its notes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    collect_seldom()
     # Output of the scheme goes to stderr: stdout is for findings.
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)

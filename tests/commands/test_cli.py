@@ -35,7 +35,6 @@ def test_a_pin_of_another_scheme_is_said_with_what_to_do(call, tmp_path: Path) -
     few = "--law identity,casimir --examples 2 -q"
     call(f"verify energy-preserving {few} --pin p.toml")
     assert "written for" not in call(f"verify energy-preserving {few} --expected p.toml").output
-    # Green, and not without a word: a renamed scheme is right, the file of another one is not.
     other = call(f"verify mine:correct {few} --expected p.toml", "")
     assert other.exit_code == 0
     said = " ".join(other.output.split())
@@ -64,13 +63,25 @@ def test_several_targets_give_a_matrix_and_a_quiet_line_names_its_target_where_t
 
 
 @pytest.mark.parametrize(
+    ("line", "processes"),
+    [("midpoint gauss-2", 2), ("midpoint mine:correct", 1), ("nosuch", 1), ("midpoint --law energy", 1)],
+)
+def test_laws_of_built_in_schemes_are_measured_on_all_cores_by_default(call, monkeypatch, line, processes):
+    given = []
+    monkeypatch.setattr("sepv.commands._verify.cores", lambda: 2)
+    monkeypatch.setattr("sepv.commands._verify.start_ahead", lambda _: None)
+    monkeypatch.setattr("sepv.commands._verify._arguments", lambda _, options: given.append(options["jobs"]))
+    call(f"verify {line}")
+    assert given == [processes]
+
+
+@pytest.mark.parametrize(
     ("arguments", "raised"), [("u, system, dt, xi", "Attribute"), ("system, u, xi, dt", "Type")]
 )
 def test_other_names_in_another_order_end_in_an_error_that_says_what_was_called(call, arguments, raised):
     code = f"def step({arguments}):\n    return u + system.random_step(dt, xi) * system.gradient(u)\n"
     said = call("verify mine:step --law energy --examples 2", code).output
     assert f"The scheme raised {raised}Error" in said
-    # In the author's file, and not in the function of sepv that was given the wrong thing.
     assert re.search(r"mine\.py, line \d+, in step\)", said)
     called = r"called with the problem [^,]+, y of shape \(2,\), h = [\d.]+, dW of shape \(\d+,\)"
     assert re.search(called, said)

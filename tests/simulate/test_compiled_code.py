@@ -203,7 +203,6 @@ def test_the_fingerprint_tells_schemes_problems_starts_and_steps_apart() -> None
 
     found = {key: fingerprint(key, "compiled") for key in asked}
     assert len(set(found.values())) == len(asked)
-    # The second time it is kept, and in NumPy made anew.
     assert found == {key: fingerprint(key, "compiled") for key in asked}
     assert found == {key: fingerprint(key, "numpy") for key in asked}
 

@@ -167,7 +167,6 @@ def test_a_path_that_fails_stays_and_says_when_and_the_others_go_on() -> None:
     assert ends.status.tolist() == [0, Status.SINGULAR, Status.SINGULAR]
     assert ends.status.dtype.kind == ends.failed_step.dtype.kind == "i"
     assert ends.W.tolist() == dW.sum(axis=0).tolist()
-    # A lane that does not go on makes no work.
     assert (ends.gradient_evaluations, ends.structure_evaluations, ends.iterations) == (2 * 8, 3 * 8, 8)
     assert {type(n) for n in (ends.gradient_evaluations, ends.iterations, ends.divisions)} == {int}
     assert ends.states.shape == (0, 0, 0)
@@ -299,7 +298,6 @@ def test_an_ensemble_that_is_reduced_keeps_no_path_and_says_the_same() -> None:
     assert q.mean == pytest.approx(whole.y[0].mean(), rel=1e-13)
     assert q.variance == pytest.approx(whole.y[0].var(ddof=1), rel=1e-12)
     assert (q.minimum, q.maximum) == (whole.y[0].min(), whole.y[0].max())
-    # The sums of twelve chunks, from the mean of all.
     off = whole.y[0] - whole.y[0].mean()
     for k, total in enumerate(q.sums, start=2):
         assert total == pytest.approx(np.sum(off**k), abs=1e-12 * np.sum(np.abs(off) ** k))

@@ -172,7 +172,6 @@ def test_labelled_arrays_from_memory_and_from_disk_agree(tmp_path: Path) -> None
     for found in (one, other):
         assert found.attrs.items() >= known.items()
         assert found.attrs["sepv_version"] == sepv.__version__
-    # What was written is plain Zarr, for any reader.
     plain = xarray.open_zarr(place, consolidated=False)
     assert np.array_equal(plain.y.values, one.y.values)
     shutil.rmtree(place)

@@ -150,7 +150,6 @@ def test_expected_failures_are_strict_both_ways(tmp_path: Path) -> None:
     command(f"verify midpoint {few} --write-expected {file}")
     assert "[[expected]]" not in file.read_text()
     command(f"verify midpoint {few} --claim energy --write-expected {file}", 1)
-    # Violated as expected, though claimed.
     shown = command(f"verify midpoint {few} --claim energy --expected {file}").output
     assert "expected: violated when this file was written" in shown
     # A scheme that does not fail as expected, and a violation that is not in the file.

@@ -186,7 +186,6 @@ def test_a_stated_tolerance_of_the_solver_moves_the_floor() -> None:
         (np.maximum(1e-7 * H, H**2), "holds"),
         (np.full_like(H, 1e-14), "holds"),
         (1e-9 * H**2 + 1e-16, "holds"),
-        # Right at coarse steps and wrong at small ones.
         (np.where(H < 1e-5, 1e-6, 1e-17), "violated"),
         (np.where(H < 1e-5, np.nan, H**2), "violated"),
     ],

@@ -111,7 +111,6 @@ def test_structure_and_energy_are_different_laws() -> None:
 
 
 def test_a_solver_of_few_digits_is_not_accused_for_it() -> None:
-    # Fixed-point iteration that stops at 1e-9, and says so.
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         delta, z = problem.random_step(h, dW), np.zeros_like(y)
         for _ in range(200):

@@ -174,7 +174,6 @@ def test_right_schemes_pass_every_witness_and_the_scheme_it_came_from_does_not(l
     for witness in corpus.witnesses(law):
         for scheme in maker.right(asked, witness.systems):
             finding = asked.replay(asked, scheme, to_json(witness.case))
-            # What may be refused is left out.
             good = (Verdict.HOLDS, Verdict.NOT_APPLICABLE)
             assert finding.verdict in good, (witness.id, scheme.name, finding.message)
         assert maker.accused(asked, maker.suspects_of(asked, witness.systems)[witness.found], witness.case), (

@@ -45,7 +45,6 @@ def test_majorants_of_polynomials_are_sums_of_absolute_terms() -> None:
     assert tolerance.gradient_majorant(problem, x).tolist() == [6.0, 3.0, 1.0]
     B = tolerance.structure_majorant(problem, y)
     assert B.tolist() == [[0, 7, 2], [7, 0, 0], [2, 0, 0]]
-    # Over several states: entry by entry the largest.
     both = tolerance.structure_majorant(problem, y, x)
     assert both.tolist() == [[0, 9, 2], [9, 0, 0], [2, 0, 0]]
     assert tolerance.gradient_majorant(problem, x, y).tolist() == [24.0, 12.0, 1.0]

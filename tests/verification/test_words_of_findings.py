@@ -53,7 +53,6 @@ def test_a_sampled_law_names_a_path_that_a_reader_can_run(law: str) -> None:
     line = next(line for line in found.message.splitlines() if ", path " in line)
     problem = problems.by_name(line.partition(",")[0])
     y0, W, expected, came = (numbers(v) for v in re.findall(r"\(([-\de., +]+)\)", line)[:4])
-    # The recipe for its increments is Python; what came is what the scheme makes of them.
     recipe = re.search(r"sepv\.simulate\.(increments\(.*\))$", line)
     assert recipe is not None
     dW = eval(recipe[1], {"increments": wiener.increments, "range": range})
@@ -117,7 +116,6 @@ def test_an_error_names_the_step_its_state_and_what_the_scheme_says(law: str, fa
     assert said in place[4]
     if law != "local-mean":
         assert re.search(r"path \d+ (of seed 0 )?in step \d+", found.message)
-    # What is printed is enough to see it again.
     errors = {"refuse": sepv.StepFailure, "divide": ZeroDivisionError}
     with pytest.raises(errors[fault]) if fault in errors else nullcontext():
         assert np.isnan(step(problems.rigid_body(), y0, h, dW)).all()
@@ -158,7 +156,6 @@ def test_energy_names_the_state_before_the_step_that_fails() -> None:
 def test_a_defect_as_small_as_a_tolerance_says_how_to_state_one(error: float, named: bool) -> None:
     message = finding(stretched(error), "energy").message
     assert ("if the step solves its equation to a tolerance, state it: Scheme(" in message) == named
-    # Who states one is not told to.
     stated = finding(stretched(error), "energy", solver_tolerance=1e-15)
     assert "state it" not in stated.message
 

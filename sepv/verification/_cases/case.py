@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import zlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -100,14 +100,6 @@ def quiet(case: Case) -> Case | None:
     if is_several(problem):
         return None
     return replace(with_noise(case, (), ()), h=float(problem.random_step(h, dW)))
-
-
-def taken_by(scheme: Scheme, cases: Iterable[Case]) -> Iterator[Case]:
-    """The cases as a scheme takes them: if it is for c = () alone, `quiet` removes noise, or the case is left out."""
-    for case in cases:
-        taken = quiet(case) if scheme.deterministic else case
-        if taken is not None:
-            yield taken
 
 
 @lru_cache(maxsize=256)

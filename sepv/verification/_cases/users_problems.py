@@ -11,17 +11,16 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 from hypothesis import HealthCheck, Phase, Verbosity, given, settings
 from hypothesis import seed as hypothesis_seed
 from hypothesis import strategies as st
 
 from sepv import problems as named
 from sepv._arguments import did_you_mean
-from sepv.errors import Skipped, UsageError
-from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem, Systems, is_several
+from sepv.errors import UsageError
+from sepv.problem import NamedProblem, PolynomialSystem, Problem, Systems
 from sepv.schemes import load_object, load_problem
-from sepv.verification._cases.case import Case, quiet_problem
+from sepv.verification._cases.case import Case
 from sepv.verification._cases.classes import FAMILIES
 from sepv.verification._cases.from_problem import describe, of_case, start_of
 from sepv.verification._cases.strata import Space, Strata
@@ -119,20 +118,6 @@ def _item(asked: Any) -> Item:
     return Item(text, st.just(describe(problem, text)), own, problem)
 
 
-def may_ask(scheme: Any, problem: Problem, states: Array) -> bool:
-    """True if a law may step from `states` (d, ...) that it made itself, for example near a drawn state.
-
-    If the problem has a domain, the states must lie in it. Otherwise every state is allowed, unless a user named the
-    problems: a user's problem may be meant for positive states, or a ball, and only drawn states are sure to be valid.
-    """
-    if problem.domain is not None:
-        return bool(np.all(problem.domain(states)))
-    return not scheme.problems
-
-
-NO_START = "the problems have no initial state: name one that has, or give initial= when making it"
-
-
 def sources(scheme: Any) -> tuple[Item, ...]:
     """The problems that a scheme is for, or its family of problems; empty if it is for a wide class of systems."""
     if scheme.problems:
@@ -143,33 +128,3 @@ def sources(scheme: Any) -> tuple[Item, ...]:
 def objects_of(scheme: Any) -> tuple[Problem, ...]:
     """The problems of a scheme that were given as Python objects, so that no command line can name them."""
     return tuple(item.fixed for item in sources(scheme) if item.fixed is not None and not item.text)
-
-
-def problems_of(scheme: Any) -> tuple[Problem, ...] | None:
-    """The scheme's problems that have an initial state, for laws about many steps; None if it is for a wide class.
-
-    A problem that is named and also belongs to a named family is listed once, because a name always gives the same
-    object. A scheme without noise gets the problems of (1.1) with c = ().
-
-    Raises Skipped if none of the problems has an initial state.
-    """
-    own = sources(scheme)
-    if not own:
-        return None
-    found = {id(problem): problem for item in own for problem in item.problems}
-    if not found:
-        raise Skipped(NO_START)
-    return as_taken(scheme, found.values())
-
-
-def as_taken(scheme: Any, listed: Iterable[Problem]) -> tuple[Problem, ...]:
-    """The problems in the form that the scheme takes: without noise, c = (), if the scheme is only for such systems.
-
-    Raises Skipped if a scheme without noise gets only problems whose noises have other vector fields than B∇H.
-    """
-    found = tuple(listed)
-    if not scheme.deterministic:
-        return found
-    if single := tuple(quiet_problem(problem) for problem in found if not is_several(problem)):
-        return single
-    raise Skipped("the scheme is for c = (), and each noise of the problems has a field of its own")

@@ -1,0 +1,65 @@
+"""The problems, states and cases on which a scheme may be asked, if it is not for every system of its class."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import numpy as np
+
+from sepv.errors import Skipped
+from sepv.problem import Array, Problem, is_several
+from sepv.schemes import Scheme
+from sepv.verification._cases.case import Case, quiet, quiet_problem
+from sepv.verification._cases.users_problems import sources
+
+NO_START = "the problems have no initial state: name one that has, or give initial= when making it"
+
+
+def may_ask(scheme: Any, problem: Problem, states: Array) -> bool:
+    """True if a law may step from `states` (d, ...) that it made itself, for example near a drawn state.
+
+    If the problem has a domain, the states must lie in it. Otherwise every state is allowed, unless a user named the
+    problems: a user's problem may be meant for positive states, or a ball, and only drawn states are sure to be valid.
+    """
+    if problem.domain is not None:
+        return bool(np.all(problem.domain(states)))
+    return not scheme.problems
+
+
+def problems_of(scheme: Any) -> tuple[Problem, ...] | None:
+    """The scheme's problems that have an initial state, for laws about many steps; None if it is for a wide class.
+
+    A problem that is named and also belongs to a named family is listed once, because a name always gives the same
+    object. A scheme without noise gets the problems of (1.1) with c = ().
+
+    Raises Skipped if none of the problems has an initial state.
+    """
+    own = sources(scheme)
+    if not own:
+        return None
+    found = {id(problem): problem for item in own for problem in item.problems}
+    if not found:
+        raise Skipped(NO_START)
+    return as_taken(scheme, found.values())
+
+
+def as_taken(scheme: Any, listed: Iterable[Problem]) -> tuple[Problem, ...]:
+    """The problems in the form that the scheme takes: without noise, c = (), if the scheme is only for such systems.
+
+    Raises Skipped if a scheme without noise gets only problems whose noises have other vector fields than B∇H.
+    """
+    found = tuple(listed)
+    if not scheme.deterministic:
+        return found
+    if single := tuple(quiet_problem(problem) for problem in found if not is_several(problem)):
+        return single
+    raise Skipped("the scheme is for c = (), and each noise of the problems has a field of its own")
+
+
+def taken_by(scheme: Scheme, cases: Iterable[Case]) -> Iterator[Case]:
+    """The cases as a scheme takes them: if it is for c = () alone, `quiet` removes noise, or the case is left out."""
+    for case in cases:
+        taken = quiet(case) if scheme.deterministic else case
+        if taken is not None:
+            yield taken

@@ -1,0 +1,25 @@
+"""Laws about sampled paths: the schemes to which they apply, and for which of these they take fewer steps."""
+
+from __future__ import annotations
+
+from sepv.schemes import Scheme, point_law
+from sepv.verification import Effort, Finding, Law, Run, Verdict
+from sepv.verification._law import Measure, about_noise
+
+
+def pathwise(run: Measure) -> Measure:
+    """Wrap a law's `run`, so that the law is not applicable to schemes whose increments take only a few values."""
+
+    def asked(law: Law, scheme: Scheme, this_run: Run) -> Finding:
+        points = point_law(scheme.increments)
+        if points is None:
+            return run(law, scheme, this_run)
+        text = f"{points.name} increments are no path of a Wiener process: see the laws about weak orders"
+        return law.finding(Verdict.NOT_APPLICABLE, message=text)
+
+    return about_noise(asked)
+
+
+def sparing(scheme: Scheme, effort: Effort) -> bool:
+    """True if laws take fewer steps: the scheme takes one state a call, and `effort` has no more paths than usual."""
+    return not scheme.batched and effort.paths <= Effort.paths
