@@ -1,4 +1,4 @@
-"""sdeint stratKP2iS: it has strong order ½ if g″ ≠ 0; the README states 1.0, and a likely bug.
+"""sdeint stratKP2iS: it has strong order ½ for noise g with g″ ≠ 0; the README states 1.0, and a likely bug.
 
 The equation is dy = g(y) ∘dW. If g = √(1 + y²) and y(0) = 0, the solution is sinh W. If g = ½y and y(0) = 1, it is
 e^(W/2), and g″ = 0. With 4, 16, 64, 256 steps an error of order 1 falls fourfold each time. With drift f, the

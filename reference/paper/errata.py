@@ -190,8 +190,8 @@ ENTRIES = (
         "in the definition of `A_h`.",
         printed="0 ≤ E[ξ² − ζ_h²] = (1 + 2√(2k|ln h|)) h^k",
         criterion="both sides are equal; the left side is 2[(1 − A²)Q(A) + Aφ(A)], A = √(2k|ln h|)",
-        hypotheses="k = 2, as in the paper, and h < 1",
-        right="“≤” instead of “=”; no later argument uses the equality",
+        hypotheses="ξ is standard normal, ζ_h is ξ clipped at ±√(2k|ln h|), k = 2 as in the paper, and h < 1",
+        right="“≤”; no later argument uses the equality",
         evidence=_moments,
     ),
     Erratum(
@@ -214,7 +214,7 @@ ENTRIES = (
         printed="E[(h + cΔŴ_n)³] = h³ + 3c²h²",
         criterion="both sides are equal",
         hypotheses="k = 2, c = 1, h < 1",
-        right="“≤” instead of “=”, because the truncated increment has E[ΔŴ²] < h. The conclusion O(h²) is right",
+        right="“≤”, because the truncated increment has E[ΔŴ²] < h. The conclusion O(h²) is right",
         evidence=_third_moment,
     ),
     Erratum(
