@@ -20,11 +20,10 @@ FORMULA, OMISSION = 250, 3000
 def to_markdown() -> str:
     """The text of docs/errata.md from the entries and their evidence."""
     lines = [
-        "# What does not hold as printed",
+        "# Sentences of the paper that do not hold as printed",
         "",
-        "These sentences of D. Cohen and G. Dujardin, *Energy-preserving integrators for stochastic Poisson systems*",
-        "(2014) are quoted with their neighbours; […] replaces text quoted above. Each verdict rests on computed",
-        "evidence; brackets say how the evidence satisfies the passage's assumptions.",
+        "This page quotes [Cohen and Dujardin](paper.md); […] replaces text quoted above. Each verdict rests on",
+        "computed evidence; brackets say how the evidence satisfies the passage's assumptions.",
         "`sepv reproduce --errata` prints this page.",
     ]
     quoted: set[str] = set()

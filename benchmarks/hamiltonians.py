@@ -22,13 +22,13 @@ SCHEMES = (
     "darboux-lie",
     "drift-preserving",
 )
-# (scheme, its source, the claims of the source, further claims of sepv)
+HEADS = ("scheme", "source", "claims of the source", "further claims of sepv")
 CLAIMS = (
     (
         "stochastic-midpoint",
-        "Milstein, Repin and Tretyakov 2002, constant B",
+        "Milstein, Repin and Tretyakov 2002, for constant B",
         "symplectic; mean-square order ½, 1 for noises that commute",
-        "for any B: quadratic Casimirs, weak order 1; no Poisson map where B is not constant",
+        "for any B: quadratic Casimirs, weak order 1, but no Poisson map unless B is constant",
     ),
     (
         "area-midpoint",
@@ -38,9 +38,9 @@ CLAIMS = (
     ),
     (
         "stochastic-splitting",
-        "Bréhier, Cohen and Jahnke 2023, composed as Lie's and Trotter's",
+        "Bréhier, Cohen and Jahnke 2023, as Lie-Trotter composition",
         "Poisson map, all Casimirs; mean-square order ½, weak order 1",
-        "symmetry (composed as Strang's); order 1 for noises that commute",
+        "symmetry (as Strang composition); order 1 for noises that commute",
     ),
     (
         "isospectral-midpoint",
@@ -51,20 +51,20 @@ CLAIMS = (
     (
         "darboux-lie",
         "Hong, Ruan, Sun and Wang 2021; Liu and Wang 2024",
-        "Poisson map, Casimirs; mean-square order 1 (of their own integrators, by their abstracts)",
+        "Poisson map, Casimirs; mean-square order 1 (for their own integrators, by the abstracts)",
         "positivity; order 1 for noises that commute, ½ otherwise",
     ),
     (
         "drift-preserving",
         "Cohen and Vilmart 2022",
-        "E[H] grows at the exact rate, quadratic Casimirs too; mean-square order 1, weak order 2",
-        "the same where the noise is not in the image of B",
+        "E[H] and E[C] of quadratic Casimirs C grow at the exact rate; mean-square order 1, weak order 2",
+        "the same if the noise is not in the image of B",
     ),
 )
-TITLE = """# Several Hamiltonians: what schemes claim, and what was found
+TITLE = """# Schemes for several Hamiltonians: claims and verdicts
 
-Choose a scheme for dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j) with {H_0, H_j} ≠ 0
-(`sepv.problem.HamiltoniansProblem`):
+Systems with several Hamiltonians are dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j) (`sepv.problem.HamiltoniansProblem`).
+Choose a scheme:
 
 - for mean-square order 1 with any noises: *area-midpoint*;
 - for a Poisson map: *stochastic-splitting* or *isospectral-midpoint*;
@@ -77,24 +77,24 @@ DIFFERENCES = """## Verdicts compared with the papers
 
 *darboux-lie* is the midpoint rule for the logarithms of y. It has mean-square order 1 for one noise (`lotka-volterra`),
 and order ½ for three noises whose fields do not commute (`random-lotka-volterra`). For such noises no scheme that uses
-only increments has a higher order (J. Clark and R. Cameron 1980). Liu and Wang prove order 1 of another
-integrator; only abstract and introduction of their paper were read, so no verdict here is about that integrator.
+only increments has a higher order (J. Clark and R. Cameron 1980). Liu and Wang prove order 1 for another
+integrator. Only abstract and introduction of their paper were read, so no verdict here is about that integrator.
 
-Every statement of the other schemes' papers that was measured is confirmed. The error of E[H] in a step is
+Every measured statement of the other schemes' papers is confirmed. The error of E[H] in a step is
 O(h³) for the midpoint rules, and O(h²) for *isospectral-midpoint*.
 """
 ADDITIVE = """## Additive noise
 
 *drift-preserving* is for dy = B(y)∇H dt + Σ c_j g_j dW_j with constant vectors g_j. By the abstract of its paper it
 keeps the exact drift of the energy and of quadratic Casimirs. The paper's experiments were not read; the test
-problem `pushed-rigid-body` is sepv's own. The table shows the growth of E|y|² and E[H] from t = 0 to T = 1. Estimates
-are from 10,000 pairs of paths with opposite noise, and have standard errors (`python -m benchmarks.additive_noise`):
+problem `pushed-rigid-body` is sepv's own. The table shows the growth of E|y|² and E[H] from t = 0 to T = 1, estimated
+from 10,000 pairs of paths with opposite noise; ± precedes standard errors (`python -m benchmarks.additive_noise`):
 
 """
 VERDICTS = """## Verdicts
 
-Each line lists the unclaimed laws that a scheme obeys or violates. Claimed laws hold, unless listed as “red or open”
-(violated or undecided).
+Each line lists the laws that a scheme obeys or violates without claiming them. All claimed laws hold, except
+those listed after “not shown to hold”.
 """
 
 
@@ -114,9 +114,9 @@ def verdicts(reports: dict[str, Report]) -> str:
         red = ", ".join(
             f"{f.law} {f.verdict.text}" for f in report.findings if is_red(f) or f.verdict not in decided
         )
-        parts = [("obeys ", held), ("violates ", violated), ("red or open: ", red)]
+        parts = [("obeys ", held), ("violates ", violated), ("not shown to hold: ", red)]
         listed = "; ".join(f"{word}{laws}" for word, laws in parts if laws)
-        lines.append(f"- *{name}*: {listed or 'obeys and violates no unclaimed law'}")
+        lines.append(f"- *{name}*: {listed or 'neither obeys nor violates an unclaimed law'}")
     return "\n".join(lines) + "\n"
 
 
@@ -136,7 +136,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         reports[name] = sepv.verify(name, laws=chosen.laws)
         print(f"{name}: {reports[name].counts}", file=sys.stderr, flush=True)
     print(TITLE)
-    print(table(["scheme", "source", "claimed there", "claimed here besides"], CLAIMS))
+    print(table(HEADS, CLAIMS))
     print(DIFFERENCES)
     print(ADDITIVE + additive_noise.table() + "\n")
     print(VERDICTS)

@@ -398,7 +398,9 @@ def _errors_text(m: dict[str, Any]) -> str:
 def _failures(setup: Setup, errors: StrongErrors) -> str:
     counts = ", ".join(f"{n} with {s} steps" for n, s in zip(errors.failures, errors.steps, strict=True) if n)
     drawn = errors.squared.shape[1]
-    return f"{setup.problem}: of {drawn} paths, not solved, not finite or out of the domain: {counts}"
+    return (
+        f"{setup.problem}: of {drawn} paths some were not solved, not finite or out of the domain: {counts}"
+    )
 
 
 def _failed(law: Law, setup: Setup, errors: StrongErrors) -> Finding:

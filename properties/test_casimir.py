@@ -43,7 +43,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 law = searched(
     name="casimir",
-    statement="yᵀAy and bᵀy are kept for every quadratic and linear Casimir",
+    statement="every quadratic Casimir yᵀAy and every linear Casimir bᵀy is kept",
     source="Prop. 3.2",
     unit="ulp of C",
     cost=0.4,

@@ -58,7 +58,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 _KEPT = "the exact flow keeps Casimirs: see the law casimir"
 law = searched(
     name="casimir-drift",
-    statement="E[C(y1)] = C(y0) + hσ for additive noise and quadratic and linear Casimirs C of B (trace formula)",
+    statement="E[C(y1)] = C(y0) + hσ if additive noise makes E[C] of a quadratic or linear Casimir C grow at rate σ",
     source="trace formula",
     unit="ulp of C",
     cases=Cases(

@@ -63,9 +63,9 @@ def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
 
 law = Law(
     name="commutation",
-    statement="several structures: mean-square order 1 where the noises commute, ½ where they do not",
+    statement="if each noise has its own structure, the mean-square order is 1 for noises that commute, else ½",
     source="§1",
-    unit="off slope",
+    unit="slope error",
     cost=0.1,
     run=pathwise(run),
     replay=replay,

@@ -41,7 +41,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 law = searched(
     name="conformal-casimir",
-    statement="with damping C(y1) = e^(−2γh)C(y0) for quadratic Casimirs, e^(−γh)C(y0) for linear ones",
+    statement="with damping −γy quadratic Casimirs decay by the factor e^(−2γh), linear ones by e^(−γh)",
     source="arXiv 2503.01540",
     unit="ulp of C",
     cost=0.3,

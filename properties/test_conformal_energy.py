@@ -46,7 +46,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 law = searched(
     name="conformal-energy",
-    statement="with damping H(y1) = e^(−pγh)H(y0) for a homogeneous H of degree p",
+    statement="with damping −γy a homogeneous H of degree p decays by the factor e^(−pγh)",
     source="arXiv 2503.01540",
     unit="ulp of H",
     cost=0.3,

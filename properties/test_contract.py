@@ -179,7 +179,7 @@ def _spread(a: Array) -> Array:
 def _searched(check: Check) -> Law:
     return searched(
         name="contract",
-        statement="step is pure, deterministic, keeps shape and dtype, and changes nothing around it",
+        statement="the step is a pure, deterministic function that keeps shape and dtype",
         source="contract",
         unit="faults",
         cost=1.8,

@@ -108,7 +108,7 @@ def replay(law: Law, scheme: Scheme, _witness: dict[str, Any]) -> Finding:
 
 law = Law(
     name="deterministic-order",
-    statement="y1 = φ_h(y0) + O(h^(p+1)) without noise, c = (), for the claimed order p (else: 1)",
+    statement="without noise y1 = φ_h(y0) + O(h^(p+1)) with the exact flow φ_h and the claimed order p (default: 1)",
     source="GNI II.1",
     unit="power of h",
     cost=0.3,

@@ -73,7 +73,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 law = searched(
     name="energy",
-    statement="H(y1) = H(y0) for every skew B, polynomial H and every step",
+    statement="H(y1) = H(y0) for every skew-symmetric B, every polynomial H and every step",
     source="Prop. 3.1",
     unit="ulp of H",
     cost=0.8,

@@ -78,7 +78,7 @@ def quantity(problem: Problem, rate: float, y: Array) -> Quantity:
 _KEPT = "the exact flow keeps H: see the law energy"
 law = searched(
     name="energy-drift",
-    statement="E[H(y1)] = H(y0) + hσ where the generator makes of H a constant σ (trace formula)",
+    statement="E[H(y1)] = H(y0) + hσ if the exact E[H] grows at a constant rate σ",
     source="trace formula",
     unit="ulp of H",
     cases=Cases(

@@ -155,7 +155,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 law = searched(
     name="equivariance",
-    statement="y → Py + b, with B and H in the new variables, commutes with the step",
+    statement="the step commutes with changes of coordinates y → Py + b, if B and H are changed with y",
     source="(2.1)",
     unit="ulp of y",
     cost=1.1,

@@ -192,7 +192,7 @@ def admits(case: Case) -> bool:
 
 law = searched(
     name="expansion",
-    statement="y1 − y0 = aΔ + bΔ² + O(Δ³), a = f, b = f′f/2 (order p: as the flow up to Δ^2p)",
+    statement="y1 − y0 = fΔ + ½f′fΔ² + O(Δ³); for a claimed order p > 1 the series is the flow's up to Δ^2p",
     source="Lemma 3.2",
     unit="r/ϱ^k",
     cost=0.5,

@@ -44,7 +44,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 law = searched(
     name="identity",
-    statement="Δ = 0 gives y1 = y0 exactly, and so does ∇H(y0) = 0",
+    statement="y1 = y0 exactly if Δ = 0 or ∇H(y0) = 0",
     source="(2.1)",
     unit="ulp of y",
     cost=0.4,

@@ -33,7 +33,7 @@ def replay(law: Law, scheme: Scheme, _witness: dict[str, Any]) -> Finding:
 
 law = Law(
     name="local-mean",
-    statement="|E[y1 − φ]| after one step is O(h^(p+1)) for the claimed mean-square order p (else: 1)",
+    statement="the mean error of one step is O(h^(p+1)) for the claimed mean-square order p (default: 1 or ½)",
     source="(3.8)",
     unit="slope",
     cost=0.2,

@@ -59,7 +59,7 @@ def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
 
 law = Law(
     name="local-mean-square",
-    statement="(E|y1 − φ|²)^½ after one step is O(h^(p+½)) for the claimed mean-square order p (else: 1)",
+    statement="the rms error of one step is O(h^(p+½)) for the claimed mean-square order p (default: 1 or ½)",
     source="(3.9)",
     unit="slope",
     cost=0.1,

@@ -37,7 +37,7 @@ def replay(law: Law, scheme: Scheme, _witness: dict[str, Any]) -> Finding:
 
 law = Law(
     name="local-weak",
-    statement="|E g(y1) − E g(φ)| after one step is O(h^(q+1)) for the claimed weak order q (else: 1)",
+    statement="the error of expectations after one step is O(h^(q+1)) for the claimed weak order q (default: 1)",
     source="§5",
     unit="slope",
     cost=0.1,

@@ -104,7 +104,7 @@ def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
 
 law = Law(
     name="long-time-energy",
-    statement="|H(y_n) − H(y_0)| = O(h^p) over many periods, without a trend, for the claimed order p (else: 1)",
+    statement="without noise energy errors stay O(h^p) over many periods for the claimed order p (default: 1)",
     source="GNI IX.8, XI.3",
     unit="share",
     cost=1.0,

@@ -90,7 +90,7 @@ def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
 
 law = Law(
     name="mean-square-order",
-    statement="the rms error against the exact flow decreases with the claimed order (else: order 1)",
+    statement="the rms error over paths is O(h^p) for the claimed mean-square order p (default: 1 or ½)",
     source="Thm 3.3, 3.4",
     unit="slope",
     cost=0.3,

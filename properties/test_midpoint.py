@@ -35,7 +35,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 _OTHER = "it is about the equation of (2.1), which several fields do not have"
 law = searched(
     name="midpoint",
-    statement="for quadratic H the step is that of the midpoint rule (s stages: Gauss)",
+    statement="for quadratic H the step is that of the midpoint rule, or with s stages that of the Gauss method",
     source="§3.3",
     unit="ulp of y",
     cost=0.5,

@@ -111,7 +111,7 @@ def _furthest(scheme: Scheme, case: Case, others: dict[str, Case]) -> Measuremen
 
 law = searched(
     name="noise-sum",
-    statement="m noises act only through Σ c_j ΔW_j; permuting them changes nothing",
+    statement="several noises act only through Σ c_j ΔW_j, and their order does not matter",
     source="§1, (2.1)",
     unit="ulp of y",
     cost=0.8,

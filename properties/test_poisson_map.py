@@ -28,7 +28,7 @@ def test_poisson_map(scheme: Scheme, effort: Effort) -> None:
 
 law = searched(
     name="poisson-map",
-    statement="Φ′(y0) B(y0) Φ′(y0)ᵀ = B(y1) wherever B satisfies Jacobi's identity",
+    statement="Φ′(y0) B(y0) Φ′(y0)ᵀ = B(y1) if B satisfies Jacobi's identity",
     source="GNI VII.2",
     unit="ulp of B",
     cost=0.3,

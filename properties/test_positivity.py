@@ -139,7 +139,7 @@ def reaching(case: Case) -> Case | None:
 _NO_DOMAIN = "no system of the class has a domain to leave"
 law = searched(
     name="positivity",
-    statement="y1 is inside the problem's domain: all components positive for Lotka-Volterra",
+    statement="y1 is inside the problem's domain; for Lotka-Volterra all components are positive",
     source="§1, [23]",
     unit="states outside",
     cost=0.6,

@@ -64,7 +64,7 @@ def reduced(case: Case) -> Case | None:
 
 law = searched(
     name="reduction",
-    statement="constant B: the step is that of (2.2); c = 0: that of the deterministic method",
+    statement="for constant B the step is that of (2.2), for c = 0 that of the deterministic method",
     source="§2",
     unit="ulp of y",
     cost=0.9,

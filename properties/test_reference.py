@@ -210,7 +210,7 @@ def _law(seen: list[tuple[Case, Measurement]], extra: Iterable[Case] = ()) -> La
 
     return searched(
         name="reference",
-        statement="the step solves (2.1) (s stages: its collocation equations)",
+        statement="the step solves (2.1), or with s stages the collocation equations",
         source="(2.1)",
         unit="ulp of y",
         cost=1.5,

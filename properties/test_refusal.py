@@ -101,7 +101,7 @@ def _float(value: Any) -> float:
 def _law(stages: int = 1) -> Law:
     return searched(
         name="refusal",
-        statement="a step of (2.1) that has no solution is refused, and nothing is returned for it",
+        statement="a step of (2.1) without solution is refused: no state is returned",
         source="(2.1)",
         unit="ulp of y",
         cost=0.4,

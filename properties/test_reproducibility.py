@@ -67,7 +67,7 @@ def one_at_a_time(scheme: Scheme) -> str:
 
 law = searched(
     name="reproducibility",
-    statement="the same bits for any batch size and any place in the batch",
+    statement="y1 has the same bits for any batch size and any place in the batch",
     source="contract",
     unit="ulp of y",
     cost=1.9,

@@ -38,7 +38,7 @@ _HALVES = "a half of y stands for the momenta, and the class has no such half"
 _ORDER = "paths of several noises are reversed with their order in time"
 law = searched(
     name="reversibility",
-    statement="ρΦ(ρΦ(y0)) = y0 where ρ, the reversal of momenta, reverses the flow",
+    statement="ρΦ(ρΦ(y0)) = y0 if the reversal ρ of momenta reverses the exact flow",
     source="GNI V.1",
     unit="ulp of y",
     cost=0.6,

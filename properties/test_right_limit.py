@@ -129,7 +129,7 @@ def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
 
 law = Law(
     name="right-limit",
-    statement="the rms error against the Stratonovich solution vanishes with h: drift and noise are right to 1 %",
+    statement="paths converge to the Stratonovich solution: drift and noise are right to 1 %",
     source="(1.1)",
     unit="share",
     cost=0.1,

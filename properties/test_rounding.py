@@ -292,7 +292,7 @@ def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
 
 law = Law(
     name="rounding",
-    statement="over many steps the energy walks like √n roundings, and does not drift",
+    statement="the energy error of n steps is about √n roundings, without a drift",
     source="Prop. 3.1",
     unit="ulp H·√n",
     cost=0.4,

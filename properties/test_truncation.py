@@ -184,7 +184,7 @@ def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
 
 law = Law(
     name="truncation",
-    statement="|ζ| ≤ A_h, the moment bounds, k ≥ 2p for mean-square order p, and a step that takes all |ζ| ≤ A_h",
+    statement="increments √h ζ have |ζ| ≤ A_h = √(2k|ln h|), k ≥ 2p for mean-square order p, and steps clip no further",
     source="Rem. 2.1",
     unit="share",
     cost=0.1,

@@ -64,7 +64,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 law = searched(
     name="volume",
-    statement="det Φ′(y0) = 1 wherever div(B∇H) = 0",
+    statement="det Φ′(y0) = 1 if div(B∇H) = 0",
     source="GNI VI.9",
     unit="ulp of 1",
     cost=0.5,

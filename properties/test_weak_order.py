@@ -111,7 +111,7 @@ def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
 
 law = Law(
     name="weak-order",
-    statement="the errors of E y_i and E y_i y_j decrease with the claimed weak order (else: order 1)",
+    statement="the errors of E[y_i] and E[y_i y_j] over paths are O(h^q) for the claimed weak order q (default: 1)",
     source="§5",
     unit="slope",
     cost=0.1,

@@ -44,10 +44,11 @@ COMMAND = "python -m benchmarks.peers.compliance"
 PATHS = 256
 ENERGY_STEPS = 64
 # The columns of `kept`, and a sentence about the laws that these columns do not name.
-KEPT = ("claimed laws that hold", "hold, not claimed")
+KEPT = ("claimed laws that hold", "other laws that hold")
 UNNAMED = (
-    "Measured laws missing from a line are not claimed; they are violated, inconclusive or not applicable."
+    "A measured law missing from a line is not claimed, and is violated, inconclusive or not applicable."
 )
+LESS = "† The solver does less than documented, as [scripts without sepv](deviations.md) show."
 HOLDS = MARKS[Verdict.HOLDS]
 # Words that replace marks.
 WORDS = {MARKS[Verdict.VIOLATED]: "violated", MARKS[Verdict.INCONCLUSIVE]: "open"}
@@ -107,7 +108,7 @@ def document(found: Sequence[Row], deviations: Sequence[Deviation], command: str
         _introduction(),
         "## Laws",
         _laws(found, contradicted),
-        "† less than documented: [shown in the library's own terms](deviations.md)." if contradicted else "",
+        LESS if contradicted else "",
         "\n".join(notes),
         "## Energy",
         _energy_defects(found),
@@ -177,16 +178,15 @@ def _introduction() -> str:
     return f"""\
 The laws were measured on dy = B(y)∇H(y)(dt + Σ_j c_j ∘dW_j). Other libraries' solvers are not made to preserve energy
 or Casimirs, so a violated law that they do not claim is no fault. They claim the law *contract* (a step depends on its
-arguments alone), and an order. It is the documented order for commutative noise, because all noises here drive one
-field. If none is documented, it is the order by theory. Each solver runs its library's code in float64, with given
-increments.
+arguments alone), and the documented order for commutative noise, because all noises here drive one field. If no order
+is documented, they claim the order by theory. Each solver runs its library's code in float64, with given increments.
 
-- Paths run over [0, {setup.T:g}] with {steps} steps (sepv's scheme: {own}).
+- Paths cover [0, {setup.T:g}] in {steps} steps (sepv's scheme: {own}).
   Solvers that take one state at a time get {FIRST_LOOK} paths, so more of their verdicts are open (inconclusive). The
   nominal false-alarm rate of a run is {FALSE_ALARM:g}.
-- If a solver carries a state from step to step, laws about paths carry it too. Laws about one step measure the first.
-- A space-time Lévy area is a normal number whose seed is the increment. Other Lévy areas are set to zero,
-  because the brackets of these noise fields vanish."""
+- Some solvers pass an internal state from step to step. Paths keep it; laws about one step start with a new one.
+- A space-time Lévy area is a normal random number, with the increment as seed. Other Lévy areas are set to zero,
+  because the Lie brackets of these noise fields vanish."""
 
 
 @click.command()

@@ -25,7 +25,7 @@ SETUPS = setups(truncation=None)
 
 # Laws by quadrature over ΔW, which do not average over other noise that a step draws.
 OVER_INCREMENTS = ("local-mean", "local-weak")
-NO_AREAS = "not applicable: these laws average over ΔW alone, but the solver's step also draws an area"
+NO_AREAS = "not applicable: these laws average over ΔW alone, but the step also uses an area"
 
 
 def law_cells(library: str, scheme: Scheme, laws: Sequence[Law], effort: Effort) -> Iterator[Cell]:

@@ -73,6 +73,6 @@ def _notes(scheme: Scheme, findings: Mapping[str, Any]) -> Iterator[str]:
     intervals = [m["interval"] for m in order["measured"]]
     if intervals and all(low is not None and low > 0.25 for low, _ in intervals):
         yield (
-            f"{scheme.name}, right-limit: the error itself falls with h. The law extrapolates mean errors in whole "
-            "powers of h. To it a mean error that falls like h^½ looks like a wrong limit"
+            f"{scheme.name}, right-limit: the error itself falls with h. The law assumes mean errors in whole "
+            "powers of h, so it mistakes one that falls like h^½ for a wrong limit"
         )

@@ -119,7 +119,7 @@ TITLES = {
 def document(page: str, deviations: Sequence[Deviation]) -> str:
     """One of the two pages, in Markdown."""
     head = (
-        "Each section quotes a library, and shows what a script without sepv prints. Its README, docstrings, source "
+        "Each section quotes a library, and shows the output of a script without sepv. README, docstrings, source "
         f"and issues were read. Made by `{COMMAND}`."
     )
     sections = [d.text.removeprefix("#") for d in deviations if d.page == page]

@@ -70,14 +70,14 @@ def document(
     lines = [(_listed([_name(row, marked) for row in group]), *texts) for texts, group in groups.items()]
     versions = dict.fromkeys(f"{row.library} {row.release}" for row in found)
     parts = [
-        "# What integrators of samplers and simulators keep",
+        "# Laws that integrators of samplers and simulators obey",
         f"Made by `{command}` with sepv {__version__} and {', '.join(versions)}.",
         INTRODUCTION,
         markdown(("integrators (claimed order)", *KEPT), lines),
         f"Measured: {', '.join(ASKED)}. {UNNAMED}",
         "\n".join(_marks(differing, rounded)),
         "\n".join(_reasons(found, marked)),
-        "## What is claimed",
+        "## Where the claims come from",
         "\n".join(dict.fromkeys(f"- {row.scheme.source}" for row in found if ":" in row.scheme.source)),
         "## What was read",
         READ,
@@ -104,9 +104,9 @@ def _marks(differing: Iterable[Deviation], rounded: Iterable[Deviation]) -> Iter
     """The integrators that are marked, and the pages that show the reason."""
     pages: dict[str, list[str]] = {}
     for d in differing:
-        pages.setdefault(f"[differs from its documentation]({d.page})", []).append(d.solver)
+        pages.setdefault(f"[The documentation differs]({d.page})", []).append(d.solver)
     for d in rounded:
-        pages.setdefault(f"[keeps these invariants, but not to rounding]({ROUNDING})", []).append(d.solver)
+        pages.setdefault(f"[Invariants are kept, but not to rounding]({ROUNDING})", []).append(d.solver)
     for text, solvers in pages.items():
         yield f"- † {text}: {_listed(solvers)}"
 
@@ -126,21 +126,21 @@ def _reasons(found: Sequence[Row], marked: Collection[str]) -> Iterator[str]:
 
 
 INTRODUCTION = """\
-Each integrator runs through its own library's code, in float64, with only the options in its name set. The systems
+Each integrator runs through its own library's code, in float64. Only the options in its name are set. The systems
 are random, H = ½pᵀM⁻¹p + V(q), with up to three degrees of freedom. For libraries with one mass for each particle M is
 diagonal. All integrators claim the law *contract*. Their documentation, or the method's name, makes the other claims:
 *symplecticity* and *volume*, *symmetry* and *reversibility*, *deterministic-order*. A violated law that is not claimed
 is no fault.
 
 Steps are so short that an implicit step provably has one solution. In such steps an explicit method of order 8 has
-only rounding errors, so laws hold that it violates in longer steps. REBOUND's integrators of planetary systems
+only rounding errors, so it obeys laws that it violates in longer steps. REBOUND's integrators of planetary systems
 (whfast, saba, mercurius, trace, eos) run on the problem `planets`."""
 
 
 # The notes were read as far as a search of public threads finds them.
 READ = """\
-Docstrings and source of each integrator; for REBOUND documentation and changelog. The history of JAX MD's and mici's
-integrators. 16 issues and pull requests."""
+We read docstrings and source of each integrator, REBOUND's documentation and changelog, the history of JAX MD's and
+mici's integrators, and 16 issues and pull requests."""
 
 
 @click.command()

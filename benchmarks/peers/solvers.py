@@ -126,11 +126,11 @@ def document(found: Mapping[str, Sequence[Line]], deviations: Sequence[Deviation
         for each in lines
     }
     parts += [
-        f"Casimirs (*casimir*) and structure (*poisson-map*) on these problems: {_kept(lines)}.",
+        f"{_kept(lines)}.",
         "## Less than documented (†)",
-        "Library, solver, and kind of noise (*one*: a single noise):\n"
+        "Each line adds what the tables do not show (*one*: a single noise):\n"
         + "\n".join(f"- {name}: {'; '.join(texts)}" for name, texts in besides.items() if texts),
-        "[Shown in the library's own terms](deviations.md)."
+        "[Scripts without sepv](deviations.md) show the same."
         * any(_is_about(d.solver, entry) for d in deviations for entry in short),
     ]
     return "\n\n".join(p for p in parts if p) + "\n"
@@ -184,7 +184,9 @@ def _kept(lines: Sequence[Line]) -> str:
         for each in lines
         if {*each.cells[-2:]} - {WORDS[Verdict.VIOLATED.value], WORDS[Verdict.NOT_APPLICABLE.value]}
     ]
-    return "; ".join(kept) or "no solver keeps either, and none claims it"
+    if kept:
+        return f"Casimirs (*casimir*) and structure (*poisson-map*) on these problems: {'; '.join(kept)}"
+    return "No solver keeps Casimirs (*casimir*) or structure (*poisson-map*) of these problems, and none claims it"
 
 
 def _is_about(script: str, entry: str) -> bool:
@@ -196,27 +198,25 @@ def _is_about(script: str, entry: str) -> bool:
 def _introduction() -> str:
     problems = "\n".join(f"- {kind}: {text} (`{problem_of(kind).name}`)" for kind, text in KINDS.items())
     return f"""\
-Each solver ran on dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j) with c_j = ½, by its library's code in float64.
-The increments were given. Noise is *commutative* if the brackets of its fields vanish, *additive* if its fields are
-constant:
+Each solver ran on dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j) with c_j = ½, by its library's code in float64, with given
+increments. Noise is *commutative* if the Lie brackets of its fields vanish, *additive* if its fields are constant:
 
 {problems}
 
 A cell has the measured *strong order; weak order*, and in brackets the documented order if it differs by more than
 0.1. A weak order of 1.00 is left out if the documentation states no other. A cell is empty if the solver does not
-support the kind of noise. † marks an order more than 0.25 below the documented one, or a limit other than the
-documented one. For orders over paths the whole confidence interval must lie so low. The mean of a short step shows
-whether the solver converges to Itô's or to Stratonovich's solution. Solvers of Itô equations got Itô's form.
+support the kind of noise. † marks an order more than 0.25 below the documented one (for paths, the whole confidence
+interval), or another limit than the documented one. The mean of a short step shows whether the solver converges to
+Itô's or to Stratonovich's solution. Solvers of Itô equations got Itô's form.
 
 - **Orders** follow from errors of one step, computed by quadrature as in the laws *local-mean*, *local-mean-square* and
-  *local-weak*. The reference solution can show strong orders up to 1. If the solver uses space-time areas of
-  commutative noise, it can show 1.5.
-- **Paths**: the rms error at T = {T:g} with {", ".join(map(str, STEPS))} steps gives a second strong order. The last
-  section has confidence intervals of this order. Each misses the true order with nominal
-  probability {ALPHA:g}.
-- **§** marks a solver that carries a state from step to step; its strong order is measured over paths.
-- **Lévy areas** A_ij of the reference's path are given to the solver. Otherwise torchsde and sdeint draw approximate
-  A_ij. As their accuracy is fixed, the order falls to ½ for small steps (P. Kloeden and E. Platen 1992, §5.8)."""
+  *local-weak*. The reference solution shows strong orders up to 1, or up to 1.5 for solvers that use
+  space-time areas of commutative noise.
+- **Paths**: rms errors at T = {T:g} with {", ".join(map(str, STEPS))} steps give a second strong order. The last
+  section has its confidence intervals, each of which misses the true order with nominal probability {ALPHA:g}.
+- **§** marks a solver that passes an internal state from step to step; its strong order is measured over paths.
+- **Lévy areas** A_ij of the reference's path are given to the solver. By default torchsde and sdeint approximate A_ij
+  by random numbers of fixed accuracy, so the order falls to ½ for small steps (P. Kloeden and E. Platen 1992, §5.8)."""
 
 
 @click.command()

@@ -14,10 +14,10 @@ from sepv.verification import Verdict
 LEAST_SLOPE = 0.25
 
 INTRODUCTION = """\
-This page shows with which version of a library a verdict on its Stratonovich solvers changed. Each version was
-installed in a fresh environment. Its solvers ran unchanged. A solver claims the orders that its documentation
+This page shows in which version of a library a verdict on its Stratonovich solvers changed. Each version ran
+unchanged in a fresh environment. A solver claims the orders that its documentation
 states for commuting noise. The laws are *local-mean*, *local-mean-square*, *local-weak*, *mean-square-order* and
-*right-limit*. If a verdict changed, a cell names the claimed laws that do not hold or are undecided. The records,
+*right-limit*. If a verdict changed, a table names the claimed laws that do not hold or are undecided. The records,
 `results/LIBRARY/VERSION.json`, have every verdict, defect, seed and package.
 
 ```sh
@@ -52,7 +52,7 @@ def _library(records: Sequence[Record]) -> Iterator[str]:
                 "falls with h, by a lower order: the limit is not shown to be another one."
             )
     else:
-        yield f"No verdict differs between {', '.join(r.version for r in last)} ([verdicts](compliance.md))."
+        yield f"No verdict differs between versions {', '.join(r.version for r in last)} ([verdicts](compliance.md))."
     if found:
         yield "**What changed**"
         yield markdown(
@@ -67,9 +67,9 @@ def _library(records: Sequence[Record]) -> Iterator[str]:
         )  # fmt: skip
     shown = deviations(records)
     if shown:
-        yield "**Measurements that differ from the library's documentation** ([its notes](deviations.md))"
+        yield "**Measurements that differ from the library's documentation** ([quotations](deviations.md))"
         yield markdown(
-            ["script", "seen in", "mended in"],
+            ["script", "differs in", "agrees since"],
             [
                 (
                     f"[`{d.script}`](peers/{d.script})", ", ".join(d.seen) or "none of these",

@@ -1,4 +1,4 @@
-"""mici ImplicitMidpointIntegrator: reversible and symplectic to the tolerance of its solver, which is absolute.
+"""mici ImplicitMidpointIntegrator: it is reversible and symplectic to its solver's tolerance, which is absolute.
 
 The script makes a step of h = 0.1 for V = q⁴/4 and the step back. By default mici solves the step's equation x = f(x)
 to max|x − f(x)| < 1e-9, whatever the size of x. So the step back misses the start by up to 1e-9; with

@@ -1,4 +1,4 @@
-"""openmm VerletIntegrator: rounding of positions goes into velocities, divided by the step.
+"""openmm VerletIntegrator: velocities contain the rounding of positions, divided by the step.
 
 No force acts on a free particle, so its velocity should not change. OpenMM's Reference platform,
 in binary64, sets the velocity after a step to (x1 − x0)/h, because bonds of fixed length need that. So the rounding of

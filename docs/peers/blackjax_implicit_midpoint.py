@@ -1,4 +1,4 @@
-"""blackjax implicit_midpoint: if its solver does not converge, the state comes back unmarked.
+"""blackjax implicit_midpoint: if its solver does not converge, it returns a state without warning.
 
 The script makes one step with h = 1 for H = p²/2 + q⁴/4 from q = 2, p = 0. The fixed-point iteration does not converge,
 and its last iterate is returned as the next state. This state has the energy 32 instead of 4, so a sampler rejects it;

@@ -1,4 +1,4 @@
-"""blackjax yoshida: of order 2, with three stages; its page describes an eleven-stage method.
+"""blackjax yoshida: it has order 2 and three stages; its page describes an eleven-stage method.
 
 The script solves V = q⁴/4 over [0, 1] in 4 and 16 steps. Errors of order 2 fall by a factor of 16, errors of order 4 by
 256. The source is right; on the page each integrator has the description of the next one.

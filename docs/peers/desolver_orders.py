@@ -1,6 +1,6 @@
-"""desolver ABAs5o6HSolver: of order 4, not 6 as stated; BABs9o7HSolver: also of order 4, not 7.
+"""desolver ABAs5o6HSolver: it has order 4, not 6 as stated; BABs9o7HSolver has order 4, not 7.
 
-The script prints errors at t = 2 after 4, 8 and 16 steps, relative to 512 steps. From 8 to 16 steps the errors of
+The script prints errors at t = 2 of 4, 8 and 16 steps, relative to 512 steps. From 8 to 16 steps the errors of
 ABAs5o6HSolver and BABs9o7HSolver fall by about 16 for V = q⁴/4 (order 4). For V = q²/2 they fall by 64 and more.
 Both solvers are symplectic and symmetric. SymplecticEulerSolver, stated to be of order 1, is the leapfrog, of order 2.
 

@@ -1,4 +1,4 @@
-"""gala LeapfrogIntegrator: a linear system's energy is not conserved exactly, but to a relative h²/4.
+"""gala LeapfrogIntegrator: it conserves a linear system's energy only to a relative h²/4.
 
 The docstring's example solves H = (p² + q²)/2 from (1, 0) with h = dt = 0.1. The leapfrog keeps q²(1 − h²/4) + p² to
 rounding, so H oscillates by a relative h²/4, without a trend over long times.

@@ -1,7 +1,7 @@
 """jax_md simulate.nve: in 64-bit mode the time step is rounded to 32 bits.
 
 The script compares a step of nve, for V = q²/2 in float64, with steps of velocity Verlet for dt and for dt
-rounded to float32. It equals the second. It stays symplectic and reversible.
+rounded to float32. The step of nve equals the second, so it is still symplectic and reversible.
 
 Exit code 1 while this is so, 0 where the step is that of dt.
 """

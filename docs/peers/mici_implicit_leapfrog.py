@@ -1,7 +1,7 @@
 """mici ImplicitLeapfrogIntegrator: a step of size t advances time by 2t.
 
 The flow of H = (q² + p²)/2 rotates (q, p) by the angle t in the time t. The docstring composes six maps over t/2 each,
-but `_step` makes each over t. The composition is symplectic and reversible.
+but in `_step` each is over t. The composition is symplectic and reversible.
 
 Exit code 1 while this is so, 0 where a step of size t turns by t.
 """

@@ -1,10 +1,10 @@
-"""rebound whfast, coordinates=barycentric: symplectic with one planet, but not with two.
+"""rebound whfast, coordinates=barycentric: it is symplectic with one planet, but not with two.
 
-The script computes the derivative Φ′ of one step by differences of order four, and prints the largest entry of
-Φ′JΦ′ᵀ − J. With barycentric coordinates and two planets this defect falls like h³. In the other cases it is the
-error of the differences. Positions Q_i and velocities V_j relative to the centre of mass have the Poisson brackets
-{Q_i, V_j} = δ_ij/m_i − 1/M. The Kepler step moves each planet by itself, which preserves δ_ij/m_i alone. The step
-stays reversible, and of order 2.
+The script computes the derivative Φ′ of one step by differences of order four, and prints the largest entry of Φ′JΦ′ᵀ −
+J (J: canonical structure). With barycentric coordinates and two planets this defect falls like h³. In the other cases
+it is the error of the differences. Positions Q_i and velocities V_j relative to the centre of mass have the Poisson
+brackets {Q_i, V_j} = δ_ij/m_i − 1/M, with the total mass M. The Kepler step moves each planet separately, which
+preserves only δ_ij/m_i. The step is still reversible, and of order 2.
 
 Exit code 1 while this is so, 0 where the step with two planets is symplectic.
 """
@@ -22,7 +22,7 @@ NOTES = [
         "between Jacobi, Democratic Heliocentric, WHDS, and barycentric coordinates.",
     ),
     (
-        "pull request 804, which brought them",
+        "pull request 804, which added barycentric coordinates",
         "2024-11-08",
         "something similar to Jacobi coordinates, where the first coordinate points to the center of mass and the "
         "other coordinates are calculated relative to it.",

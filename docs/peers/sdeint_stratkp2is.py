@@ -1,8 +1,8 @@
-"""sdeint stratKP2iS: strong order ½ if g″ ≠ 0; its README names order 1.0, and a likely bug.
+"""sdeint stratKP2iS: it has strong order ½ for noise g with g″ ≠ 0; the README states 1.0, and a likely bug.
 
 The equation is dy = g(y) ∘dW. If g = √(1 + y²) and y(0) = 0, the solution is sinh W. If g = ½y and y(0) = 1, it is
 e^(W/2), and g″ = 0. With 4, 16, 64, 256 steps an error of order 1 falls fourfold each time. With drift f, the
-cited (4.5) and (4.7) have the difference (g(y + fh + g√h) − g(y))/√h · ½ΔW². Its Taylor series has the term
+cited (4.5) and (4.7) contain the difference (g(y + fh + g√h) − g(y))/√h · ½ΔW². Its Taylor series has the term
 ¼ g″(g, g) √h ΔW². This term's mean is of order h^1.5 a step, and adds up to an error of order ½. No mistake in the
 code is known.
 

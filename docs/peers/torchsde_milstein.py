@@ -1,4 +1,4 @@
-"""torchsde milstein: scalar noise, several components: not the Stratonovich solution; Itô: order ½, not 1.0.
+"""torchsde milstein: with several components its Stratonovich form has a wrong limit, its Itô form order ½, not 1.0.
 
 Let J be the rotation by 90°. The solution of dy = Jy ∘dW is y0 rotated by the angle W(T). That of dy = Jy dW (Itô) is
 longer by the factor e^(T/2). With 16, 64, 256 steps the error should fall fourfold each time. For dy = g(y) ∘dW

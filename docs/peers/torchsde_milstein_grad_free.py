@@ -1,4 +1,4 @@
-"""torchsde milstein grad_free: strong order ½; the source declares 1.0.
+"""torchsde milstein grad_free: it has strong order ½; the source declares 1.0.
 
 The solution of dy = g(y) ∘dW with g = √(1 + y²) and y(0) = 0 is sinh W. With 16, 64, 256 steps the error should fall
 fourfold each time. With grad_free, Milstein's term is the one-sided difference (g(y + g√h) − g(y))/(2√h) · ΔW². Its

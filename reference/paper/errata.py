@@ -190,8 +190,8 @@ ENTRIES = (
         "in the definition of `A_h`.",
         printed="0 ≤ E[ξ² − ζ_h²] = (1 + 2√(2k|ln h|)) h^k",
         criterion="both sides are equal; the left side is 2[(1 − A²)Q(A) + Aφ(A)], A = √(2k|ln h|)",
-        hypotheses="k = 2, as in the paper, and h < 1",
-        right="“≤” for “=”; no later argument uses the equality",
+        hypotheses="ξ is standard normal, ζ_h is ξ clipped at ±√(2k|ln h|), k = 2 as in the paper, and h < 1",
+        right="“≤”; no later argument uses the equality",
         evidence=_moments,
     ),
     Erratum(
@@ -202,8 +202,8 @@ ENTRIES = (
         "midpoint rule applied to problem (1.1) with the above quadratic Hamiltonian function.",
         printed="B(ȳ) ∫₀¹ ((y_n + τ(y_{n+1} − y_n))ᵀD + eᵀ) dτ",
         criterion="the product of B and the row is defined, and a column",
-        hypotheses="D symmetric, B skew and constant, d = 2",
-        right="D(y_n + τ(y_{n+1} − y_n)) + e, a column; (2.1) is then the midpoint rule, as stated",
+        hypotheses="D is symmetric, B skew-symmetric and constant, d = 2",
+        right="the integrand is the column D(y_n + τ(y_{n+1} − y_n)) + e; (2.1) is then the midpoint rule, as stated",
         evidence=_product,
     ),
     Erratum(
@@ -214,7 +214,7 @@ ENTRIES = (
         printed="E[(h + cΔŴ_n)³] = h³ + 3c²h²",
         criterion="both sides are equal",
         hypotheses="k = 2, c = 1, h < 1",
-        right="“≤” for “=”, because the truncated increment has E[ΔŴ²] < h. The conclusion O(h²) is right",
+        right="“≤”, because the truncated increment has E[ΔŴ²] < h. The conclusion O(h²) is right",
         evidence=_third_moment,
     ),
     Erratum(
@@ -241,7 +241,7 @@ ENTRIES = (
         "oscillator",
         criterion="the ball contains the start (x0, p0)",
         hypotheses="(x0, p0) = (0.1, 0.2), as in §4.1; y0 is read as x0",
-        right="radius √(x0² + p0²); the argument is then right",
+        right="the radius is √(x0² + p0²); the argument is then right",
         evidence=_ball,
     ),
     Erratum(

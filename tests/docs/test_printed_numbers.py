@@ -140,7 +140,7 @@ PAGE = doc("class.md")
 
 
 def test_the_page_has_the_text_of_the_command_and_all_names() -> None:
-    claims = maker.table(["scheme", "source", "claimed there", "claimed here besides"], maker.CLAIMS)
+    claims = maker.table(maker.HEADS, maker.CLAIMS)
     for part in (maker.TITLE, maker.DIFFERENCES, claims, maker.VERDICTS):
         assert part in PAGE
     assert set(maker.SCHEMES) == set(schemes.HAMILTONIANS) == {row[0] for row in maker.CLAIMS}

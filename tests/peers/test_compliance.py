@@ -54,7 +54,7 @@ def test_the_page_groups_solvers_by_their_verdicts_and_marks_what_is_contradicte
     assert "| lib open | 0 of 2; energy violated; symmetry open | casimir |" in lines
     assert "- pendulum: lib heun 6; other solvers 6 to 6" in lines
     assert "the command" in page
-    assert "† less than documented: [shown in the library's own terms](deviations.md)." in lines
+    assert "† The solver does less than documented, as [scripts without sepv](deviations.md) show." in lines
 
 
 def absent(name: str) -> Peer:

@@ -346,9 +346,9 @@ def test_the_page_names_claims_defects_and_scripts() -> None:
     assert "lib verlet (2) †" in text
     assert "defects against bounds" not in text, "the script shows them"
     assert 'its manual: "symplectic"' in text
-    assert "- † [differs from its documentation](integrator-deviations.md): lib verlet\n" in text
+    assert "- † [The documentation differs](integrator-deviations.md): lib verlet\n" in text
     text = page.document([page.Row("lib", "1.0", scheme, found)], [], here, "the command")
-    assert "- † [keeps these invariants, but not to rounding](integrator-rounding.md): lib verlet\n" in text
+    assert "- † [Invariants are kept, but not to rounding](integrator-rounding.md): lib verlet\n" in text
     text = page.document([page.Row("lib", "1.0", scheme, found)], [], [], "the command")
     assert "- lib verlet, defects against bounds: symplecticity 30 against 2" in text
     assert "\n## lib verlet: no." in page.rounding(here, "the command")

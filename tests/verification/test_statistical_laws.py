@@ -268,7 +268,7 @@ def test_finer_steps_are_not_run_where_coarse_ones_are_refused() -> None:
 
 
 def test_frequent_refusals_are_an_error() -> None:
-    words = "of 512 paths, not solved, not finite or out of the domain: 2"
+    words = "of 512 paths some were not solved, not finite or out of the domain: 2"
     says(_timid(0.5), "mean-square-order", "error", words, seed=1)
 
 
