@@ -54,6 +54,11 @@ REFUSED, HALVED = 1 / 4, 2
 NARROW = 0.25
 # A violated slope is looked at again at the two finest step sizes, with FINER times the steps.
 FINER = 8
+# A violated slope counts only if the reference's error is at most KNOWN times the scheme's error at the finest step.
+# This changes a slope over step sizes that differ by a factor of 4 by at most log(1 + KNOWN)/log 4 = 0.16.
+KNOWN = 1 / 4
+# Errors below FLAT times the state that differ by less than a factor of 1.5 may be those of a solver's tolerance.
+FLAT = 1e-5
 # Multiples of the number of paths, tried in order to report how many paths would decide.
 _MORE = tuple(4**k for k in range(1, 9))
 
@@ -269,6 +274,12 @@ def _explained(
     if verdict is Verdict.INCONCLUSIVE:
         lines += [_wanted(scheme, setup, assess, errors, alpha) for setup, errors in decisive]
     setup, errors = decisive[0]
+    flat = errors.rms()[-2] < 1.5 * errors.rms()[-1] < 1.5 * FLAT * errors.scale
+    if verdict is Verdict.VIOLATED and flat and not scheme.solver_tolerance:
+        lines.append(
+            f"errors of {errors.rms()[-1]:.1e} do not fall; if it is the scheme's own solver: "
+            "Scheme(…, solver_tolerance=…)"
+        )
     lines.append(worst_path(setup.build(), errors, run.effort.seed, drawn=not is_tilted(scheme)))
     statement = (
         f"intervals miss with nominal probability {alpha:.1e}; in a whole run nominally ≤ {FALSE_ALARM:g}"
@@ -321,6 +332,9 @@ def _judge_one(
         halved += 1
     if slope and assessment is not None and assessment.verdict is Verdict.VIOLATED:
         assessment = _confirmed(scheme, used, run, assess, alpha, assessment)
+        if assessment.verdict is Verdict.VIOLATED and errors.reference > KNOWN * errors.rms()[-1]:
+            doubt = f"{assessment.text}, but the reference is known to {errors.reference:.1e} only"
+            assessment = replace(assessment, verdict=Verdict.INCONCLUSIVE, text=doubt)
     return used, errors, assessment, why
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.right_schemes.solved_otherwise import CLAIMED, Refused, like_the_core, of_lanes
 from sepv.errors import Skipped
-from sepv.problem import Array, DampedProblem, Problem, mechanics, vector_field
+from sepv.problem import Array, DampedProblem, Problem, mechanics, noise_field, vector_field
 from sepv.record import EPS
 from sepv.schemes import (
     Explicit,
@@ -45,6 +45,24 @@ def _trapezoidal(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     """The increment ½h(f(y0) + f(y1)) + S f((y0 + y1)/2): exchanging y0, y1 and the signs of h, S changes nothing."""
     drift = 0.5 * (fields.field(y) + fields.field(y + z))
     return step[0] * drift + step[1] * fields.field(y + 0.5 * z)
+
+
+def _sra1(problem: Problem, y: Array, h: float, dW: Array, H: Array) -> Array:
+    """One step of SRA1; I_(j,0) = h(½ΔW_j + H_j)."""
+    first, noise, area = vector_field(problem, y), np.zeros_like(y), np.zeros_like(y)
+    for j, c in enumerate(problem.c):
+        g = c * noise_field(problem, j, y)
+        noise, area = noise + g * dW[j], area + g * (0.5 * dW[j] + H[j])
+    second = vector_field(problem, y + 0.75 * h * first + 1.5 * area)
+    return y + h * (first / 3 + 2 / 3 * second) + noise
+
+
+def _milstein_by_differences(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """One step of Milstein's scheme, with ½f′f S² by a central difference of width √|h|."""
+    f, S = vector_field(problem, y), problem.random_step(0.0, dW)
+    width = abs(h) ** 0.5 or 2.0**-20
+    change = vector_field(problem, y + width * f) - vector_field(problem, y - width * f)
+    return y + (h + S) * f + 0.25 * S * S * change / width
 
 
 def _composed(shares: Sequence[float]) -> Step:
@@ -248,6 +266,27 @@ SCHEMES: tuple[Scheme, ...] = (
         mean_square_order=1.0,
         weak_order=1.0,
         source="reversible Heun as a solver that computes whole paths only",
+    ),
+    Scheme(
+        name="sra1",
+        step=_sra1,
+        claims=("reproducibility",),
+        mean_square_order=1.5,
+        weak_order=2.0,
+        source="SRA1 of A. Rößler, SIAM J. Numer. Anal. 48 (2010), for additive noise, with space-time areas",
+        systems=Systems.ADDITIVE,
+        asks="space-time",
+        truncation=None,
+        batched=True,
+    ),
+    Scheme(
+        name="milstein-by-differences",
+        step=_milstein_by_differences,
+        claims=("reproducibility", "truncation", "noise-sum"),
+        mean_square_order=1.0,
+        weak_order=1.0,
+        source="Milstein's scheme with a central difference in the place of f′f",
+        batched=True,
     ),
     Scheme(
         name="divided-long-steps",

@@ -22,9 +22,9 @@ from sepv.properties._failed_step import failed_step
 from sepv.properties._orders.several_fields import ends as exact_ends
 from sepv.properties._orders.several_fields import finer, refined
 
-from sepv.problem import Array, HamiltoniansProblem, Problem
+from sepv.problem import Array, HamiltoniansProblem, Problem, column
 from sepv.record import EPS
-from sepv.schemes import Scheme
+from sepv.schemes import Scheme, order_of
 from sepv.simulate import Ensemble, areas, run_chunk, seen, wiener
 from sepv.solve import Status
 from sepv.statistics import Estimate, binomial, jackknife
@@ -102,7 +102,8 @@ def strong_errors(
         exact, rough = exact_ends(problem, start, T, fine.sum(axis=0)), None
         known = exact is not None
         if not known and isinstance(problem, HamiltoniansProblem):
-            rough, exact, apart = refined(problem, start, T, finest, numbers, seed)
+            order = order_of(scheme.mean_square_order, column(problem))
+            rough, exact, apart = refined(problem, start, T, finest, numbers, seed, order)
             fine, reference = rough.coarse(finest).dW, max(reference, apart)
         elif not known:
             fine, exact, apart = finer(problem, start, T, finest, numbers, seed)

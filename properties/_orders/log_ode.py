@@ -18,6 +18,7 @@ import numpy as np
 from sepv.problem import Array, Problem, bracket, combined_field, drift_bracket, each_noise
 from sepv.record import EPS
 from sepv.schemes import CLASSICAL, DORMAND_PRINCE_8, ExplicitTableau
+from sepv.simulate import RoughPath
 
 # The least and largest numbers of explicit steps. The number is doubled until the result changes by roundings only.
 FEWEST, MOST = 4, 64
@@ -71,20 +72,26 @@ def log_flow(problem: Problem, y: Array, parts: Array, areas: Array) -> tuple[Ar
             return logarithm, error
 
 
-def path(problem: Problem, y0: Array, h: float, dW: Array, areas: Array) -> Array:
-    """Return the log-ODE's y(T) (d, M) after N steps of size h with increments (N, m, M) and areas (N, k, M).
+def path(problem: Problem, y0: Array, rough: RoughPath, *, with_drift: bool) -> Array:
+    """Return the log-ODE's y(T) (d, M) after the N steps of a rough path.
 
     Each step makes a classical Runge-Kutta step for the increments, and then adds the brackets at its start. Because
     E[A_ij ΔW_k] = 0, this splitting omits terms of O(h^{3/2}) with mean O(h²). It takes half as long as a step with the
     brackets in the field, with errors larger by a twentieth.
+
+    `with_drift` is for noises that commute, whose brackets vanish. It adds the brackets with the drift (`field`). The
+    terms that a step omits are then O(h²).
     """
-    y = np.repeat(y0[:, None], dW.shape[2], axis=1)
-    none = np.zeros((0, dW.shape[2]))
+    y = np.repeat(y0[:, None], rough.dW.shape[2], axis=1)
+    none = np.zeros((0, rough.dW.shape[2]))
     pairs = list(combinations(range(problem.noises), 2))
-    for increment, area in zip(dW, areas, strict=True):
-        parts = each_noise(problem, h, increment)
+    for increment, area, bridges in zip(rough.dW, rough.areas, rough.bridges, strict=True):
+        parts = each_noise(problem, rough.h, increment)
         moved = runge_kutta(partial(field, problem, parts=parts, areas=none), y, 1, CLASSICAL)
         for row, (i, j) in zip(area, pairs, strict=True):
-            moved = moved + (problem.c[i] * problem.c[j] * row) * bracket(problem, i, j, y)
+            if not with_drift:
+                moved = moved + (problem.c[i] * problem.c[j] * row) * bracket(problem, i, j, y)
+        for j, H in enumerate(bridges if with_drift else ()):
+            moved = moved - problem.c[j] * rough.h * H * drift_bracket(problem, j, y)
         y = moved
     return y

@@ -12,6 +12,10 @@ refined FINER times. It has mean-square order 1, also if the noises do not commu
 a scheme of order 1 by the factor FINER, and than that of a scheme of order ½ by more. With its step size δ, the error
 is estimated by the distance of y_δ from y_2δ, computed with steps twice as long. The reference is 2y_δ − y_2δ: this
 extrapolation hardly changes errors of paths, but makes their mean O(δ²), for weak order 2.
+
+A scheme of order 1.5 for commuting noises would soon be more accurate than this reference. For such a scheme the
+log-ODE also has the brackets with the drift, by space-time areas. Its errors are then O(δ) in the mean, which the
+extrapolation removes, and otherwise O(δ^{3/2}).
 """
 
 from __future__ import annotations
@@ -20,7 +24,16 @@ import numpy as np
 from sepv.properties._orders.log_ode import log_flow, path
 
 from sepv.exact import exact_flow
-from sepv.problem import Array, HamiltoniansProblem, Problem, combined_field, commutes, each_noise, is_several
+from sepv.problem import (
+    Array,
+    HamiltoniansProblem,
+    Problem,
+    column,
+    combined_field,
+    commutes,
+    each_noise,
+    is_several,
+)
 from sepv.simulate import RoughPath, areas, wiener
 
 # The number of reference steps in each of the finest steps of a scheme, for Heun's method and for the log-ODE.
@@ -40,12 +53,16 @@ def ends(problem: Problem, y0: Array, T: float, W: Array) -> Array | None:
 
 
 def refined(
-    problem: Problem, y0: Array, T: float, steps: int, paths: range, seed: int
+    problem: Problem, y0: Array, T: float, steps: int, paths: range, seed: int, order: float
 ) -> tuple[RoughPath, Array, float]:
-    """Return the reference for several Hamiltonians: noise and areas of FINER·steps steps, y(T) (d, M), rms error."""
+    """Return the reference for several Hamiltonians: noise and areas of FINER·steps steps, y(T) (d, M), rms error.
+
+    `order` is the mean-square order that the scheme claims for this problem.
+    """
     fine = areas.drawn(seed, T=T, steps=FINER * steps, noises=problem.noises, paths=paths)
     half = fine.coarse(FINER * steps // 2)
-    y, coarse = (path(problem, y0, rough.h, rough.dW, rough.areas) for rough in (fine, half))
+    with_drift = order > 1 and column(problem) != "general"
+    y, coarse = (path(problem, y0, rough, with_drift=with_drift) for rough in (fine, half))
     return fine, 2 * y - coarse, float(np.sqrt(np.mean(np.sum((y - coarse) ** 2, axis=0))))
 
 

@@ -46,7 +46,7 @@ FAR_OFF = (
     f"{FAR} was not asked of a solver with a tolerance, or of an integrator without noise: "
     "thresholds may be absolute"
 )
-NO_BOUND = f"{FAR} has no bound: numbers overflow in it"
+NO_BOUND = "a case whose numbers overflow has no bound"
 # The factor on the number of random examples for a law without a design.
 UNDESIGNED = 12
 # A search ends after this many refused cases for each accepted one.
@@ -297,7 +297,7 @@ def _measure(log: SearchLog, scheme: Scheme, case: Case, check: Check, faults_vi
         if (scheme.solver_tolerance or scheme.deterministic) and beyond(case):
             raise Skipped(FAR_OFF)
         measured = check(scheme, case)
-        if math.isnan(measured.bound) and beyond(case):
+        if math.isnan(measured.bound) and (beyond(case) or math.isfinite(measured.defect)):
             raise Skipped(NO_BOUND)
     except Skipped as skipped:
         if case.given != "data":

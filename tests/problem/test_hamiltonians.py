@@ -145,14 +145,14 @@ def test_the_reference_agrees_with_another_one_to_what_it_says() -> None:
     """Twice as fine: both are off by what they say at most, three times for the root mean square of 64 paths."""
     problem = problems.random_inertia()
     y0 = np.asarray(problem.initial)
-    rough, y, apart = refined(problem, y0, 0.5, 32, range(64), 7)
+    rough, y, apart = refined(problem, y0, 0.5, 32, range(64), 7, order=1.0)
     fine = areas.drawn(7, T=0.5, steps=1024, noises=2, paths=range(64))
     # The increments are the same path's; its areas over 256 steps are drawn again, so that of this one only a coarse
     # reference is made.
     assert np.allclose(fine.coarse(256).dW, rough.dW, atol=1e-15)
     from sepv.properties._orders.log_ode import path
 
-    half = path(problem, y0, 0.5 / 64, rough.coarse(64).dW, rough.coarse(64).areas)
+    half = path(problem, y0, rough.coarse(64), with_drift=False)
     distance = float(np.sqrt(np.mean(np.sum((half - y) ** 2, axis=0))))
     assert apart < 2e-3
     assert distance < 3 * 3 * apart

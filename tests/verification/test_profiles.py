@@ -260,7 +260,6 @@ def test_a_pin_names_the_laws_that_it_was_written_without(pinned: Path) -> None:
     fewer = said("my_rule:step --expected pin.toml -q", laws="casimir")
     assert "In the pin and not measured now: energy, identity. The claimed law holds." in fewer
     file = pinned / "pin.toml"
-    # One of an older sepv says nothing of what it measured.
     file.write_text("\n".join(line for line in file.read_text().splitlines() if "measured" not in line))
     assert "Not in the pin" not in said("my_rule:step --expected pin.toml -q", laws=f"{THREE},truncation")
 
@@ -307,7 +306,6 @@ def test_laws_side_by_side_find_the_same_to_the_bit(tmp_path, monkeypatch, quick
     code = MODULE.format("midpoint") + "SEEN = [0.123, 4.5, 6.75e3, 17.0, 3]\n"
     (tmp_path / "our_rule.py").write_text(code)
     files = []
-    # Laws that hold: how far a counterexample is simplified is a matter of seconds.
     laws = "identity,casimir,midpoint"
     for jobs in (1, 2):
         said(f"our_rule:step -j {jobs} --json {jobs}.json", laws=laws)

@@ -60,9 +60,12 @@ def test_a_scheme_of_weak_order_one_that_claims_two_is_violated(name: str) -> No
     says(replace(schemes.by_name(name), weak_order=2.0), "weak-order", "violated", paths=2048)
 
 
-def test_a_scheme_that_divides_long_steps_shows_its_order_at_finer_steps() -> None:
+@pytest.mark.parametrize("name", ["divided-long-steps", "sra1"])
+def test_the_order_of_long_steps_that_are_divided_and_order_1_5_of_additive_noise_are_found(
+    name: str,
+) -> None:
     laws = ("mean-square-order", "weak-order")
-    assert verdicts(RIGHT["divided-long-steps"], laws) == dict.fromkeys(laws, "holds")
+    assert verdicts(RIGHT[name], laws) == dict.fromkeys(laws, "holds")
 
 
 def test_laws_without_a_reference_do_not_fail_a_damped_scheme() -> None:

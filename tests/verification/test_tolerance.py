@@ -145,7 +145,6 @@ def test_bounds_of_invariants_are_attained() -> None:
     assert linear == pytest.approx(2e-3 + 5e-5, rel=SAME, abs=0)
     A = np.array([[1.0, -3.0], [-3.0, 0.5]])
     slope = 2 * A @ y  # (13, −5) with terms (1 + 12, 3 + 2): nothing cancels
-    # Between two states: twice the average of both.
     for end, times in ((y, 1), (3 * y, 2)):
         bound = tolerance.casimir_bound(A, y, end, r)
         assert bound == pytest.approx(times * float(np.abs(slope) @ r), rel=SAME, abs=0)
