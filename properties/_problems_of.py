@@ -12,6 +12,7 @@ from sepv.problem import Array, Problem, is_several
 from sepv.schemes import Scheme
 from sepv.verification._cases.case import Case, quiet, quiet_problem
 from sepv.verification._cases.users_problems import sources
+from sepv.verification._units import Units, units_of
 
 NO_START = "the problems have no initial state: name one that has, or give initial= when making it"
 
@@ -63,3 +64,8 @@ def taken_by(scheme: Scheme, cases: Iterable[Case]) -> Iterator[Case]:
         taken = quiet(case) if scheme.deterministic else case
         if taken is not None:
             yield taken
+
+
+def units_for(scheme: Scheme, problem: Problem) -> Units:
+    """The units of a problem that a user named; units 1 for the suite's own problems, which need no others."""
+    return units_of(problem) if scheme.problems else Units()

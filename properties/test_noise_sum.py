@@ -33,7 +33,7 @@ def several_noises(case: Case) -> Case | None:
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Compare the steps with all noises, with the noises reversed, and with their sum as one noise of c = 1.
+    """Compare the steps with all noises, with the noises reversed, and with their sum as one noise.
 
     Noises with structures or Hamiltonians of their own cannot be summed. Instead they are moved on by one place, and a
     noise with c = 0 is put before them. If a scheme exchanges two noises, both permutations may hide this, but the
@@ -57,9 +57,11 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         }
         return _furthest(scheme, case, {name: _ordered(case, data, order) for name, order in orders.items()})
     total = float(sum(c * w for c, w in zip(problem.c, dW, strict=True)))
+    # With this coefficient the increment is at most the largest one. A power of two, so that the product is exact.
+    one = 2.0 ** np.ceil(np.log2(np.sum(np.abs(problem.c)))) if np.any(problem.c) else 1.0
     others = {
         "reversed": with_noise(case, c[::-1], case.dW[::-1]),
-        "as one": with_noise(case, (1.0,), (total,)),
+        "as one": with_noise(case, (float(one),), (total / one,)),
     }
     return _furthest(scheme, case, others)
 

@@ -25,7 +25,7 @@ import numpy as np
 from sepv.properties._failed_step import failed_step
 from sepv.properties._longest_step import divisor
 from sepv.properties._orders.local_errors import two_noises
-from sepv.properties._problems_of import as_taken, problems_of
+from sepv.properties._problems_of import as_taken, problems_of, units_for
 from sepv.properties._sampled import sparing
 from sepv.reference.problem import exact_problem
 
@@ -42,7 +42,7 @@ from sepv.verification import Effort, Finding, Law, Run, Verdict, energy_ulp, re
 from sepv.verification._cases.from_problem import describe
 from sepv.verification._cases.of_law import NOT_KEPT, UNDAMPED
 from sepv.verification._tolerance import rounding_variances
-from sepv.verification._units import units_for, units_of
+from sepv.verification._units import units_of
 
 PATHS = 60
 # (problem, h, steps): two long runs; one with large steps, which show a solver that stops early; one with B(y) and a

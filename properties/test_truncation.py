@@ -24,6 +24,7 @@ import numpy as np
 from sepv.properties._orders.any_step import scaled
 from sepv.properties._orders.local_errors import problems_for
 from sepv.properties._orders.local_orders import CLEAR, FLOOR
+from sepv.properties._problems_of import units_for
 from sepv.reference.increments import lost_variance, moment, truncated_moment
 
 from sepv.errors import Skipped
@@ -34,7 +35,7 @@ from sepv.simulate import truncation as bounded
 from sepv.simulate import wiener
 from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 from sepv.verification._law import about_noise
-from sepv.verification._units import rates_at, units_for
+from sepv.verification._units import rates_at
 
 STEPS = tuple(2.0**-n for n in range(1, 21))
 # The number of step sizes for each noise, and their range in units of time. No two noises have the same step sizes.

@@ -15,7 +15,7 @@ import numpy as np
 from sepv.properties._failed_step import row
 from sepv.properties._orders.local_errors import step_sizes, two_noises
 from sepv.properties._orders.local_orders import CLEAR, FLOOR, MARGIN, strong_order
-from sepv.properties._problems_of import problems_of
+from sepv.properties._problems_of import problems_of, units_for
 
 from sepv.errors import Skipped
 from sepv.exact import FlowFailure, exact_flow
@@ -35,7 +35,6 @@ from sepv.schemes import Scheme, guarded
 from sepv.simulate import advance
 from sepv.solve import Status
 from sepv.verification._law import Run
-from sepv.verification._units import units_for
 
 # Step sizes are drawn from PAIRS equal parts of the range, at most 2.1 octaves apart, so that no decade is left out.
 # The range is from 2⁻⁴⁰, where an error of order 1 is 1e-12 of y, to 2⁻², where A_h is 1.66 for k = 1.

@@ -24,7 +24,7 @@ from sepv.properties._failed_step import first_failed
 from sepv.properties._orders.gaussian import Rule, point_rule, rule_for
 from sepv.properties._orders.local_moments import FULL_DEGREE, SPLIT, exponents, moments_at, moments_of
 from sepv.properties._orders.log_ode import field, log_flow, runge_kutta
-from sepv.properties._problems_of import as_taken, problems_of
+from sepv.properties._problems_of import as_taken, problems_of, units_for
 from sepv.properties._sampled import sparing
 
 from sepv import problems
@@ -45,7 +45,6 @@ from sepv.record import EPS, poly
 from sepv.schemes import CLASSICAL, Scheme, guarded, order_of, point_law
 from sepv.simulate import advance
 from sepv.verification._law import Run
-from sepv.verification._units import units_for
 
 LEVELS = 10
 

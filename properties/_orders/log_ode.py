@@ -15,13 +15,40 @@ from itertools import combinations
 
 import numpy as np
 
-from sepv.problem import Array, Problem, bracket, combined_field, drift_bracket, each_noise
+from sepv.problem import (
+    Array,
+    HamiltoniansProblem,
+    Problem,
+    bracket,
+    combined,
+    damping_of,
+    drift_bracket,
+    each_noise,
+    hamiltonian_field,
+    matvec,
+    noise_vectors,
+    vector_field,
+)
 from sepv.record import EPS
 from sepv.schemes import CLASSICAL, DORMAND_PRINCE_8, ExplicitTableau
 from sepv.simulate import RoughPath
 
 # The least and largest numbers of explicit steps. The number is doubled until the result changes by roundings only.
 FEWEST, MOST = 4, 64
+
+
+def combined_field(problem: Problem, y: Array, parts: Array) -> Array:
+    """The field h f_0(y) + Σ_j c_j ΔW_j f_j(y) of a step, (d, M): f_0 is the drift, f_j the fields of any noise.
+
+    `parts` (1 + m, M) holds h and the c_j ΔW_j. For a problem with damping, f_0 = B∇H_0 − γy.
+    """
+    if len(vectors := noise_vectors(problem)):
+        return parts[0] * vector_field(problem, y) + vectors.T @ parts[1:]
+    if gamma := damping_of(problem):
+        return parts.sum(axis=0) * vector_field(problem, y) - parts[0] * gamma * y
+    if isinstance(problem, HamiltoniansProblem):
+        return hamiltonian_field(problem, y, parts)
+    return matvec(combined(problem, y, parts), problem.gradient(y))
 
 
 def field(problem: Problem, y: Array, parts: Array, areas: Array, bridges: Array | None = None) -> Array:

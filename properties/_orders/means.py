@@ -17,8 +17,9 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 from sepv.properties._orders.convergence import StrongErrors
+from sepv.properties._orders.log_ode import combined_field
 
-from sepv.problem import Array, Problem, combined_field
+from sepv.problem import Array, Problem
 from sepv.statistics import students_t
 
 

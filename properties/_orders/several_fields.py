@@ -21,7 +21,7 @@ extrapolation removes, and otherwise O(δ^{3/2}).
 from __future__ import annotations
 
 import numpy as np
-from sepv.properties._orders.log_ode import log_flow, path
+from sepv.properties._orders.log_ode import combined_field, log_flow, path
 
 from sepv.exact import exact_flow
 from sepv.problem import (
@@ -29,7 +29,6 @@ from sepv.problem import (
     HamiltoniansProblem,
     Problem,
     column,
-    combined_field,
     commutes,
     each_noise,
     is_several,

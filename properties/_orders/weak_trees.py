@@ -13,13 +13,13 @@ from sepv.properties._failed_step import first_failed
 from sepv.properties._orders import local_errors as local
 from sepv.properties._orders.gaussian import point_rule, rule
 from sepv.properties._orders.local_errors import LocalErrors, against_moments, apart
+from sepv.properties._problems_of import units_for
 
 from sepv.errors import Skipped
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.schemes import PointLaw, Scheme, guarded, point_law
 from sepv.simulate import advance
 from sepv.verification._law import Run
-from sepv.verification._units import units_for
 
 # The end time T is short enough for slopes within 0.1 of their limits (0.25 on Lotka-Volterra), and long enough for
 # errors far above rounding.

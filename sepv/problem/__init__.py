@@ -41,7 +41,6 @@ from sepv.problem._fields import vector_field as vector_field
 from sepv.problem._hamiltonians import HamiltoniansProblem as HamiltoniansProblem
 from sepv.problem._hamiltonians import (
     bracket,
-    combined_field,
     combined_gradient,
     combined_hessian,
     drift_bracket,

@@ -32,11 +32,11 @@ import numpy as np
 
 from sepv.errors import ProblemError, Skipped, SystemsError
 from sepv.problem._checks import sample_states
-from sepv.problem._damped import DampedProblem, damping_of, require_undamped
+from sepv.problem._damped import DampedProblem, require_undamped
 from sepv.problem._derived import derive
 from sepv.problem._fields import differences, hessian, matmul, matvec, structure_slope, vector_field
 from sepv.problem._problem import Array, Flow, Function, Problem, constant, require_one_for_each_noise
-from sepv.problem._structures import ClosedForm, CommutingStructure, StructuresProblem, combined
+from sepv.problem._structures import ClosedForm, CommutingStructure, StructuresProblem
 
 # The largest bracket that counts as zero, relative to its factors. Differences may have an error of 1e-8 of a slope,
 # and a bracket that does not vanish is far larger at some sample state.
@@ -154,20 +154,6 @@ def noise_gradients(problem: Problem) -> Sequence[Function]:
         except AttributeError as error:
             raise Skipped(str(error)) from error
     return (problem.gradient,) * problem.noises
-
-
-def combined_field(problem: Problem, y: Array, parts: Array) -> Array:
-    """The field h f_0(y) + Σ_j c_j ΔW_j f_j(y) of a step, (d, M): f_0 is the drift, f_j the fields of any noise.
-
-    `parts` (1 + m, M) holds h and the c_j ΔW_j. For a problem with damping, f_0 = B∇H_0 − γy.
-    """
-    if len(vectors := noise_vectors(problem)):
-        return parts[0] * vector_field(problem, y) + vectors.T @ parts[1:]
-    if gamma := damping_of(problem):
-        return parts.sum(axis=0) * vector_field(problem, y) - parts[0] * gamma * y
-    if isinstance(problem, HamiltoniansProblem):
-        return hamiltonian_field(problem, y, parts)
-    return matvec(combined(problem, y, parts), problem.gradient(y))
 
 
 def hamiltonian_field(problem: Problem, y: Array, parts: Array) -> Array:

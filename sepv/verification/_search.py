@@ -19,6 +19,7 @@ from itertools import chain
 from random import Random
 from typing import Any
 
+import numpy as np
 from hypothesis import HealthCheck, Phase, Verbosity, given, reject, settings, target
 from hypothesis import seed as hypothesis_seed
 from hypothesis.errors import Unsatisfiable
@@ -27,7 +28,8 @@ from sepv._journal import note_case, note_violation
 from sepv._kept import kept
 from sepv._patches import without_local_constants
 from sepv.errors import NotFinite, SchemeFault, SepvError, Skipped, StepFailure, UsageError
-from sepv.schemes import Scheme, takes
+from sepv.schemes import Scheme, ask, takes
+from sepv.simulate import truncation_bound
 from sepv.verification import _corpus as corpus
 from sepv.verification._cases import case as cases_of
 from sepv.verification._cases.case import Case
@@ -47,6 +49,7 @@ FAR_OFF = (
     "thresholds may be absolute"
 )
 NO_BOUND = "a case whose numbers overflow has no bound"
+CLIPPED = "the step clips an increment beyond √h A_h (Remark 2.1)"
 # The factor on the number of random examples for a law without a design.
 UNDESIGNED = 12
 # A search ends after this many refused cases for each accepted one.
@@ -286,25 +289,45 @@ def _simplify(log: SearchLog, scheme: Scheme, effort: Effort, question: _Questio
     log.checks = max(checks, log.checks)
 
 
+def _measured(scheme: Scheme, case: Case, check: Check) -> Measurement:
+    """Measure one case, or raise Skipped if the law does not judge it."""
+    if scheme.longest_step is not None and not takes(scheme, *case.build()):
+        raise Skipped("a longer step than the scheme says it takes (longest_step)")
+    # A library may have thresholds with units: ASE computes no new force if atoms move by less than 1e-15 Å.
+    if (scheme.solver_tolerance or scheme.deterministic) and beyond(case):
+        raise Skipped(FAR_OFF)
+    measured = check(scheme, case)
+    if math.isnan(measured.bound) and (beyond(case) or math.isfinite(measured.defect)):
+        raise Skipped(NO_BOUND)
+    if measured.violates and _clips(scheme, case):
+        raise Skipped(CLIPPED)
+    return measured
+
+
+def _clips(scheme: Scheme, case: Case) -> bool:
+    """True if increments are beyond √h A_h, and the step clips them: y1 is the same if they are twice as long."""
+    problem, y, h, dW = case.build()
+    if scheme.truncation is None or not 0 < abs(h) < 1:
+        return False
+    longer = (np.abs(dW) > abs(h) ** 0.5 * truncation_bound(abs(h), scheme.truncation)) & (problem.c != 0)
+    with suppress(SepvError):
+        y1, other = (ask(scheme, problem, y, h, values) for values in (dW, dW * (1 + longer)))
+        return bool(longer.any()) and np.array_equal(y1, other)
+    return False
+
+
 def _measure(log: SearchLog, scheme: Scheme, case: Case, check: Check, faults_violate: bool) -> Measurement:
     """Measure and log one case, or raise _Violation or _Fault; Hypothesis tells these apart by the line that raises."""
     log.checks += 1
     note_case(lambda: cases_of.to_json(case))
     try:
-        if scheme.longest_step is not None and not takes(scheme, *case.build()):
-            raise Skipped("a longer step than the scheme says it takes (longest_step)")
-        # A library may have thresholds with units: ASE computes no new force if atoms move by less than 1e-15 Å.
-        if (scheme.solver_tolerance or scheme.deterministic) and beyond(case):
-            raise Skipped(FAR_OFF)
-        measured = check(scheme, case)
-        if math.isnan(measured.bound) and (beyond(case) or math.isfinite(measured.defect)):
-            raise Skipped(NO_BOUND)
+        measured = _measured(scheme, case, check)
     except Skipped as skipped:
         if case.given != "data":
             # If the scheme refuses a problem given as functions, it gets the same system as data: no case is lost.
             log.checks -= 1
             return _measure(log, scheme, replace(case, given="data"), check, faults_violate)
-        log.skip(skipped.reason, may=skipped.reason in (FAR_OFF, NO_BOUND) or may_be_refused(case))
+        log.skip(skipped.reason, may=skipped.reason in (FAR_OFF, NO_BOUND, CLIPPED) or may_be_refused(case))
         raise
     except (SepvError, ArithmeticError) as error:
         if isinstance(error, StepFailure) and may_be_refused(case):

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from sepv.problem import Array, Problem, damping_of, sample_states
-from sepv.schemes import Scheme
 from sepv.verification._cases.from_problem import sizes_at
 
 
@@ -23,11 +22,6 @@ class Units:
 
     time: float = 1.0
     length: float = 1.0
-
-
-def units_for(scheme: Scheme, problem: Problem) -> Units:
-    """The units of a problem that a user named; units 1 for the suite's own problems, which need no others."""
-    return units_of(problem) if scheme.problems else Units()
 
 
 def units_of(problem: Problem) -> Units:

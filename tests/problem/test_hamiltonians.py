@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sepv.properties._orders.local_errors import local_errors
 from sepv.properties._orders.local_moments import exponents
-from sepv.properties._orders.log_ode import log_flow
+from sepv.properties._orders.log_ode import combined_field, log_flow
 from sepv.properties._orders.several_fields import ends, refined
 from sepv.properties.test_energy_drift import drift_of_energy
 from sepv.reference.generator import moments
@@ -32,7 +32,7 @@ from sepv.problem import (
     ito_drift,
 )
 from sepv.problem._fields import matvec
-from sepv.problem._hamiltonians import bracket, combined_field, noise_field, noise_slope
+from sepv.problem._hamiltonians import bracket, noise_field, noise_slope
 from sepv.problem._structures import each_noise
 from sepv.schemes import Orders, Scheme, as_lanes, order_of
 from sepv.simulate import _areas as areas
