@@ -49,14 +49,15 @@ FAR_OFF = (
     "thresholds may be absolute"
 )
 NO_BOUND = "a case whose numbers overflow has no bound"
+# A bound is √h A_h if it lies between this part of √h A_h and this part's reciprocal.
+NEARLY = 1 - 2.0**-6
 CLIPPED = "the step clips an increment beyond √h A_h (Remark 2.1)"
 # The factor on the number of random examples for a law without a design.
 UNDESIGNED = 12
 # A search ends after this many refused cases for each accepted one.
 MOST_SKIPPED = 20
 # The most seconds for simplification: a law may be stopped after ten minutes, and must report its violation before.
-# The limit is reached only if a measurement takes longer than a fifth of a second. Only then does the simplest
-# counterexample depend on time.
+# The limit is reached only if a measurement takes longer than 0.2 s. The counterexample then depends on time.
 MOST_SECONDS = 100.0
 # The largest number of designs that are stored between runs, twice what a run of all laws needs.
 DESIGNS = 64
@@ -305,14 +306,16 @@ def _measured(scheme: Scheme, case: Case, check: Check) -> Measurement:
 
 
 def _clips(scheme: Scheme, case: Case) -> bool:
-    """True if increments are beyond √h A_h, and the step clips them: y1 is the same if they are twice as long."""
+    """True if the step clips increments at √h A_h: longer ones give the same y1, and shorter ones another y1."""
     problem, y, h, dW = case.build()
     if scheme.truncation is None or not 0 < abs(h) < 1:
         return False
-    longer = (np.abs(dW) > abs(h) ** 0.5 * truncation_bound(abs(h), scheme.truncation)) & (problem.c != 0)
+    most = abs(h) ** 0.5 * truncation_bound(abs(h), scheme.truncation)
+    longer = (np.abs(dW) > most) & (problem.c != 0)
+    below, above = (np.clip(dW, -bound, bound) for bound in (most * NEARLY, most / NEARLY))
     with suppress(SepvError):
-        y1, other = (ask(scheme, problem, y, h, values) for values in (dW, dW * (1 + longer)))
-        return bool(longer.any()) and np.array_equal(y1, other)
+        less, y1, twice = (ask(scheme, problem, y, h, w) for w in (below, above, dW * (1 + longer)))
+        return bool(longer.any()) and np.array_equal(y1, twice) and not np.array_equal(y1, less)
     return False
 
 
