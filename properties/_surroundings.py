@@ -26,10 +26,10 @@ from sepv.schemes import Scheme
 
 @contextmanager
 def watched(scheme: Scheme) -> Iterator[Scheme]:
-    """Give a copy of the scheme to call, and raise SchemeFault at the end if a call changed global state.
+    """Context manager: give a copy of the scheme to call, and raise SchemeFault on exit if a call changed global state.
 
-    Inside the scheme floating-point errors warn, and warnings are ignored: after each call `sepv.schemes._guard`
-    restores NumPy's error handling, whatever the scheme set. What an import changes is not judged.
+    While the scheme runs, floating-point errors are warnings, and warnings are ignored. `sepv.schemes._guard` restores
+    NumPy's error handling after each call, so changes of it are not judged. Nor are changes that an import makes.
     """
     inside: dict[str, Any] = {}
 

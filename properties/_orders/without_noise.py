@@ -246,7 +246,7 @@ def orders(scheme: Scheme, found: StepErrors, least: float) -> list[Order]:
 
 
 def quiet_problems(scheme: Scheme) -> tuple[Problem, ...]:
-    """Return problems without noise: the scheme's own and random members of its families, else those of its class.
+    """Return problems without noise: those the scheme names and random members of its families, else standard ones.
 
     If there are no such problems, raise Skipped.
     """

@@ -28,8 +28,8 @@ def answer(
     """y1 of one step of the scheme, for dW (m, ...), or (m + k, ...) with the rows for the scheme's fifth argument.
 
     A law that holds for every path may leave these rows out: with `any_path`, `rows_of_any_path` makes them. Otherwise
-    missing rows are a UsageError, because rows that are not drawn have another distribution. `step` replaces the
-    scheme's step: for the step of a `StatefulStep`, y is a state.
+    missing rows are a UsageError, because rows made up for a path do not have the distribution of drawn ones. `step`
+    replaces the scheme's step. If it is the step of a `StatefulStep`, y is the internal state.
     """
     step = step or scheme.step
     if not scheme.asks:

@@ -83,9 +83,9 @@ class Scheme:
     batched : bool
         True if `step` takes batches of M states, (d, M).
     systems : Systems
-        The class of systems from which laws draw the scheme's cases: a `sepv.schemes.Systems`, or its text.
+        The class of systems from which laws draw the scheme's cases; a value such as "single" stands for it.
     problems : sequence of problems or strategies
-        The only problems from which laws draw the scheme's cases, if it is not for all of its class: names,
+        The only problems from which laws draw cases, if the scheme is not for every system of `systems`: names,
         ``module:attribute``, `Problem`, names of families, or Hypothesis strategies of `PolynomialSystem` or `Problem`.
     asks : str
         The fifth argument of the step: "areas" for the Lévy areas A_ij = ½∫(W_i dW_j − W_j dW_i) over the step,

@@ -184,7 +184,7 @@ def require_named(witness: dict[str, Any], scheme: Scheme) -> None:
 
 
 def _given_problem(data: dict[str, Any], objects: Iterable[Problem]) -> GivenProblem:
-    """The problem of a witness that has no data: loaded by its name, or the only one of that name in `objects`."""
+    """The problem of a stored case that has only its name: the one of that name in `objects`, else loaded by name."""
     target = data["given"]
     own = [problem for problem in objects if not target and problem.name == data.get("object")]
     if ":" not in target and target not in problems.EXTENSIONS | problems.HAMILTONIANS and len(own) != 1:

@@ -116,18 +116,13 @@ class Cases:
     def __post_init__(self) -> None:
         additive = {Systems.ADDITIVE: self.not_of.get(Systems.HAMILTONIANS, "")}
         object.__setattr__(self, "not_of", {**additive, **self.not_of} if self.not_of else {})
-        known = {axis.name: axis for own in CLASSES.values() for axis in own.space.axes}
+        known: dict[str, dict[str, None]] = {}
+        for axis in (axis for own in CLASSES.values() for axis in own.space.axes):
+            known.setdefault(axis.name, {}).update(dict.fromkeys(s.name for s in axis.strata))
         for name, named_strata in (*self.where.items(), *self.blind.items()):
             require_one_of("an axis of cases", name, known, "see `sepv verify --coverage`")
             for stratum in named_strata:
-                listed = [
-                    s.name
-                    for own in CLASSES.values()
-                    for a in own.space.axes
-                    if a.name == name
-                    for s in a.strata
-                ]
-                require_one_of(f"a stratum of {name}", stratum, listed, "see `sepv verify --coverage`")
+                require_one_of(f"a stratum of {name}", stratum, known[name], "see `sepv verify --coverage`")
 
     def space(self, systems: Systems) -> Space | None:
         """The space of the cases that the law measures for a class; None if they do not come from a space."""
@@ -206,10 +201,13 @@ class Cases:
             classes = {class_of(item.fixed) for item in items if item.fixed is not None}
             return next((self.not_of[c] for c in classes if self.not_of.get(c)), self.why)
         drawn = st.one_of(*(item.values.flatmap(of_case) for item in usable))
+        families = [Systems(item.text) for item in usable if item.space is not None]
+        fixed = [case for systems in families if systems in self.fixed for case in self.fixed[systems]()]
         return Question(
             lambda seed: self.all_adapted(case for item in usable for case in item.design(seed, self.where)),
             self._adapting(drawn),
             lambda _: False,
+            tuple(self.all_adapted(fixed)),
         )
 
     def all_adapted(self, cases: Iterable[Case]) -> list[Case]:

@@ -122,7 +122,7 @@ def rest_monomials(d: int, n: int, terms: int, random: Random) -> tuple[set[int]
 
 
 def monomials_at_rest(d: int, n: int, terms: int, zero: Sequence[int], random: Random) -> list[Exponents]:
-    """Draw at most `terms` monomials that have degree ≥ 2 in the components `zero`; the first has total degree n."""
+    """Draw at most `terms` monomials of joint degree ≥ 2 in the components numbered `zero`; the first has degree n."""
     found: dict[Exponents, None] = {}
     for _ in range(40 * terms):
         degree = n if not found or random.random() < 0.5 else random.randint(2, n)
