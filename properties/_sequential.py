@@ -37,7 +37,8 @@ GROWTH = 4
 # A scheme without batches gets the budget of paths divided by SINGLE, but at least FIRST_LOOK paths.
 SINGLE = 8
 # Paths of an early look at a scheme without batches. It may decide "holds", after 8,000 steps for most, not "violated".
-EARLY = 96
+# Of all laws together such a scheme takes less than 30,000 steps (`python -m benchmarks.steps`).
+EARLY = 95
 # The error probability of an interval that confirms an order of a scheme without batches. It may be large, because laws
 # about one step detect a lower order by quadrature, and sampling only shows that steps compose.
 HOLD = 1e-3

@@ -36,7 +36,8 @@ def watched(scheme: Scheme) -> Iterator[Scheme]:
     def step(problem: Problem, y: Array, h: float, dW: Array, *further: Array) -> Array:
         with np.errstate(all="warn"), warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            warnings.filterwarnings("ignore", "an unusual filter, or a step that ignores all would change nothing")
+            # An unusual filter before it: a step that ignores all warnings would change nothing otherwise.
+            warnings.simplefilter("ignore", ImportWarning)
             filters = list(warnings.filters)
             try:
                 answer: Array = scheme.step(problem, y, h, dW, *further)

@@ -23,7 +23,7 @@ from sepv.reference.steps import reference_step
 from sepv.reference.vector import ReferenceVector, load, schemes_with_vectors
 
 from sepv.errors import StepFailure
-from sepv.problem import Array, GivenProblem, Problem, matvec
+from sepv.problem import Array, GivenProblem, PolynomialSystem, Problem, matvec
 from sepv.problems import commuting_actions
 from sepv.record import EPS, TINY, poly
 from sepv.schemes import Scheme, Systems, ask
@@ -41,7 +41,7 @@ from sepv.verification import (
     state_ulp,
 )
 from sepv.verification._cases.commuting import of_actions
-from sepv.verification._cases.fixed_cases import many
+from sepv.verification._cases.fixed_cases import longest, many
 from sepv.verification._cases.random_parts import coefficient
 from sepv.verification._tolerance import gradient_majorant, state_error, structure_majorant
 
@@ -203,6 +203,14 @@ def _critical() -> tuple[Case, ...]:
     return tuple(critical_step(Random(seed)) for seed in range(CRITICAL))
 
 
+@cache
+def _flat() -> tuple[Case, ...]:
+    """Make steps from a state at which B′ and H″ vanish, for a B that is not constant and an H that is not linear."""
+    H = poly.polynomial(2, {(0, 1): 1.0, (4, 0): 1.0})
+    B = ((0, 1, poly.polynomial(2, {(0, 0): 1.0, (2, 0): 1.0})),)
+    return longest(PolynomialSystem(2, H, B, (1.0,)), (0.0, 0.5))
+
+
 def _law(seen: list[tuple[Case, Measurement]], extra: Iterable[Case] = ()) -> Law:
     def measured(scheme: Scheme, case: Case) -> Measurement:
         seen.append((case, check(scheme, case)))
@@ -223,7 +231,7 @@ def _law(seen: list[tuple[Case, Measurement]], extra: Iterable[Case] = ()) -> La
                 Systems.HAMILTONIANS: "it is about the equation of (2.1), which several Hamiltonians do not have"
             },
             fixed={systems: lambda: extra for systems in Systems}
-            | {Systems.SEVERAL: lambda: (*_critical(), *extra), Systems.SINGLE: lambda: (*many(), *extra)},
+            | {Systems.SEVERAL: lambda: (*_critical(), *extra), Systems.SINGLE: lambda: (*many(), *_flat(), *extra)},
         ),
         check=measured,
     )
