@@ -53,7 +53,7 @@ REFUSED, HALVED = 1 / 4, 2
 # If a slope is undecided and its interval narrower than NARROW, the margin between bound and order, then the steps are
 # too long, and more paths do not help. The step sizes are halved once. This raises the slope only of a right order.
 NARROW = 0.25
-# A violated slope is looked at again at the two finest step sizes, with FINER times the steps.
+# A violated slope or limit is looked at again with FINER times the steps.
 FINER = 8
 # A violated slope counts only if the reference's error is at most KNOWN times the scheme's error at the finest step.
 # This changes a slope over step sizes that differ by a factor of 4 by at most log(1 + KNOWN)/log 4 = 0.16.
@@ -218,7 +218,12 @@ def judge(
     law: Law, scheme: Scheme, run: Run, assess: Assess, *,
     at_least: bool = True, setups: Sequence[Setup] | None = None,
 ) -> Finding:  # fmt: skip
-    """Return the worst verdict over the problems, with more paths as needed. If `at_least`, bounds are lower bounds."""
+    """Return the worst verdict over the problems, with more paths as needed. If `at_least`, bounds are lower bounds.
+
+    `setups` are those of problems of the law itself, by default those of the scheme. A violation on problems of the
+    law itself is not looked at again.
+    """
+    again = setups is None
     setups = [_taken(scheme, s) for s in (setups_for(scheme, run.effort) if setups is None else setups)]
     alpha = share(scheme, run.effort, len(setups))
     judged: list[tuple[Setup, StrongErrors, Assessment]] = []
@@ -226,7 +231,9 @@ def judge(
     skipped: list[Skipped] = []
     for setup in setups:
         try:
-            used, errors, assessment, refused = _judge_one(scheme, setup, run, assess, alpha, slope=at_least)
+            used, errors, assessment, refused = _judge_one(
+                scheme, setup, run, assess, alpha, slope=at_least, again=again
+            )
         except Skipped as skip:  # programs may refuse some problems
             skipped.append(skip)
             lines.append(f"{setup.problem}: skipped, {skip.reason}")
@@ -310,13 +317,14 @@ def worst_path(problem: Problem, errors: StrongErrors, seed: int, *, drawn: bool
 
 
 def _judge_one(
-    scheme: Scheme, setup: Setup, run: Run, assess: Assess, alpha: float, *, slope: bool
+    scheme: Scheme, setup: Setup, run: Run, assess: Assess, alpha: float, *, slope: bool, again: bool = True
 ) -> tuple[Setup, StrongErrors, Assessment | None, str]:
     """Judge one problem at its step sizes, or at halved ones if paths failed or a `slope` is too near its bound.
 
-    The string says why step sizes were halved. If paths fail at the smallest sizes too, there is no assessment. Each
-    look (number of paths) at halved steps adds to the probability of a false alarm: its part of FALSE_ALARM times the
-    probability that a path fails only at a later look (a few per cent), or that a slope is near its bound.
+    If `again`, a violation is looked at again at finer steps. The string says why step sizes were halved. If paths fail
+    at the smallest sizes too, there is no assessment. Each look (number of paths) at halved steps adds to the
+    probability of a false alarm: its part of FALSE_ALARM times the probability that a path fails only at a later look
+    (a few per cent), or that a slope is near its bound.
     """
     why, halved = "", 0
     while True:
@@ -331,29 +339,41 @@ def _judge_one(
         else:
             break
         halved += 1
-    if slope and assessment is not None and assessment.verdict is Verdict.VIOLATED:
-        assessment = _confirmed(scheme, used, run, assess, alpha, assessment)
-        if assessment.verdict is Verdict.VIOLATED and errors.reference > KNOWN * errors.rms()[-1]:
+    if again and assessment is not None and assessment.verdict is Verdict.VIOLATED:
+        assessment = _confirmed(scheme, used, run, assess, alpha, assessment, slope=slope)
+        unknown = slope and errors.reference > KNOWN * errors.rms()[-1]
+        if unknown and assessment.verdict is Verdict.VIOLATED:
             doubt = f"{assessment.text}, but the reference is known to {errors.reference:.1e} only"
             assessment = replace(assessment, verdict=Verdict.INCONCLUSIVE, text=doubt)
     return used, errors, assessment, why
 
 
 def _confirmed(
-    scheme: Scheme, setup: Setup, run: Run, assess: Assess, alpha: float, assessment: Assessment
+    scheme: Scheme,
+    setup: Setup,
+    run: Run,
+    assess: Assess,
+    alpha: float,
+    assessment: Assessment,
+    *,
+    slope: bool,
 ) -> Assessment:
-    """Look at a violated slope again with FINER times the steps: if it holds there, it holds; if not low, it is open.
+    """Look at a violation again with FINER times the steps: the law holds if it holds there, or else may be open.
 
-    A scheme that divides long steps, or takes them by another formula, shows its order at smaller step sizes only.
+    A scheme that divides long steps, or takes them by another formula, shows its order and its limit at smaller step
+    sizes only. A slope is looked at with the two finest step sizes. It is violated again if its estimate is too low.
     """
-    finer, fine = replace(setup, steps=tuple(FINER * n for n in setup.steps[-2:])), None
+    sizes = setup.steps[-2:] if slope else setup.steps
+    finer, fine = replace(setup, steps=tuple(FINER * n for n in sizes)), None
     if not sparing(scheme, run.effort):
         _, fine = _look(scheme, finer, run, assess, alpha)
     elif not any((errors := sampled(scheme, finer, EARLY, run)).failures):
         fine = assess(setup.build(), errors, alpha, 1.0)
-    if fine is None or (fine.verdict is not Verdict.HOLDS and fine.value <= fine.bound):
+    if fine is None or fine.verdict is Verdict.VIOLATED:
         return assessment
-    text = f"{assessment.text}, but {fine.text} with {' and '.join(map(str, finer.steps))} steps"
+    if slope and fine.verdict is not Verdict.HOLDS and fine.value <= fine.bound:
+        return assessment
+    text = f"{assessment.text}, but {fine.text.rstrip(',')} with {', '.join(map(str, finer.steps))} steps"
     verdict = Verdict.HOLDS if fine.verdict is Verdict.HOLDS else Verdict.INCONCLUSIVE
     return replace(fine, verdict=verdict, text=text)
 

@@ -231,7 +231,10 @@ def _law(seen: list[tuple[Case, Measurement]], extra: Iterable[Case] = ()) -> La
                 Systems.HAMILTONIANS: "it is about the equation of (2.1), which several Hamiltonians do not have"
             },
             fixed={systems: lambda: extra for systems in Systems}
-            | {Systems.SEVERAL: lambda: (*_critical(), *extra), Systems.SINGLE: lambda: (*many(), *_flat(), *extra)},
+            | {
+                Systems.SEVERAL: lambda: (*_critical(), *extra),
+                Systems.SINGLE: lambda: (*many(), *_flat(), *extra),
+            },
         ),
         check=measured,
     )
