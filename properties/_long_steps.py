@@ -47,7 +47,8 @@ def _degrees() -> list[Case]:
 
     With H = a q^n + p, q changes at a constant rate. It starts at ¼ of |y|, and a is so small that q gets as far as 1
     inside the contraction radius. The longest step whose solution is proved to exist shows that one node is missing up
-    to n = 14, three for n = 17 and four for n = 20. For n = 16 and 20 further cases give H as bare functions.
+    to n = 14, three for n = 17 and four for n = 20. For n = 16 and 20 further cases give H as bare functions. The last
+    cases are oscillators with H = ½p² + aq^n.
     """
     found = []
     for degree, given in (*((n, "data") for n in _DEGREES), *((n, "bare functions") for n in _OPAQUE)):
@@ -55,6 +56,15 @@ def _degrees() -> list[Case]:
         H = poly.polynomial(2, {(degree, 0): 2.0 ** np.floor(np.log2(CONTRACTION / slope)), (0, 1): 1.0})
         driven = PolynomialSystem(2, H, planes(2), (1.0,))
         found += [replace(case, given=given) for case in longest(driven, (0.25, 1.0))]
+    for degree in (
+        3,
+        4,
+        6,
+        8,
+    ):  # q is not linear in the time, which matters for a scheme of two stages or more
+        a = 2.0 ** -np.floor(np.log2(degree * (degree - 1)))
+        oscillator = PolynomialSystem(2, poly.polynomial(2, {(2, 0): 0.5, (0, degree): a}), planes(2), (1.0,))
+        found += longest(oscillator, (1.0, 0.75))
     return found
 
 

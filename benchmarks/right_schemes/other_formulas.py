@@ -47,6 +47,18 @@ def _trapezoidal(fields: Fields, y: Any, z: Any, step: Any) -> Any:
     return step[0] * drift + step[1] * fields.field(y + 0.5 * z)
 
 
+def _substeps(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """⌈4|Δ|⌉ equal steps of (2.1), but one at least and eight at most."""
+    state, noise = as_lanes(problem, y, h, dW)
+    y1 = state.copy()
+    counts = np.clip(np.ceil(4 * np.abs(problem.random_step(h, noise))), 1, 8)
+    for n in np.unique(counts):
+        lanes = np.flatnonzero(counts == n)
+        for _ in range(int(n)):
+            y1[:, lanes] = energy_preserving.step(problem, y1[:, lanes], h / n, noise[:, lanes] / n)
+    return y1.reshape(y.shape)
+
+
 def _sra1(problem: Problem, y: Array, h: float, dW: Array, H: Array) -> Array:
     """One step of SRA1; I_(j,0) = h(½ΔW_j + H_j)."""
     first, noise, area = vector_field(problem, y), np.zeros_like(y), np.zeros_like(y)
@@ -297,6 +309,12 @@ SCHEMES: tuple[Scheme, ...] = (
         truncation=4,
         source="explicit-4 in two half steps where |Δ| > ¼, so that its order shows at small steps only",
         batched=True,
+    ),
+    like_the_core(
+        "equal-substeps",
+        _substeps,
+        "(2.1) in up to eight equal parts of |Δ| ≤ ¼, so that its limit shows at small steps only",
+        claims=CLAIMED - _NOT_ITSELF,
     ),
     like_the_core(
         "two-half-steps",

@@ -278,6 +278,7 @@ def measure(
             finding = law.replay(law, scheme, failure.witness) if failure else law.run(law, scheme, run)
     except TimedOut:
         text = f"the scheme did not come back: stopped after {timeout:g} s (--timeout)"
+        text += "; if it divides long steps, state the longest one: Scheme(…, longest_step=…)"
         finding = law.finding(Verdict.ERROR, message=text)
     except Skipped as skipped:
         finding = law.finding(Verdict.NOT_APPLICABLE, message=str(skipped), skipped=1)

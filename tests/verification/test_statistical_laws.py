@@ -60,11 +60,9 @@ def test_a_scheme_of_weak_order_one_that_claims_two_is_violated(name: str) -> No
     says(replace(schemes.by_name(name), weak_order=2.0), "weak-order", "violated", paths=2048)
 
 
-@pytest.mark.parametrize("name", ["divided-long-steps", "sra1"])
-def test_the_order_of_long_steps_that_are_divided_and_order_1_5_of_additive_noise_are_found(
-    name: str,
-) -> None:
-    laws = ("mean-square-order", "weak-order")
+@pytest.mark.parametrize("name", ["divided-long-steps", "equal-substeps", "sra1"])
+def test_the_order_and_limit_of_long_steps_that_are_divided_and_order_1_5_are_found(name: str) -> None:
+    laws = ("mean-square-order", "weak-order", "right-limit")
     assert verdicts(RIGHT[name], laws) == dict.fromkeys(laws, "holds")
 
 
