@@ -40,6 +40,7 @@ from sepv.verification import (
     searched,
     state_ulp,
 )
+from sepv.verification._cases.classes import FAMILIES
 from sepv.verification._cases.commuting import of_actions
 from sepv.verification._cases.fixed_cases import longest, many
 from sepv.verification._cases.random_parts import coefficient
@@ -230,7 +231,7 @@ def _law(seen: list[tuple[Case, Measurement]], extra: Iterable[Case] = ()) -> La
             not_of={
                 Systems.HAMILTONIANS: "it is about the equation of (2.1), which several Hamiltonians do not have"
             },
-            fixed={systems: lambda: extra for systems in Systems}
+            fixed={systems: lambda: extra for systems in Systems if systems not in FAMILIES}
             | {
                 Systems.SEVERAL: lambda: (*_critical(), *extra),
                 Systems.SINGLE: lambda: (*many(), *_flat(), *extra),

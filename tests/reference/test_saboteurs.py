@@ -39,7 +39,7 @@ IMITATED = {
         "isospectral-midpoint": "midpoint-as-isospectral",
         "conformal": "damped-midpoint damped-rationally damped-at-once damped-by-size",
         "darboux-lie": "arithmetic-middle",
-        "drift-preserving": "halves-alike pushed-too-far structure-before-the-step",
+        "drift-preserving": "halves-alike pushed-too-far structure-before-the-step midpoint-between-the-halves",
     }.items()
     for name in names.split()
 }
