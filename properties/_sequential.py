@@ -55,8 +55,8 @@ REFUSED, HALVED = 1 / 4, 2
 NARROW = 0.25
 # A violated slope or limit is looked at again with FINER times the steps.
 FINER = 8
-# A violated slope counts only if the reference's error is at most KNOWN times the scheme's error at the finest step.
-# This changes a slope over step sizes that differ by a factor of 4 by at most log(1 + KNOWN)/log 4 = 0.16.
+# A violation counts only if the reference's error is at most KNOWN times the scheme's error at the finest step. This
+# changes a slope over step sizes that differ by a factor of 4 by at most log(1 + KNOWN)/log 4 = 0.16.
 KNOWN = 1 / 4
 # Errors below FLAT times the state that differ by less than a factor of 1.5 may be those of a solver's tolerance.
 FLAT = 1e-5
@@ -166,8 +166,8 @@ def _built_in(problem: Problem) -> bool:
 
 def is_tilted(scheme: Scheme) -> bool:
     """True if `sepv.properties._orders.tilting` draws the paths of a scheme, so that its errors carry weights."""
-    # The exact solutions of several fields are references computed along a path, which weights do not fit.
-    order = None if scheme.systems in OF_SEVERAL else scheme.mean_square_order
+    # The exact solutions of several fields and of damped systems depend on the whole path, which weights do not fit.
+    order = None if scheme.systems in (*OF_SEVERAL, Systems.DAMPED) else scheme.mean_square_order
     return order is not None and order >= TILTED
 
 
@@ -341,7 +341,7 @@ def _judge_one(
         halved += 1
     if again and assessment is not None and assessment.verdict is Verdict.VIOLATED:
         assessment = _confirmed(scheme, used, run, assess, alpha, assessment, slope=slope)
-        unknown = slope and errors.reference > KNOWN * errors.rms()[-1]
+        unknown = errors.reference > KNOWN * errors.rms()[-1]
         if unknown and assessment.verdict is Verdict.VIOLATED:
             doubt = f"{assessment.text}, but the reference is known to {errors.reference:.1e} only"
             assessment = replace(assessment, verdict=Verdict.INCONCLUSIVE, text=doubt)
