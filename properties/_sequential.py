@@ -23,8 +23,9 @@ from sepv.properties._sampled import sparing
 
 from sepv import problems
 from sepv.errors import Skipped
-from sepv.problem import NamedProblem, Problem, Systems
+from sepv.problem import NamedProblem, Problem, Systems, is_several
 from sepv.schemes import OF_SEVERAL, Scheme, guarded
+from sepv.verification._cases.users_problems import sources
 from sepv.verification._law import Effort, Finding, Law, Run, Verdict
 from sepv.verification._units import units_of
 
@@ -167,7 +168,8 @@ def _built_in(problem: Problem) -> bool:
 def is_tilted(scheme: Scheme) -> bool:
     """True if `sepv.properties._orders.tilting` draws the paths of a scheme, so that its errors carry weights."""
     # The exact solutions of several fields and of damped systems depend on the whole path, which weights do not fit.
-    order = None if scheme.systems in (*OF_SEVERAL, Systems.DAMPED) else scheme.mean_square_order
+    own = any(is_several(problem) for item in sources(scheme) for problem in item.problems)
+    order = None if own or scheme.systems in (*OF_SEVERAL, Systems.DAMPED) else scheme.mean_square_order
     return order is not None and order >= TILTED
 
 
@@ -407,6 +409,8 @@ def _look(
 
 def _wanted(scheme: Scheme, setup: Setup, assess: Assess, errors: StrongErrors, alpha: float) -> str:
     """Say how many paths would decide if the means stayed unchanged."""
+    if errors.reference > KNOWN * errors.rms()[-1]:
+        return f"{setup.problem}: more paths would not settle it, because the reference is not known better"
     paths, problem = errors.squared.shape[1], setup.build()
     for factor in _MORE:
         if assess(problem, errors, alpha, factor).verdict is not Verdict.INCONCLUSIVE:

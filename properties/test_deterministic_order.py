@@ -21,15 +21,17 @@ from sepv.properties._orders.without_noise import (
 )
 
 from sepv.errors import Skipped
+from sepv.problem import Systems
 from sepv.schemes import OF_SEVERAL, Scheme
 from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:  # noqa: ARG001 - nothing is drawn
     """Compare the least power of h in the error of a step with p + ½, for the claimed order p (1 without a claim)."""
-    if scheme.asks or scheme.systems in OF_SEVERAL:
+    if scheme.asks or scheme.systems in (*OF_SEVERAL, Systems.DAMPED):
         return law.finding(
-            Verdict.NOT_APPLICABLE, message="the scheme is for several fields, which c = () leaves alone"
+            Verdict.NOT_APPLICABLE,
+            message="the scheme is for several fields or damping, and y′ = B∇H has neither",
         )
     claimed = scheme.order or 1.0
     least, lines, measured, checks = claimed + 0.5, [], [], 0
