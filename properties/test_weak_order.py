@@ -25,7 +25,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from sepv.properties import test_local_weak as local_weak
 from sepv.properties._orders import local_orders
 from sepv.properties._orders.convergence import StrongErrors, above_floor, mean_square_order
 from sepv.properties._orders.means import Coefficient, decay, leading, moment_errors
@@ -110,7 +109,10 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
     if undecided and scheme.systems is Systems.HAMILTONIANS:
         # Errors of order ½ of paths may hide the means. The paths contradict nothing, and Milstein's theorem concludes
         # from one step: G. N. Milstein, Numerical Integration of Stochastic Differential Equations (1995), §9.
-        one_step = local_weak.run(local_weak.law, scheme, this_run)
+        one_step = local_orders.judge(
+            law, scheme, this_run, lambda errors: errors.weak,
+            lambda errors: order_of(scheme.weak_order, errors.column), local_orders.mean_slope, 1.0,
+        )  # fmt: skip
         if one_step.verdict is Verdict.HOLDS:
             text = (
                 f"{found.message}\nnot decided by paths, but by the weak error of one step (law local-weak)"
