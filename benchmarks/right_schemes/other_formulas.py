@@ -194,7 +194,10 @@ def _divided(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     step = by_name("explicit-4").step
     whole = step(problem, y0, h, noise)
     halves = step(problem, step(problem, y0, h / 2, noise / 2), h / 2, noise / 2)
-    return np.where(np.abs(problem.random_step(h, noise)) > 0.25, halves, whole).reshape(np.shape(y))
+    y1 = np.where(np.abs(problem.random_step(h, noise)) > 0.25, halves, whole)
+    if not np.isfinite(y1).all():
+        raise ArithmeticError("the step overflows")
+    return y1.reshape(np.shape(y))
 
 
 def _velocity_verlet(problem: Problem, y: Array, h: float, _dW: Array) -> Array:
