@@ -56,12 +56,8 @@ def _degrees() -> list[Case]:
         H = poly.polynomial(2, {(degree, 0): 2.0 ** np.floor(np.log2(CONTRACTION / slope)), (0, 1): 1.0})
         driven = PolynomialSystem(2, H, planes(2), (1.0,))
         found += [replace(case, given=given) for case in longest(driven, (0.25, 1.0))]
-    for degree in (
-        3,
-        4,
-        6,
-        8,
-    ):  # q is not linear in the time, which matters for a scheme of two stages or more
+    # In an oscillator q is not linear in the time, which matters for a scheme of two stages or more.
+    for degree in (3, 4, 6, 8):
         a = 2.0 ** -np.floor(np.log2(degree * (degree - 1)))
         oscillator = PolynomialSystem(2, poly.polynomial(2, {(2, 0): 0.5, (0, degree): a}), planes(2), (1.0,))
         found += longest(oscillator, (1.0, 0.75))

@@ -23,7 +23,9 @@ def collect_seldom() -> None:
 
 
 def cores() -> int:
-    """The number of processors that this process may use, at most MOST."""
+    """The number of processors that this process may use, at most MOST; 1 where processes cannot inherit a file."""
+    if os.name != "posix":
+        return 1
     usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return min(usable, MOST)
 

@@ -49,7 +49,7 @@ FAR_OFF = (
     "thresholds may be absolute"
 )
 NO_BOUND = "a case whose numbers overflow has no bound"
-# A bound is √h A_h if it lies between this part of √h A_h and this part's reciprocal.
+# A step clips at √h A_h if its bound is this part of it or more. For k and k + 1 ≤ 9 the A_h differ by 5 % at least.
 NEARLY = 1 - 2.0**-6
 CLIPPED = "the step clips an increment beyond √h A_h (Remark 2.1)"
 # The factor on the number of random examples for a law without a design.
