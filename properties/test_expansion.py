@@ -50,8 +50,9 @@ Arguments = Callable[[float], tuple[float, Array]]
 def check(scheme: Scheme, case: Case) -> Measurement:
     """Measure the coefficients from steps with h > 0. If some are wrong, measure them along two lines of (h, ΔW) too.
 
-    A scheme that treats h and ΔW apart need not be analytic in Δ if h stays positive: its error may be c|Δ|⁵. On a line
-    through (0, 0) it is analytic. The law holds if the coefficients are right on the lines of both signs of the noise.
+    The steps with −Δ have the same h and another ΔW. If a scheme treats h and ΔW apart, its error may then be c|Δ|⁵,
+    which is not analytic. It is analytic on each of two lines, through the steps with Δ and with −Δ, and (0, 0). The
+    law holds if the coefficients are right on both lines.
     """
     problem, _, h, dW = case.build()
     if is_several(problem):  # no noise reverses the drift: h changes its sign too

@@ -209,16 +209,15 @@ def _verify(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any], 
 
 
 def _jobs(targets: tuple[Any, ...], options: dict[str, Any], all_laws: bool) -> int:
-    """The number of processes for the laws. Processes for all laws start here, before the imports of this process."""
+    """The number of processes for the laws. Processes for all laws start here, before most imports of this process."""
     if any(options[key] for key in ("require", "workers", "token", "against")) or not all_laws:
         return options["jobs"] or 1
-    words = all(isinstance(target, str) and ":" not in target for target in targets)
-    jobs: int = options["jobs"] or (cores() if words and not followed() else 1)
-    if jobs > 1:
-        start_ahead(jobs)
     from sepv.schemes import built_in
 
-    return jobs if options["jobs"] or all(map(built_in, targets)) else 1
+    jobs: int = options["jobs"] or (cores() if all(map(built_in, targets)) and not followed() else 1)
+    if jobs > 1:
+        start_ahead(jobs)
+    return jobs
 
 
 def _against(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any]) -> int:
