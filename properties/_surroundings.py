@@ -28,9 +28,9 @@ from sepv.schemes import Scheme
 def watched(scheme: Scheme) -> Iterator[Scheme]:
     """Context manager: give a copy of the scheme to call, and raise SchemeFault on exit if a call changed global state.
 
-    While the scheme runs, floating-point errors are warnings, and warnings are ignored. Changes of NumPy's error handling
-    are looked for at the end of each call, because `sepv.schemes._guard` undoes them. What an import changes is not
-    judged.
+    While the scheme runs, floating-point errors are warnings, and warnings are ignored. Changes of NumPy's error
+    handling are looked for at the end of each call, because `sepv.schemes._guard` undoes them. What an import changes
+    is not judged.
     """
     inside: dict[str, Any] = {}
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
@@ -57,13 +58,19 @@ def field(problem: Problem, y: Array, parts: Array, areas: Array, bridges: Array
     Space-time areas H (m, M), as `bridges`, add the brackets with the drift, Σ c_j A_0j [f_0, f_j] with A_0j = −hH_j.
     With them, and if the noises commute, the integrals of the omitted terms are of the order of h².
     """
-    total = combined_field(problem, y, parts)
+    return with_brackets(combined_field(problem, y, parts), problem, y, parts[0], areas, bridges)
+
+
+def with_brackets(
+    total: Array, problem: Problem, y: Array, h: Any, areas: Array, bridges: Array | None
+) -> Array:
+    """Add to `total` (d, M) the brackets of the noises, and with `bridges` those with the drift (`field`)."""
     for area, (i, j) in zip(areas, combinations(range(problem.noises), 2), strict=False):
         factor = problem.c[i] * problem.c[j] * area
         if np.any(factor):
             total = total + factor * bracket(problem, i, j, y)
     for j, H in enumerate(() if bridges is None else bridges):
-        total = total - problem.c[j] * parts[0] * H * drift_bracket(problem, j, y)
+        total = total - problem.c[j] * h * H * drift_bracket(problem, j, y)
     return total
 
 
@@ -106,19 +113,14 @@ def path(problem: Problem, y0: Array, rough: RoughPath, *, with_drift: bool) -> 
     E[A_ij ΔW_k] = 0, this splitting omits terms of O(h^{3/2}) with mean O(h²). It takes half as long as a step with the
     brackets in the field, with errors larger by a twentieth.
 
-    `with_drift` is for noises that commute, whose brackets vanish. It adds the brackets with the drift (`field`). The
+    `with_drift` is for noises whose brackets with each other vanish. It adds the brackets with the drift instead. The
     terms that a step omits are then O(h²).
     """
     y = np.repeat(y0[:, None], rough.dW.shape[2], axis=1)
     none = np.zeros((0, rough.dW.shape[2]))
-    pairs = list(combinations(range(problem.noises), 2))
-    for increment, area, bridges in zip(rough.dW, rough.areas, rough.bridges, strict=True):
+    for increment, areas, bridges in zip(rough.dW, rough.areas, rough.bridges, strict=True):
         parts = each_noise(problem, rough.h, increment)
         moved = runge_kutta(partial(field, problem, parts=parts, areas=none), y, 1, CLASSICAL)
-        for row, (i, j) in zip(area, pairs, strict=True):
-            if not with_drift:
-                moved = moved + (problem.c[i] * problem.c[j] * row) * bracket(problem, i, j, y)
-        for j, H in enumerate(bridges if with_drift else ()):
-            moved = moved - problem.c[j] * rough.h * H * drift_bracket(problem, j, y)
-        y = moved
+        chosen = (none, bridges) if with_drift else (areas, None)
+        y = with_brackets(moved, problem, y, rough.h, *chosen)
     return y

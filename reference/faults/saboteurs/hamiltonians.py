@@ -110,6 +110,17 @@ def pushed_too_far(problem: Problem, y: Array, h: float, dW: Array, first: Array
     return pushed(problem, middle, far * (noise - before)).reshape(y.shape)
 
 
+def _between_the_halves(
+    quiet_step: Implicit, problem: Problem, y: Array, h: float, dW: Array, first: Array
+) -> Array:
+    """Make a step without noise between the two halves of the noise, as drift-preserving does."""
+    schemes.drift_preserving.step(problem, y, 0.0, 0 * dW, 0 * first)  # raises for a refused problem
+    state, noise = as_lanes(problem, y, h, dW)
+    before = np.reshape(first, noise.shape)
+    moved = quiet_step(problem, pushed(problem, state, before), h, noise)
+    return pushed(problem, moved, noise - before).reshape(y.shape)
+
+
 _explicit_structure = implicit(
     lambda fields, y, z, step: step[0] * fields.apply(y, fields.mean_gradient(y, z)), parts=quiet.parts
 )
@@ -122,11 +133,7 @@ _explicit_structure = implicit(
 )
 def structure_before_the_step(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array:
     """Take B at Y in Y + hB(Y)∇̄H, where Y is the state after the first half of the noise, and not at the midpoint."""
-    schemes.drift_preserving.step(problem, y, 0.0, 0 * dW, 0 * first)  # raises for a refused problem
-    state, noise = as_lanes(problem, y, h, dW)
-    before = np.reshape(first, noise.shape)
-    moved = _explicit_structure(problem, pushed(problem, state, before), h, noise)
-    return pushed(problem, moved, noise - before).reshape(y.shape)
+    return _between_the_halves(_explicit_structure, problem, y, h, dW, first)
 
 
 _midpoint = implicit(lambda fields, y, z, step: step[0] * fields.field(y + 0.5 * z), parts=quiet.parts)
@@ -139,8 +146,4 @@ _midpoint = implicit(lambda fields, y, z, step: step[0] * fields.field(y + 0.5 *
 )
 def midpoint_between_the_halves(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array:
     """Make a midpoint step, in the place of an energy-preserving one, between the halves of the noise."""
-    schemes.drift_preserving.step(problem, y, 0.0, 0 * dW, 0 * first)  # raises for a refused problem
-    state, noise = as_lanes(problem, y, h, dW)
-    before = np.reshape(first, noise.shape)
-    moved = _midpoint(problem, pushed(problem, state, before), h, noise)
-    return pushed(problem, moved, noise - before).reshape(y.shape)
+    return _between_the_halves(_midpoint, problem, y, h, dW, first)
