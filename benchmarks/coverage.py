@@ -26,7 +26,8 @@ from sepv.properties import mean_square_slope as slope
 from sepv.properties._orders.convergence import first, join, quantile_slope, strong_errors
 from sepv.properties._orders.means import decay, leading, limit_errors, moment_errors
 from sepv.properties._orders.tilting import tilted_errors
-from sepv.properties._sequential import FIRST_LOOK, Assess, Setup, is_tilted, setups_for
+from sepv.properties._sequential import FIRST_LOOK, Assess, is_tilted
+from sepv.properties._setups import Setup, setups_for
 
 from benchmarks import over, start
 from sepv import problems, schemes

@@ -12,7 +12,8 @@ from typing import Any
 
 from sepv.properties._orders.convergence import StrongErrors, mean_square_order
 from sepv.properties._sampled import pathwise
-from sepv.properties._sequential import Assessment, Setup, judge
+from sepv.properties._sequential import Assessment, judge
+from sepv.properties._setups import Setup
 
 from sepv.problem import Problem
 from sepv.schemes import Scheme, Systems

@@ -10,7 +10,7 @@ from importlib.metadata import packages_distributions, version
 from typing import Any
 
 import numpy as np
-from sepv.properties._sequential import setups
+from sepv.properties._setups import setups
 from sepv.reference.peers.peer import load
 
 from benchmarks.peers.environments import VERSIONS

@@ -181,7 +181,7 @@ class Run:
     ----------
     effort : Effort
     paths : dict
-        Errors along sampled paths; the key is the setup of the paths (`sepv.properties._sequential.Setup`).
+        Errors along sampled paths; the key is the setup of the paths (`sepv.properties._setups.Setup`).
     steps : dict
         Errors of single steps; the key is the problem, which is compared by identity.
     """

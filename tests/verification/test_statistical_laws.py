@@ -22,8 +22,9 @@ from sepv.properties._orders.convergence import (
 )
 from sepv.properties._orders.means import decay, leading, limit_errors, moment_errors
 from sepv.properties._orders.tilting import tilted_errors, tilted_increments
-from sepv.properties._sequential import FIRST_LOOK, sampled, setups_for
+from sepv.properties._sequential import FIRST_LOOK, sampled
 from sepv.properties._sequential import _wanted as wanted
+from sepv.properties._setups import Setup, setups_for
 
 from benchmarks.right_schemes import RIGHT
 from sepv import Scheme, problems, schemes, verify
@@ -412,7 +413,7 @@ def test_no_chance_is_level_enough_without_a_count() -> None:
 
 
 def test_a_slope_near_its_bound_is_judged_at_halved_steps(monkeypatch: pytest.MonkeyPatch) -> None:
-    def drawn(_scheme: Scheme, setup: sequential.Setup, paths: int, _run: Run) -> SimpleNamespace:
+    def drawn(_scheme: Scheme, setup: Setup, paths: int, _run: Run) -> SimpleNamespace:
         return SimpleNamespace(failures=[0], squared=np.zeros((3, paths)), steps=setup.steps)
 
     def assess(_problem: Problem, errors: StrongErrors, _alpha: float, _more: float) -> sequential.Assessment:
@@ -421,7 +422,7 @@ def test_a_slope_near_its_bound_is_judged_at_halved_steps(monkeypatch: pytest.Mo
         return sequential.Assessment(verdict, low + 0.05, low, low + 0.1, 1.75, "slope")
 
     monkeypatch.setattr(sequential, "sampled", drawn)
-    setup = sequential.Setup("rigid-body", 0.5, (8, 16, 64))
+    setup = Setup("rigid-body", 0.5, (8, 16, 64))
     used, _, judged, why = sequential._judge_one(
         schemes.energy_preserving, setup, Run(), assess, 1e-6, slope=True
     )
