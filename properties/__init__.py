@@ -2,10 +2,10 @@
 
 Files whose names begin with an underscore hold measurements that several laws use. `_orders` measures orders of
 convergence, for one step by quadrature and over sampled paths. `_exact_step` solves a step in extended precision.
-`_sequential` samples paths of `_setups` until the verdict is clear. `_without_solution` proves that a step has no solution.
-`_growth`, `_decay`, `_trace_formula`, `_poisson_map`, `_reversal`, `_way_back` and `_states_of_a_path` have one theorem
-each, which two or three laws use. `_structures` tests conditions on B. The law *contract* has its checks that need
-several calls of a step in `_without_memory`.
+`_sequential` samples paths of `_setups` until the verdict is clear. `_without_solution` proves that a step has no
+solution. `_growth`, `_decay`, `_trace_formula`, `_poisson_map`, `_reversal`, `_way_back` and `_states_of_a_path` have
+one theorem each, which two or three laws use. `_structures` tests conditions on B. The law *contract* has its checks
+that need several calls of a step in `_without_memory`.
 """
 
 from __future__ import annotations
