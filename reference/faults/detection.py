@@ -17,6 +17,7 @@ from typing import Any
 from rich.console import Console
 from rich.text import Text
 
+from sepv._arguments import did_you_mean
 from sepv.console import Table, columns, fits, print_table
 from sepv.errors import require_one_of
 from sepv.verification import LAWS, Effort, Run, Verdict, load_laws, measure
@@ -125,7 +126,7 @@ def detect(
 
 def find(name: str) -> Saboteur:
     """The saboteur of this name. Raises UsageError for an unknown name."""
-    require_one_of("a saboteur", name, SABOTEURS, "take one of these names")
+    require_one_of("a saboteur", name, SABOTEURS, "take one of these names", did_you_mean(name, SABOTEURS))
     return SABOTEURS[name]
 
 
