@@ -22,7 +22,7 @@ from sepv.schemes import Step
 from sepv.schemes._further_increments import as_matrix, as_rows
 
 NOISE_TYPES = {"general": "general", "commutative": "general", "one": "scalar", "additive": "additive"}
-SOURCE = "torchsde, strong_order and weak_order of the solver for the noise type (_core/methods)"
+SOURCE = "each solver's strong_order and weak_order for the noise type, in torchsde's _core/methods"
 
 
 class _System(torch.nn.Module):
