@@ -17,7 +17,7 @@ from sepv.properties._surroundings import watched
 from sepv.errors import NotFinite, SchemeFault, SepvError, StepFailure
 from sepv.problem import Array, Problem
 from sepv.problems.shown_to_schemes import shown
-from sepv.schemes import Scheme, ask
+from sepv.schemes import Scheme, ask, check_answer, raw_answer
 from sepv.verification import Case
 
 # The least distance of two states, as a fraction of the result. By rounding, closer states may have equal results.
@@ -80,6 +80,23 @@ def refuses_again(scheme: Scheme, case: Case) -> None:
                 received=f"{answers[0]} and then {answers[1]}",
                 remedy="begin each step anew: keep no iterate, step size or flag of one that failed",
             )
+
+
+def reads_again(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> None:
+    """Step from an array `y` that held other numbers in the last call, and from a copy, and compare the results.
+
+    Loops often overwrite their state in place. A scheme that recognises a state by `y is last` then returns old values.
+    """
+    copied = y.copy()
+    answer = check_answer(raw_answer(scheme, problem, y, h, dW), y, scheme.dtype)
+    from_copy = ask(scheme, problem, copied, h, dW)
+    if not np.array_equal(answer, from_copy):
+        raise SchemeFault(
+            expected="one answer for one question, whichever array holds the state",
+            received=f"{answer.tolist()} from an array that held another state before, "
+            f"and {from_copy.tolist()} from a copy",
+            remedy="recognise a state by its numbers, not by the array (y is last, id(y)), or remember nothing",
+        )
 
 
 def tells_apart(y: Array, other: Array, answer: Array, to_other: Array, least: float) -> None:

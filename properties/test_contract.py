@@ -25,6 +25,7 @@ from sepv.properties._without_memory import (
     APART,
     again,
     forgets_problems,
+    reads_again,
     refuses_again,
     repeats,
     tells_apart,
@@ -109,11 +110,14 @@ def _keeps(
     require_unchanged(y=(y, copied), dW=(dW, noise))
     answer = check_answer(raw, y, scheme.dtype)
     first = answer.copy()
+    # In the steps in between, zero components are changed, to reveal a step that starts from its last result.
+    moved = np.where(y == 0, np.max(np.abs(y)) / 64, y)
+    if may_ask(scheme, problem, between[0] * moved) and not np.shares_memory(answer, copied):
+        copied[...] = between[0] * moved
+        reads_again(scheme, problem, copied, h, noise)
     _takes_any_layout(scheme, problem, y, h, dW, first)
     if max(scheme.solver_tolerance, scheme.eps) <= LEAST_APART and may_ask(scheme, problem, NEAR * y):
         tells_apart(y, NEAR * y, first, ask(scheme, problem, NEAR * y, h, dW), LEAST_APART)
-    # In the steps in between, zero components are changed, to reveal a step that starts from its last result.
-    moved = np.where(y == 0, np.max(np.abs(y)) / 64, y)
     for factor in between:
         if may_ask(scheme, problem, factor * moved):
             tells_apart(y, factor * moved, first, ask(scheme, problem, factor * moved, h, dW), APART)
