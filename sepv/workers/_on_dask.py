@@ -1,7 +1,7 @@
 """Tasks on Dask: chunks of paths as futures of a `distributed.Client`, at most a few for each thread of the cluster.
 
 If a worker dies, Dask gives its chunk to another worker; if a chunk raises, Dask tries the chunk once more. A worker
-must have the package versions of this process (this is checked), because other versions may give other bits. A run does not
+must have the versions of this process (this is checked), because other versions may give other bits. A run does not
 hang but ends with a message if the scheduler is lost, the cluster has no workers, or a chunk kills worker after worker.
 """
 
