@@ -1,6 +1,6 @@
-"""The cases of the regression benchmark, as data: a saved record has its cases in it, so that it can be repeated.
+"""The cases of the regression benchmark, as data: a saved record contains its cases, so that it can be measured again.
 
-A portable case uses only + − × ÷ and √, whose results IEEE 754 fixes to the last bit on every machine, so that its
+A portable case uses only + − × ÷ and √. IEEE 754 fixes their results to the last bit on every machine, so the case's
 counters can be committed. Sines, logarithms and the nodes of a quadrature (from LAPACK) differ in the last bit between
 machines. In one of a few thousand solves, the number of iterations then differs too.
 """
