@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from sepv.studies import Exits, Map
 
 STEPS = tuple(2.0**-n for n in range(1, 11))
-# The states are dense enough if the means over all, and over every second one, differ by at most this share.
+# The states are dense enough if the mean over all and the mean over every second one differ by at most this share.
 ROUGH = 0.2
 # Step sizes with which paths are followed.
 FOLLOWED = tuple(2.0**-n for n in range(4, 10))

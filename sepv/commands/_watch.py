@@ -46,7 +46,7 @@ class _Heard:
     notes: Notes = field(default_factory=Notes)
 
     def hear(self, data: bytes) -> None:
-        """Take the next bytes of the pipe, and record the messages that are whole."""
+        """Add the next bytes of the pipe to the rest of the last ones, and record the messages that are complete."""
         self.rest += data
         while len(self.rest) >= _HEAD:
             end = _HEAD + int.from_bytes(self.rest[1:_HEAD], "big")
