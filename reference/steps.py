@@ -1,4 +1,4 @@
-"""One step of a scheme to any number of digits (`reference_step`), with its condition.
+"""One step of a scheme to any number of digits (`reference_step`), with the condition of the step's equation.
 
 The equations are in `sepv.reference.equations`, the solver in `sepv.reference.solve`. A value is proved by
 `sepv.reference.certify`, not here.

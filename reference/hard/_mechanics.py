@@ -1,6 +1,6 @@
 """Hard cases of the state y: separatrices, extreme inertia, large angles, chaos, collisions, steep walls.
 
-The last two cases are the Lotka-Volterra system (§4.4) next to the axes, and with steps that may have no solution.
+The last two cases are of the Lotka-Volterra system (§4.4): states next to the axes, steps that may have no solution.
 """
 
 from __future__ import annotations

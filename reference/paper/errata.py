@@ -27,7 +27,7 @@ from .record import Statement
 
 
 class Evidence(NamedTuple):
-    """The result of a check of a printed statement: true if it holds, true if it is refuted, and numbers in words."""
+    """The result of a check of a printed statement: two flags, that it holds or is refuted, and numbers in words."""
 
     holds: bool
     refuted: bool

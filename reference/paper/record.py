@@ -92,7 +92,7 @@ class Statement:
 
     text, source : the statement, in the paper's words or close to them, and its place in the paper
     measured : what was measured, and the result
-    criterion : the condition for "holds", by a derived bound or by our own choice, which it then names
+    criterion : the condition for "holds"; the text says so if the condition is not derived, but our own choice
     correction : the right statement, if the paper's does not hold as printed
     """
 
@@ -113,8 +113,8 @@ class Panel:
     chosen : the choices made where the paper gives none
     slopes : the reference slopes to draw
     description : the picture in words, for readers who cannot see it
-    equal : True if both axes have one scale
-    window : only points with |y| up to this are drawn, and |x| too if `equal`; the series may have larger values
+    equal : True if both axes have the same scale
+    window : if given, only points with |y| ≤ window are drawn, and |x| ≤ window if `equal`; the series have all points
     """
 
     key: str
@@ -176,7 +176,7 @@ def in_words(counts: Mapping[str, int]) -> str:
 
 
 def stated_in(name: str, place: str) -> str:
-    """The paper's place about a scheme: `place`, or §1 for the splitting, which its figures do not show."""
+    """The place where the paper writes about a scheme: `place`, or §1 for the splitting, which no figure shows."""
     return "[23] in §1" if name in OURS else place
 
 

@@ -136,7 +136,7 @@ def _panels(section: Any, results: Results, wanted: tuple[str, ...]) -> list[Pan
 
 
 def _run(jobs: list[Job], workers: Any, progress: ShareProgress) -> Results:
-    """Compute all jobs; the results are found by the jobs' keys. Long jobs start first, so that none is last alone."""
+    """Compute all jobs; return results by the jobs' keys. Long jobs start first, so that none runs alone at the end."""
     jobs = sorted(jobs, key=lambda j: -j.seconds)
     done, total = 0.0, sum(j.seconds for j in jobs)
     results: Results = {("seconds",): {}}

@@ -1,7 +1,7 @@
 """Faults of schemes that claim to keep the Poisson structure or the domain.
 
-Each saboteur claims what the scheme that it imitates claims. It imitates the midpoint rule, which is symplectic, or the
-splitting, whose step is a Poisson map and stays in the positive octant.
+Each saboteur has the claims of the scheme that it imitates: the midpoint rule, which is symplectic, or the splitting,
+whose step is a Poisson map and stays in the positive octant. One saboteur is (2.1) with two false claims.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def _like_splitting(update: Update) -> Callable[[], Scheme]:
     _like_splitting,
 )
 def time_of_place(problem: Problem, y: Array, step: Array) -> Array:
-    """Take the splitting over the time Δ(1 + Δ⁴ y_1/64): as it depends on y, the step is no Poisson map."""
+    """Take the splitting over the time Δ(1 + Δ⁴ y_1/64), which depends on y, so that the step is no Poisson map."""
     delta = step[0]
     return _split(problem, y, delta * (1 + delta**4 * y[0] / 64))
 
