@@ -179,11 +179,11 @@ _SCALES = (1.0, 2 / 3, 1 / 3, 0.0)
 def derivative_along(problem: Problem, y: Array, v: Array) -> Array:
     """The derivative of the field f = B∇H in the direction v, f′(y)v, (d, ...): analytic, else by differences.
 
-    The differences are central and of order six. Several widths are tried for each state, and the one with the smallest
-    estimated error is used: the distance to a difference of order four, plus the rounding of f. If f returns long double
-    for a y in long double, differences are in long double: with 64 bits of mantissa their error is below a rounding of
-    f. For other f they are in binary64, with an error of about 1e-13 of the scale of f. This second error can show in
-    y1, because the Itô correction and Milstein's term can be larger than f times the step.
+    The differences are central and of order six. Each state has the width with the smallest estimate of the error: the
+    distance to a difference of order four, plus the rounding of f. If f returns long double for a y in long double, the
+    differences are in long double; with 64 bits of mantissa their error is below a rounding of f. For any other f they
+    are in binary64, with an error of about 1e-13 of the scale of f. This second error can show in y1, because the Itô
+    correction and Milstein's term can be larger than f times the step.
     """
     jacobian = field_jacobian(problem, y)
     if jacobian is not None:
