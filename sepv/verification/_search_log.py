@@ -46,7 +46,7 @@ class SearchLog:
         return sum(self.skipped.values())
 
     def skip(self, reason: str, *, may: bool = False) -> None:
-        """Log a case that the scheme did not take; `may` is True if a correct scheme may refuse this case."""
+        """Log a case that was skipped; `may` is True if a correct scheme may refuse this case."""
         self.checks -= 1
         self.lacking += not may
         self.skipped[reason] = self.skipped.get(reason, 0) + 1
