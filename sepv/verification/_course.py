@@ -36,7 +36,7 @@ FAR = 100.0
 def with_courses(report: Report) -> dict[str, Any]:
     """The report as JSON in which each violation by a single step has its course of STEPS steps.
 
-    A course that raises any exception is left out: a user's problem may raise any. After Ctrl-C no step is called.
+    A course that raises an exception is left out, because a user's problem may raise any. After Ctrl-C none is made.
     """
     data, end = report.to_json(), time.monotonic() + SECONDS
     for finding, law in zip(report.findings, data["laws"], strict=True):

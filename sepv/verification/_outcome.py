@@ -35,7 +35,7 @@ class Report:
     pins : bool
         True if the command writes a pin of this report.
     gaps : tuple of str
-        Sentences about laws that are not in the pin, and about laws of the pin that this run did not measure.
+        Sentences about differences between this run and the pin: in the scheme, its problems or the measured laws.
     target : str
         The arguments that name the scheme and its problems on a command line; empty if there are none.
     required : tuple of Requirement

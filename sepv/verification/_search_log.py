@@ -22,7 +22,7 @@ LEAST_SHARE = 0.25
 
 
 class SearchLog:
-    """The measurements of a law in one search: number, worst, a violation or unmeasurable case, and skipped cases."""
+    """The log of one search: number of measurements, the worst, a violation or an unmeasurable case, skipped cases."""
 
     def __init__(self) -> None:
         self.checks = 0

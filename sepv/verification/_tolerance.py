@@ -12,8 +12,8 @@ d for the product B∇̄H, and 8 for Δ, weights and the final sum. A factor of 
 same operations differently. If a scheme states its solver's tolerance, |y| times the tolerance is added to r.
 
 **Single precision** (`Scheme.dtype`). u is 2⁻²⁴ in the residual alone, because the suite evaluates H, Casimirs and
-references in binary64. The step starts from y0 rounded to single precision, y0 + e with |e| ≤ u|y0|. Taken as a
-step from y0, its residual is r + |e| + |∂R/∂y0 e| at most. INPUTS counts the terms in e and the rounding of ΔW. Cases
+references in binary64. The step starts from y0 rounded to single precision, y0 + e with |e| ≤ u|y0|. As a step
+from y0 it has a residual of r + |e| + |∂R/∂y0 e| at most. INPUTS counts the terms in e and the rounding of ΔW. Cases
 contain only numbers that single precision represents, so that bounds of zero remain zero.
 
 **s stages** of Gauss collocation: y1 = y0 + Σ_j b_j z_j, where z_j = ΔB g_j and g_j = b_j⁻¹∫ℓ_j∇H averages ∇H with the

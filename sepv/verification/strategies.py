@@ -1,4 +1,4 @@
-"""Hypothesis strategies: random skew B(y), polynomial H, Casimirs by construction, and steps with a solution.
+"""Hypothesis strategies for random skew B(y), polynomial H, systems with Casimirs, and steps that have a solution.
 
 The laws draw such systems too (`sepv.verification._cases.random_cases`). All coefficients are small dyadic rationals.
 Products and sums of a few of them are exact in binary64, so that the coefficients of a Casimir satisfy its definition

@@ -305,7 +305,7 @@ def linear_forms(A: Matrix) -> list[Polynomial]:
 def tensor_terms(
     d: int, indices: Sequence[int], weight: float, forms: list[list[Polynomial]]
 ) -> Iterator[tuple[tuple[int, int], Polynomial]]:
-    """The terms of B_ij = Σ T_ijk… v_k …, i < j, from T's entry `weight` at `indices`; `forms` lists the vectors v."""
+    """The terms, for i < j, that T's entry `weight` at `indices` adds to B_ij = Σ T_ijk… v_k …; `forms` lists the v."""
     for i, j, *others in permutations(indices):
         if i < j:
             parity = (-1) ** sum(a > b for a, b in combinations((i, j, *others), 2))

@@ -1,4 +1,4 @@
-"""A test whether usual faults of a scheme, such as a wrong quadrature, would exceed the bound of rounding in a case."""
+"""A test of a case: in it usual faults of a scheme, such as a wrong quadrature, must exceed the bound of rounding."""
 
 from __future__ import annotations
 

@@ -4,7 +4,7 @@ An axis is a property of cases, such as the dimension d, and a stratum is a rang
 row has one stratum of each axis; a design is a list of rows in which each possible pair of strata occurs. Each class of
 systems has a space, and a law uses a part of it (`Space.part`). `Space.cases` makes a random case inside the strata of
 each row, by `sepv.verification._cases.random_cases`; `Space.strategy` draws cases for Hypothesis. Laws with the same
-row share its case. So a design first takes rows from the design of a larger space, its pool.
+row share the case of this row. So a design first takes rows from the design of a larger space, the pool.
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ RULES = (
 HIDING = ("step/radius", "2⁻¹⁰")
 
 
-# The share of cases beyond the usual range of a stratum with an `end`: small for integers like d, which cost time.
+# In a stratum with an `end`, the share of cases beyond the usual range: smaller for integers like d, which cost time.
 TAIL = {int: 1 / 4, float: 1 / 2}
 
 
