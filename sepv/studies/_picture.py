@@ -184,7 +184,7 @@ def draw_curves(
 ) -> None:
     """Draw curves with their axes, without points that are not finite or, on a logarithmic axis, not positive.
 
-    slopes : the slopes of dashed lines below the curves; the ticks of x are then powers of two
+    slopes : the slopes of dashed lines below the curves; if any are given, the ticks of x are powers of two
     equal : True if both axes have the same scale
     window : if given, the frame shows |y| ≤ window only, and |x| ≤ window if `equal`
     size : the size of markers, in points

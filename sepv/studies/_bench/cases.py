@@ -55,7 +55,7 @@ CASES: tuple[Case, ...] = (
 
 
 def own_case(target: str) -> Case:
-    """Make a case of a user's problem: 16 steps h = 2⁻⁵ from the problem's initial state.
+    """Make a case of a user's problem: 16 steps of size h = 2⁻⁵ from the problem's initial state.
 
     The target is a name, a file or module:attribute. Raises UsageError for a problem without an initial state.
     """

@@ -30,7 +30,7 @@ class Change:
     """The change of one measured number of a case between two records.
 
     what : the name of the number: a count of work, the error, a defect or a time
-    verdict : "same", "better", "worse" or, for time alone, "not settled"
+    verdict : "same", "better", "worse" or, only for a time, "not settled"
     text : both values, or their ratio with its interval
     """
 

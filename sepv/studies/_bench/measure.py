@@ -27,7 +27,7 @@ _EPS = float(np.finfo(np.float64).eps)
 
 
 def measure(scheme: Scheme, case: dict[str, Any]) -> dict[str, Any]:
-    """Measure one case: `counters`, and `error`, `energy`, `casimir` as mean squares over groups of paths, in hex.
+    """Measure one case; return `counters`, and `error`, `energy`, `casimir` as hex mean squares over groups of paths.
 
     The rounding error of evaluating H and C is added to their defects, so that ratios of tiny defects are near 1.
     """

@@ -132,14 +132,14 @@ class Times:
     batches: list[list[tuple[float, float]]] = field(default_factory=list)
 
     def bounds(self, clock: int) -> tuple[float, float, float]:
-        """The ratio head/base of times by CLOCKS[clock], and two bounds of it, each wrong with probability ALPHA."""
+        """The ratio head/base of times by CLOCKS[clock], and its two bounds, each wrong with probability ALPHA."""
         logs = [np.array(batch)[:, clock] for batch in self.batches]
         value, low, high = bootstrap(logs)
         return float(np.exp(value)), float(np.exp(low)), float(np.exp(high))
 
 
 def bootstrap(batches: Sequence[Array]) -> tuple[float, float, float]:
-    """The median of all pairs, with bounds by a bootstrap that resamples batches, and the pairs within each of them.
+    """The median of the log ratios of all pairs, and its bounds by a bootstrap over batches and over their pairs.
 
     The median is not a mean of the batches' medians, because a few disturbed pairs can move the median of a small
     batch. The spread is multiplied by √(B/(B − 1)), because a bootstrap of B batches is too narrow by this factor.

@@ -140,7 +140,7 @@ class Comparison:
         return sorted((p for p in self.points if p.method == method), key=lambda p: p.steps)
 
     def times_to_error(self) -> list[TimeToError]:
-        """The time in which each method reaches each of `targets` as strong error."""
+        """The time that each method needs to reach each of `targets` as its strong error."""
         return [time_to_error(self.of(m), target) for m in self.sources for target in self.targets]
 
     def times_to_energy_error(self) -> list[TimeToError]:

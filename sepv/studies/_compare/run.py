@@ -134,7 +134,7 @@ class _Cell(NamedTuple):
 
     job : runs all paths, to be timed
     first : processor seconds of the first call of the job
-    watched : the method's `follow` and its arguments, for a further run, not timed, that measures defects
+    watched : the method's `follow` and its arguments, for a further, untimed run that measures defects
     """
 
     method: Method

@@ -30,7 +30,7 @@ from sepv.solve import (
 )
 
 MOST_STEPS = 4000
-# Arclengths of a step: the longest, times 1 + |z| so that a branch can escape to infinity, and the shortest.
+# The longest arclength of a step, to be multiplied by 1 + |z| so that a branch can reach infinity; and the shortest.
 LONGEST, SHORTEST = 0.05, 1e-9
 # The arclength to which a fold is located. Δ has a maximum at the fold, so that the error of Δ is about its square.
 FOLD = 1e-6

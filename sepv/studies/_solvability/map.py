@@ -27,7 +27,7 @@ NODES = 128
 
 
 class Ending(Worded):
-    """The result at one state y0 and one Δ: if a solution connected to y0 exists, and if Newton's method finds it."""
+    """The result at one y0 and Δ: whether a solution connected to y0 exists, and whether Newton's method finds it."""
 
     FOUND = 0, "connected solution, found"
     MISSED = 1, "connected solution, not found"
@@ -255,8 +255,8 @@ def chance_outside(h: float, noise: ArrayLike, low: ArrayLike, high: ArrayLike, 
 
     Notes
     -----
-    For one noise, P is the sum of two tails of a normal law; if |ΔŴ_j| ≤ √h A_h is truncated, a tail beyond this is 0.
-    For several truncated noises, all but one are integrated, by Gauss nodes on (−A_h, A_h) and the two atoms ±A_h.
+    For one noise, P is the sum of two tails of a normal law. If ΔŴ is truncated, tails beyond |ΔŴ| = √h A_h are 0. For
+    several truncated noises, all but one are integrated, by Gauss nodes on (−A_h, A_h) and the two atoms ±A_h.
     """
     c = np.asarray(noise, dtype=np.float64).reshape(-1)
     c = c[c > 0] * np.sqrt(h)
