@@ -202,7 +202,7 @@ def friendly(command: Callable[..., Any]) -> Callable[..., Any]:
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """A context in which Ctrl-C prints one line and ends the command with exit code 130 (click would take 1)."""
+    """A context in which Ctrl-C prints one line and ends the command with exit code 130 (click itself exits with 1)."""
     try:
         yield
     except KeyboardInterrupt as error:

@@ -108,7 +108,7 @@ def solvability(
 
 
 def _show(regions: Map, furthest: float, k: int | None, out: Any) -> None:
-    """Print how far in Δ the equation of a step is solvable, and the probability that a random Δ lies beyond."""
+    """Print the range of Δ in which the equation of a step is solvable, and the probability of a Δ outside of it."""
     from sepv.studies import End
 
     low, high = regions.safe

@@ -67,7 +67,7 @@ class _Heard:
                 self.over = True
 
     def crash(self, status: str) -> bool:
-        """Record that a process crashed; True if it was in a measurement, which a new process can leave out."""
+        """Record that a process crashed; True if this was in a measurement, which a new process can leave out."""
         self.rest = b""
         if self.begun is None:
             return False
@@ -135,7 +135,7 @@ def _attend(work: Callable[[], Any], heard: _Heard) -> int | None:
     try:
         return _Attendance(child, heard, heard_here, bell_here).end()
     finally:
-        # A child that still runs sees the end of this pipe, and ends.
+        # A child that still runs notices the end of this pipe, and ends.
         for end in (heard_here, alive_here, bell_here, bell):
             os.close(end)
         signal.set_wakeup_fd(ringing)
