@@ -161,7 +161,7 @@ class Program:
         Skipped
             If the program refuses the problem.
         StepRefused
-            If it reports that the step cannot be made. In a batch the failing state is not known.
+            If the program reports that the step cannot be made. In a batch the failing state is not known.
         WrongShape, NotFinite
             If states break the contract of ``step``.
         ProgramError
