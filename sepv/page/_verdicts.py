@@ -237,7 +237,7 @@ def _panel(curve: list[Any], beside: list[Any], names: list[str], least: float) 
 
 
 def _unsettled(laws: list[View]) -> list[str]:
-    """Return a sentence for each inconclusive law: its message, and whether a few paths make up the error."""
+    """Return a sentence for each inconclusive law: its message, and a remark if a few paths make up the error."""
     unsettled = []
     for law in laws:
         if law["verdict"] == "inconclusive":
