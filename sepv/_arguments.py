@@ -22,7 +22,7 @@ _HEX = re.compile(
     r"[+-]?(0x[0-9a-f]+(\.[0-9a-f]*)?(p[+-]?[0-9]{1,9})?|nan|inf|infinity)", re.IGNORECASE
 ).fullmatch
 _KINDS = {"c": "complex numbers", "U": "text", "S": "text"}
-# The most characters of a value that a message quotes.
+# The largest number of characters of a value that a message quotes.
 _SHOWN = 60
 
 
@@ -57,7 +57,7 @@ def is_whole(value: Any) -> bool:
 
 
 def require_whole(what: str, value: Any, remedy: str, low: int = 1, high: int | None = None) -> int:
-    """Convert a value to an int; a UsageError unless it is an integer within these bounds."""
+    """Convert a value to an int; a UsageError unless it is an integer from `low` to `high`."""
     if not is_whole(value) or value < low or (high is not None and value > high):
         bounds = f"≥ {low}" if high is None else f"from {low} to {high}"
         raise UsageError(expected=f"{what}, an integer {bounds}", received=f"{value!r:.80}", remedy=remedy)
@@ -73,7 +73,7 @@ def require_flag(what: str, value: Any) -> None:
 
 
 def optional(module: str, expected: str, remedy: str, kind: type[UsageError] = UsageError) -> Any:
-    """Import a module that may not be installed; the error for a missing one says what needs it (`expected`)."""
+    """Import a module that may not be installed; the error for a missing module says what needs it (`expected`)."""
     try:
         return import_module(module)
     except ImportError as error:

@@ -10,7 +10,7 @@ from tempfile import TemporaryFile
 
 from sepv._journal import BYTES, Notes
 
-# The most processes if their number is not given: with more, the longest group of laws determines the time.
+# The largest number of processes that is chosen here. With more, the longest group of laws determines the time.
 MOST = 4
 # The number of new objects after which Python searches for cycles of objects, chosen for the speed of `sepv verify`.
 OBJECTS = 5000

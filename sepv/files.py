@@ -185,7 +185,7 @@ def _packaged(name: str) -> dict[str, Any]:
 
 
 def fault(data: Any, schema: dict[str, Any]) -> str:
-    """Describe the most informative violation of a JSON Schema by data, with its place; empty if they obey it."""
+    """Describe the most informative violation of a JSON Schema by data, with its place; empty without a violation."""
     from jsonschema import Draft202012Validator, FormatChecker
     from jsonschema.exceptions import best_match
 
