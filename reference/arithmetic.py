@@ -81,7 +81,7 @@ def power(x: Number, k: int) -> Number:
 
 @lru_cache(maxsize=8)
 def context(digits: int) -> Any:
-    """An mpmath context with `digits` decimal digits, made once for each number; the global precision is unchanged."""
+    """An mpmath context of `digits` decimal digits, made once for each value; the global precision is unchanged."""
     ctx = mpmath.mp.clone()
     ctx.dps = digits
     return ctx

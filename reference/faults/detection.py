@@ -131,7 +131,7 @@ def find(name: str) -> Saboteur:
 
 
 def survivors(detections: Sequence[Detection]) -> dict[str, list[int]]:
-    """Map each saboteur to the seeds with which no claimed law found its fault, without saboteurs always found."""
+    """Map each saboteur to the seeds with which no claimed law found its fault; others are left out."""
     killed = {(b.saboteur, b.seed) for b in detections if b.kills}
     by_saboteur: dict[str, list[int]] = {}
     for name, seed in sorted({(b.saboteur, b.seed) for b in detections} - killed):

@@ -99,5 +99,5 @@ def steps(
 
 
 def box(d: int, low: float, high: float) -> Sampler:
-    """Make a sampler: states with components between −1.5 and 1.5, and Δ with `low` ≤ |Δ| ≤ `high` by `split`."""
+    """Make a sampler: it draws components of y between −1.5 and 1.5, and Δ with `low` ≤ |Δ| ≤ `high` by `split`."""
     return steps(low, high, lambda rng, lanes: rng.uniform(-1.5, 1.5, (d, lanes)))

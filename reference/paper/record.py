@@ -48,7 +48,7 @@ COMPILED = frozenset(("energy-preserving", "midpoint", "euler-heun", "milstein")
 
 @dataclass(frozen=True)
 class Job:
-    """One call of a function, with the seconds that NumPy should take for it: they order the jobs and show progress."""
+    """One call of a function, with the seconds that it should take in NumPy, which order the jobs and show progress."""
 
     key: tuple[str, ...]
     function: Callable[..., Any]
@@ -108,7 +108,7 @@ class Statement:
 class Panel:
     """One plot of one figure, as data.
 
-    key : names the panel and its files, such as "4.1-phase-space": the figure, or "theory", and what is shown
+    key : the name of the panel and its files, such as "4.1-phase-space": the figure (or "theory"), then its subject
     parameters : the parameters of the paper, and those of the computation
     chosen : the choices made where the paper gives none
     slopes : the reference slopes to draw
@@ -185,7 +185,7 @@ def sentence(name: str) -> str:
     return f"{'(ours) ' if name in OURS else ''}{SENTENCE[name]}"
 
 
-# In inches: the width is a journal's column of 86 mm. Type has 8 points, and none is below 6.5.
+# In inches; the width is that of a journal's column, 86 mm. Type has 8 points, the smallest has 6.5.
 WIDTH, HEIGHT = 3.39, 2.9
 # Letters are drawn as paths, so that a journal's page shows them as they are here.
 _STYLE = {

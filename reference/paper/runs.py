@@ -173,7 +173,7 @@ def truncated(problem: str, *, T: float, steps: Sequence[int], samples: int, see
 def coarsened(fine: Array, steps: Sequence[int]) -> Iterator[tuple[int, Array]]:
     """For each number N of steps, the pair of N and the increments (N, m, M) over these steps.
 
-    They are sums of the increments `fine` over the finest grid, which has steps[-1] steps.
+    The increments are sums of the increments `fine` over the finest grid, which has steps[-1] steps.
     """
     return ((count, wiener.coarsen(fine, steps[-1] // count)) for count in steps)
 

@@ -36,7 +36,7 @@ def step_with_stages(problem: Problem, stages: int, y: Array, h: float, dW: Arra
 def problem_of_step(problem: Problem, parts: Array) -> Problem:
     """The problem y′ = P(y)∇H without noise, P = h B + Σ c_jΔW_j G_j, for `parts` = (h, c_1ΔW_1, …).
 
-    The method's step with noise is its step over one unit of time on this problem.
+    A method's step with noise is the method's step over one unit of time on this problem.
     """
     slope: Any = partial(combined_slope, problem, parts=parts)
     given = combined_slope(problem, np.array(problem.initial)[:, None], parts[:, None]) is not None

@@ -95,7 +95,7 @@ def reproduce(
     ----------
     figures : names such as "4.3", "theory" or "text"; all of them by default.
     workers : int, executor, map-like callable, Dask client or its address
-        The number of processes, or any `workers` of `sepv.ensemble`. The results do not depend on it.
+        The number of processes, or any `workers` of `sepv.ensemble`. The results do not depend on the workers.
 
     Raises
     ------

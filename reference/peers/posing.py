@@ -73,7 +73,7 @@ class Formulas:
         return self.values(xp, numbers, y, d * d + d, d * d + d + 1)[0]
 
     def field(self, xp: Any, numbers: Any, y: Any) -> Any:
-        """The field f(y) = B(y)∇H(y), of shape (d, ...), computed without the entries of B that vanish everywhere."""
+        """The field f(y) = B(y)∇H(y), of shape (d, ...); generated code leaves out zero entries of B."""
         if self.texts:
             return self._recorded(3, xp, numbers, y)
         d = y.shape[0]

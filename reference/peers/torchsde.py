@@ -28,7 +28,7 @@ from sepv.studies import Method, from_states
 
 
 class _System(torch.nn.Module):
-    """The system dy = f dt + Σ_j weights_j f ∘dW_j in torchsde's interface, for L states, (L, d)."""
+    """The system dy = f dt + Σ_j weights_j f ∘dW_j in torchsde's interface, for L states y (L, d)."""
 
     sde_type = "stratonovich"
 

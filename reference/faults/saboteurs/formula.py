@@ -58,7 +58,7 @@ def quadrature(nodes: Callable[[Problem], int | None], digits: int = 17) -> Form
 
 
 def of_degree(nodes: Callable[[int], int]) -> Callable[[Problem], int | None]:
-    """Make a function that gives a problem's number of quadrature nodes by the degree of H; None if it has none."""
+    """Make a function that gives a problem's number of quadrature nodes by the degree of H; None if H has none."""
     return lambda problem: None if problem.degree is None else max(1, nodes(problem.degree))
 
 

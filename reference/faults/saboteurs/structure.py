@@ -63,7 +63,7 @@ def time_of_place(problem: Problem, y: Array, step: Array) -> Array:
     _like_splitting,
 )
 def tangent_of_first(problem: Problem, y: Array, step: Array) -> Array:
-    """Replace the first exact flow of the splitting by an Euler step, which keeps only its linear invariants."""
+    """Replace the first exact flow of the splitting by an Euler step, which keeps only the flow's linear invariants."""
     if not problem.flows:
         return _split(problem, y, step[0])
     first, *others = problem.flows
