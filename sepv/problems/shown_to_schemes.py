@@ -33,7 +33,7 @@ _VIEWS: WeakKeyDictionary[Problem, Problem] = WeakKeyDictionary()
 
 
 def shown(problem: Problem) -> Problem:
-    """The view of a problem that a scheme gets: the whole problem, functions with derivatives, or without (`GIVEN`)."""
+    """The view of a problem for schemes: the whole problem, or functions with or without derivatives (`GIVEN`)."""
     return _VIEWS.get(problem, problem)
 
 

@@ -1,8 +1,8 @@
 """Energy-preserving collocation with s Gauss nodes and the random step: mean-square order s for (1.1).
 
-D. Cohen and E. Hairer, Linear energy-preserving integrators for Poisson systems, BIT Numerical Mathematics 51
-(2011), with the step size replaced by Δ = h + Σ_j c_j ΔŴ_j (ΔŴ_j: truncated ΔW_j). For the s nodes c_i of Gauss
-quadrature, its weights b_i and their Lagrange polynomials ℓ_i, u is the polynomial of degree s with u(0) = y0 and
+The methods of D. Cohen and E. Hairer (Linear energy-preserving integrators for Poisson systems, BIT 51, 2011) are used
+with the step Δ = h + Σ_j c_j ΔŴ_j (ΔŴ_j: truncated ΔW_j). Let c_i, b_i and ℓ_i be the s Gauss nodes, their weights and
+their Lagrange polynomials. A step computes the polynomial u of degree s with u(0) = y0 and
 
     u̇(c_i) = Δ B(u(c_i)) b_i⁻¹ ∫₀¹ ℓ_i(τ) ∇H(u(τ)) dτ,  i = 1 … s,      y1 = u(1).
 
@@ -48,10 +48,10 @@ FIRST_NODES, MAX_NODES = 4, 128
 
 
 class _Stages:
-    """The equations of the stages z_i = Δ u̇(c_i) = Δ B(Y_i) g_i of a batch of M steps from y0, with Y_i = u(c_i).
+    """The equations of the stages z_i = u̇(c_i) = Δ B(Y_i) g_i of a batch of M steps from y0, with Y_i = u(c_i).
 
     The stages z are an array (d, s, M), which the solver gets as (d·s, M). `lanes` are the numbers of the paths in a
-    call. If `averaged` is False, g_i = ∇H(Y_i), as in the Gauss method.
+    call. If `averaged` is False, g_i is not an average but ∇H(Y_i), as in the Gauss method.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class _Stages:
         self.A, self.b = gauss_tableau(stages).A, gauss_tableau(stages).b
 
     def polynomial(self, z: Array, lanes: np.ndarray, integrals: Array) -> Array:
-        """The collocation polynomial u at N points τ_n, (d, N, M); `integrals` (N, s) has the entries ∫₀^{τ_n} ℓ_j."""
+        """The collocation polynomial u (d, N, M) at N points τ_n; `integrals` (N, s) has the entries ∫₀^{τ_n} ℓ_j."""
         u = np.repeat(self.y0[:, None, lanes], integrals.shape[0], axis=1)
         for j in range(self.stages):
             u += integrals[:, j, None] * z[:, j, None]
@@ -81,7 +81,7 @@ class _Stages:
         return total, np.max(np.abs(gradients), axis=(0, 1)) * float(np.max(np.sum(np.abs(W), axis=1)))
 
     def evaluate(self, flat: Array, lanes: np.ndarray) -> Evaluation:
-        """R(z) at z = `flat` (d·s, M): Δ B(Y_i) g_i for each stage, g_i an average of ∇H; on demand also ∂R/∂z."""
+        """R(z) for z = `flat` (d·s, M): Δ B(Y_i) g_i for each stage i. On demand the result also gives ∂R/∂z."""
         d, s = self.problem.dimension, self.stages
         z = flat.reshape(d, s, -1)
         Y = self.polynomial(z, lanes, self.A)
@@ -122,7 +122,7 @@ class _Stages:
         return np.asarray(np.all(inside, axis=0), dtype=bool)
 
     def start(self, equations: Equations) -> Array:
-        """The start of the iteration, (d·s, M): Newton's step from z = 0, or 0 if it leaves the domain.
+        """The start of the iteration (d·s, M): Newton's step from z = 0, shortened to stay in the domain, or z = 0.
 
         At z = 0 the polynomial u is y0, so that ∇H and B are evaluated once for all nodes.
         """
@@ -143,7 +143,7 @@ def solve_stages(
 ) -> Solution:
     """Solve one step of a batch of M paths from y0 (d, M) with random steps `delta` (M,).
 
-    If `averaged` is False, the step is one of the Gauss method, with g_i = ∇H(u(c_i)).
+    If `averaged` is False, the step is that of the Gauss method, with g_i = ∇H(u(c_i)).
 
     For a polynomial H of degree ν, quadrature with ⌈sν/2⌉ nodes is exact. For any other H the averages of ∇H with N and
     with 3N/2 nodes are compared. If they differ by more than rounding, the step is solved again with 2N nodes. A path

@@ -1,4 +1,4 @@
-"""Gauss Runge-Kutta methods with the random step: they keep quadratic invariants, but no H that is not quadratic.
+"""Gauss Runge-Kutta methods with the random step: they keep quadratic invariants, and H only if H is quadratic.
 
 Y_i = y0 + Δ Σ_j a_ij f(Y_j), y1 = y0 + Δ Σ_j b_j f(Y_j), for s Gauss nodes: order 2s, mean-square order s. Every
 quadratic first integral is kept (G. J. Cooper, IMA Journal of Numerical Analysis 7, 1987): quadratic Casimirs, and a

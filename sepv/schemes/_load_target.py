@@ -285,7 +285,7 @@ def _no_attribute(module: Any, attribute: str) -> TargetError:
 def _as_module(target: str) -> str:
     """The remedy for a target that is the name of a file: ``mine:step`` for mine.py, ./mine.py:step or mine.
 
-    The text is empty if there is no such file.
+    The text is empty if the name has no .py and there is no such file.
     """
     name, _, attribute = target.partition(":")
     file = Path(name) if name.endswith(".py") else Path(name.replace(".", "/") + ".py")

@@ -1,4 +1,4 @@
-"""Increments of two and three points, which weak schemes may take in place of normal ones.
+"""Increments with two or three values, which weak schemes may use in place of normal increments.
 
 A weak order q needs only that the increments have the moments up to 2q + 1 of N(0, h) (G. N. Milstein, Numerical
 Integration of Stochastic Differential Equations, 1995, §9; Kloeden and Platen 1992, §14.1-2):

@@ -30,8 +30,8 @@ class GaussTableau:
 def gauss_tableau(stages: int) -> GaussTableau:
     """The tableau of the Gauss method with s stages, of order 2s.
 
-    Quadratic invariants are kept because b_i a_ij + b_j a_ji = b_i b_j. For b_i = b_j the rounded coefficients are made
-    to satisfy this too, because their roundings would move a quadratic H in the same direction in every step.
+    Quadratic invariants are kept because b_i a_ij + b_j a_ji = b_i b_j. If b_i = b_j, the rounded coefficients satisfy
+    this too: otherwise their roundings would move a quadratic H in the same direction in every step.
     """
     c, b = gauss_legendre(stages)
     A = np.tril(lagrange_integrals(stages, c), -1)
