@@ -81,7 +81,7 @@ def toda_chain(n: int, *, noise: tuple[float, ...] = (1.0,), seed: int = 0) -> L
     q, p = np.arange(0, d, 2), np.arange(1, d, 2)
 
     def forces(pull: Array) -> Array:
-        """∂H/∂q (n,), or its average along a step, if `pull` (n − 1,) is exp(q_i − q_{i+1}), or its average."""
+        """∂H/∂q (n,) if `pull` (n − 1,) is exp(q_i − q_{i+1}); the average along a step if `pull` is averaged."""
         total = np.zeros(n)
         total[:-1] += pull
         total[1:] -= pull

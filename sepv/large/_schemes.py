@@ -29,7 +29,7 @@ WIDEST_BAND = 64
 class LargeFields:
     """The functions B(y)v, ∇H and averaged ∇H of a large problem, with which a formula states a step y0 → y0 + z.
 
-    `structures` lists the matrices B(y) used so far. Newton's matrix reuses both them and averaged ∇H (`mean`).
+    `structures` lists the matrices B(y) used so far. Newton's matrix reuses these and averaged ∇H (`mean`).
     """
 
     def __init__(self, problem: LargeProblem, y0: Array, z: Array) -> None:
@@ -94,7 +94,7 @@ class LargeSlopes:
 
 @dataclass(frozen=True)
 class LargeSolution:
-    """The result of a step: `value` is y1 (d,) if it converged, else the last iterate; `residual` is a maximum norm."""
+    """The result of a step: `value` (d,) is y1, or the last iterate if not converged; `residual` is a maximum norm."""
 
     value: Array
     residual: float

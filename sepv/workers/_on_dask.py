@@ -26,7 +26,7 @@ from sepv._version import __version__
 from sepv.errors import ClusterFailure, UsageError
 from sepv.workers._pool import AHEAD, Futures, Outcome, cannot_travel
 
-# How often Dask retries a chunk that raised. After that, the chunk runs once in this process, which shows the error.
+# Dask's retries of a chunk that raised. After them, the chunk runs once in this process, which shows the error.
 RETRIES = 1
 # Seconds to wait for a scheduler's answer, and for a first worker: a cluster that grows by itself starts without any.
 CONNECT = 10.0
