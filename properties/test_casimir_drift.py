@@ -19,7 +19,7 @@ from sepv.verification._tolerance import casimir_bound, casimir_ulp, pushes
 
 
 def with_casimirs(case: Case) -> Case | None:
-    """Keep a case of additive noise and a quadratic or linear Casimir, with a step inside the contraction radius."""
+    """Keep a case with additive noise and a quadratic or linear Casimir, with a step as long as `short` allows."""
     problem, *_ = case.build()
     named = len(problem.casimirs) + len(problem.linear_casimirs)
     return short(case) if named and len(noise_vectors(problem)) else None

@@ -45,7 +45,7 @@ STEPS, SHOWN = 8, 8
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Measure the residual of the step alone, and in a batch (if case and scheme take one) beside steps with Δ = 0."""
+    """Measure the residual of the step alone and, if case and scheme have batches, in a batch with steps of Δ = 0."""
     why = proof(case, scheme.stages)
     if why is None:
         raise Skipped("nothing proves that the step has no solution")

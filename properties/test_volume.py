@@ -19,7 +19,7 @@ from sepv.schemes import Scheme
 from sepv.verification import Case, Cases, Effort, Measurement, require, searched
 from sepv.verification._contraction import shortened
 
-# A divergence counts as 0 up to this share of its terms, above the error of derivatives of B; the bound includes it.
+# A divergence of at most NONE times its terms counts as 0, because derivatives of B have errors. The bound includes it.
 NONE = 1e-8
 
 
