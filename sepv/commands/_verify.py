@@ -209,7 +209,7 @@ def _verify(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any], 
 
 
 def _jobs(targets: tuple[Any, ...], options: dict[str, Any], all_laws: bool) -> int:
-    """The number of processes for the laws. If all laws are measured, they start here, before most imports."""
+    """The number of processes for the laws. For all laws, the processes start here, before most imports."""
     if any(options[key] for key in ("require", "workers", "token", "against")) or not all_laws:
         return options["jobs"] or 1
     from sepv.schemes import built_in

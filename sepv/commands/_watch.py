@@ -67,7 +67,7 @@ class _Heard:
                 self.over = True
 
     def crash(self, status: str) -> bool:
-        """Record that a process crashed; True if this was in a measurement, which a new process can leave out."""
+        """Record a crash of a process; True if it occurred in a measurement, which a new process can leave out."""
         self.rest = b""
         if self.begun is None:
             return False
