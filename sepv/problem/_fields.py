@@ -152,7 +152,7 @@ def forward_differences(R: OfLanes, inside: OfLanes | None, z: Array, base: Arra
     """The derivative ∂R/∂z (n, d, M) by forward differences at z (d, M), at which R has the value `base` (n, M).
 
     Where `inside` is False at z + width, the difference is backward. The width is proportional to `reach` (M,), the
-    size of z. One call has several shifted copies of a path, so R and `inside` also get the path's number of each copy.
+    size of z. One call has several shifted copies of a path, so R and `inside` also get the path number of each copy.
     """
     n, M = z.shape
     width = _ROOT * np.maximum(reach, TINY)

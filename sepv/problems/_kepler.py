@@ -12,7 +12,7 @@ from sepv.problems._common import named, structure
 
 
 def kepler(eccentricity: float = 0.6, noise: ArrayLike = 1.0) -> Problem:
-    """The planar Kepler problem for y = (p1, p2, q1, q2), q ≠ 0, from the pericentre of an ellipse with semi-axis 1.
+    """The planar Kepler problem for y = (p1, p2, q1, q2), q ≠ 0, from the pericentre of an orbit of semi-major axis 1.
 
     The average of ∂H/∂q = q/|q|³ over a segment from q0 to q1 is, up to its sign, the field at the origin of a uniform
     charge on this segment. It equals 2u/(|q0||q1||u|²) with u = q0/|q0| + q1/|q1|, so that no digits cancel as q1 → q0.

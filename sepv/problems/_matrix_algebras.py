@@ -153,7 +153,7 @@ def structure(name: str) -> Structure:
 def casimirs(name: str) -> tuple[tuple[Matrix, ...], tuple[Polynomial, ...]]:
     """The Casimirs of an algebra: the quadratic ones as matrices, and the others as polynomials.
 
-    Every algebra has −½ tr W² (so(3): of each block), so(4) also the Pfaffian, su(n) also tr Pᵏ, k = 3 … n, W = iP.
+    They are −½ tr W² (of each block for so(3)). so(4) also has the Pfaffian, and su(n) tr Pᵏ for k = 3 … n, W = iP.
     """
     _, E, _, count = named(name)
     n = E.shape[1]

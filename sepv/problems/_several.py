@@ -66,7 +66,7 @@ def commuting_actions(
 ) -> PolynomialSystem:
     """A system of n planes with Hamiltonians H(I_1, …, I_n) and H_j(I_1, …, I_n), all of which commute.
 
-    I_k is half the squared radius in plane k, which the flow turns by the angle ∂H/∂I_k T + Σ_j c_j ∂H_j/∂I_k W_j(T).
+    I_k is half the squared radius in plane k. The flow turns this plane by ∂H/∂I_k T + Σ_j c_j ∂H_j/∂I_k W_j(T).
     """
     d, c = 2 * hamiltonian.dimension, noise or (1.0,) * len(others)
     posed = tuple(in_actions(H) for H in others)

@@ -69,7 +69,7 @@ class _Stages:
         return u
 
     def averages(self, z: Array, lanes: np.ndarray, nodes: int) -> tuple[Array, Array]:
-        """The averages g_i = b_i⁻¹∫ℓ_i ∇H(u) by Gauss quadrature, (d, s, M), and a scale of their rounding, (M,)."""
+        """The averages g_i = b_i⁻¹∫ℓ_i ∇H(u) (d, s, M) by Gauss quadrature, and a scale (M,) of their rounding."""
         W, P = moments(self.stages, nodes)
         u = self.polynomial(z, lanes, P)
         gradients = self.problem.gradient(u)
@@ -97,7 +97,7 @@ class _Stages:
         return Evaluation(right, lambda: (self.jacobian(z, lanes, Y, g), 0))
 
     def jacobian(self, z: Array, lanes: np.ndarray, Y: Array, g: Array) -> Array:
-        """The derivative K of the right sides Δ B(Y_i) g_i by z_j, (d·s, d·s, M); Newton's matrix is 1 − K.
+        """The derivative K (d·s, d·s, M) of the right sides Δ B(Y_i) g_i by the z_j; Newton's matrix is 1 − K.
 
         K = Δ(a_ij B′(Y_i)[·]g_i + B(Y_i) b_i⁻¹∫ℓ_i A_j H″(u)) with A_j(τ) = ∫₀^τ ℓ_j and a_ij = A_j(c_i). The average
         of H″ uses few nodes, which changes the speed of Newton's iteration and not its limit.
@@ -177,7 +177,7 @@ def solve_stages(
 
 
 def _agrees(system: _Stages, solution: Solution, lanes: np.ndarray) -> np.ndarray:
-    """True for each path of `lanes` whose averages of ∇H with N and with 3N/2 nodes agree to rounding, (M,)."""
+    """True for each path of `lanes` whose averages of ∇H with N nodes and with 3N/2 nodes agree to rounding."""
     nodes = system.nodes + system.nodes // 2
     z = solution.value[:, lanes].reshape(system.problem.dimension, system.stages, -1)
     solution.gradient_evaluations[lanes] += nodes
@@ -192,7 +192,7 @@ def _agrees(system: _Stages, solution: Solution, lanes: np.ndarray) -> np.ndarra
 def collocation(stages: int) -> Scheme:
     """The energy-preserving collocation scheme with s stages, s = 1 … 6; any other number raises UsageError.
 
-    Increments are truncated as in Remark 2.1, with k = 4s for s > 1 and with the paper's k = 2 for s = 1.
+    Increments are truncated to √(2kh|ln h|) (Remark 2.1), with k = 4s for s > 1 and the paper's k = 2 for s = 1.
     """
     source = "Cohen and Hairer (2011), with the random step"
     return staged("collocation", stages, ENERGY_PRESERVING, source, averaged=True)

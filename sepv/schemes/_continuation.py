@@ -42,7 +42,7 @@ def continued(scheme: Scheme) -> Scheme:
     Raises
     ------
     UsageError
-        For a scheme whose `solve` takes no start.
+        For a scheme whose `solve` has no argument `start`.
     """
     if scheme.solve is None or "start" not in inspect.signature(scheme.solve).parameters:
         raise UsageError(

@@ -29,7 +29,7 @@ PROBLEMS = ("lotka-volterra", "random-lotka-volterra")
 
 
 def increment(problem: Problem, x0: Array, x1: Array, step: Array) -> Increment:
-    """R of the step x1 = x0 + R of x = ln y: f(ȳ)/ȳ, f = B(h∇H_0 + Σ c_j ΔŴ_j ∇H_j), counted as one evaluation."""
+    """R of the step x1 = x0 + R for x = ln y: f(ȳ)/ȳ with f = B(h∇H_0 + Σ c_j ΔŴ_j ∇H_j), counted as one evaluation."""
     middle = np.exp(x0 + 0.5 * (x1 - x0))
     return once(hamiltonian_field(problem, middle, step) / middle)
 

@@ -1,4 +1,4 @@
-"""The fifth argument of a step beside h and ΔW: Lévy areas, space-time areas, or half-step increments (`Scheme.asks`).
+"""The fifth argument of a step, after dW: Lévy areas, space-time areas, or half-step increments (`Scheme.asks`).
 
 `sepv.simulate._areas` draws them. In arrays of increments they are k further rows below the m rows of dW: the A_ij with
 i < j, the H_i, or the increments W(h/2) − W(0). `answer` separates them, and calls the step with a fifth argument.
@@ -74,7 +74,7 @@ def rows_of_any_path(asks: str, h: float, dW: Array) -> Array:
 
     The rows are not random. With u_i = ΔW_i/(1 + ΔW_i²/|h|) and s = ±1, the sign of h, A_ij is s(u_iΔW_j − u_jΔW_i)/8,
     H_i is su_i/8, and the increments over the first half are ½ΔW + ¼su. Exchanging noises exchanges the rows. The
-    reverse step, with −h and −ΔW, has areas −A and space-time areas H. Its first half is minus the second half here.
+    reverse step, with −h and −ΔW, has areas −A and space-time areas H. Its first half is minus this step's second half.
     """
     size = abs(h) if h else 1.0
     u = dW / (1 + dW * dW / size)

@@ -19,7 +19,7 @@ from sepv.schemes._scheme import Scheme
 def gauss(stages: int) -> Scheme:
     """The Gauss scheme with s stages, s = 1 … 6; any other number raises UsageError.
 
-    Increments are truncated as in Remark 2.1, with k = 4s for s > 1 and with the paper's k = 2 for s = 1.
+    Increments are truncated to √(2kh|ln h|) (Remark 2.1), with k = 4s for s > 1 and the paper's k = 2 for s = 1.
     """
     claims = SYMMETRIC | {"symplecticity", "long-time-energy"}
     return staged("gauss", stages, claims, "Gauss Runge-Kutta, with the random step", averaged=False)

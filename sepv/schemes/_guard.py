@@ -231,7 +231,7 @@ def ask_once(scheme: Scheme, problem: Problem, y: Array, h: float) -> None:
 
 
 def takes_batches(scheme: Scheme, given: Iterable[Problem] = ()) -> bool:
-    """True if a scheme's step takes batches: on a batch of five states it returns the same bits as on each state.
+    """True if a scheme's step accepts batches: for a batch of five states it returns the bits of each state alone.
 
     The step is tried on the problems `given`, else on two of the paper's. For a user's problem the states are reached
     from its initial state by small steps, because a step from an arbitrary state may fail for other reasons.

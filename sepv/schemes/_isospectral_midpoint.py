@@ -51,7 +51,7 @@ def parts(algebra: MatrixAlgebra, problem: Problem, x: Array, step: Array) -> tu
 def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
     """Solve one step of a batch y (d, M), dW (m, M); the residual of the solution is that of the equation for x.
 
-    Raises Skipped if the structure of the problem is not that of so(3), n times, so(n) or su(n).
+    Raises Skipped if the structure of the problem is none of these: n copies of so(3), so(n), su(n).
     """
     algebra = algebra_of(problem, y)
 

@@ -30,7 +30,7 @@ _UNCLAIMED = "a function of which nothing is claimed"
 def load_scheme(
     target: str | Scheme | Step, claims: Iterable[str] = (), problems: Iterable[Problem] = ()
 ) -> Scheme:
-    """Load a scheme from its name, or make one of a function.
+    """Load a scheme from its name, or make one from a function.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ def _named(target: str, problems: Iterable[Problem]) -> Scheme:
 
 
 def load_problem(target: Any) -> Problem:
-    """Load a problem from its name, a file or a module, or make one of its data or of a function.
+    """Load a problem from its name, a file or a module, or make one from data or by a function.
 
     Parameters
     ----------

@@ -92,7 +92,7 @@ def _along(y: Array, w: Array, length: Array | float) -> tuple[Array, Array, Arr
 
 
 def correction(problem: Problem, middle: Array, mean: Array, variance: Array) -> Array:
-    """The matrix S₃ (see the module), (d, d, M), at ȳ = `middle` for g = `mean` and 3c²h = `variance`."""
+    """The matrix S₃ (d, d, M) of this module's docstring, at ȳ = `middle`, for g = `mean` and 3c²h = `variance`."""
     B = problem.structure(middle)
     f = matvec(B, mean)
     length = np.sqrt(np.abs(variance)) * np.max(np.abs(f), axis=0)
@@ -108,7 +108,7 @@ def correction(problem: Problem, middle: Array, mean: Array, variance: Array) ->
 
 
 def limited(change: Array, structure: Array) -> Array:
-    """The matrix change/(1 + θ²), (d, d, M), θ = |change|/|structure|: its norm is at most |structure|/2."""
+    """The matrix change/(1 + θ²), (d, d, M), with θ = |change|/|structure|: its norm is at most |structure|/2."""
     # The squares are added entry by entry, because `np.sum` adds in another order for a single path.
     rows = [M.reshape(-1, M.shape[-1]) for M in (change, structure)]
     size, whole = (np.sqrt(dot(entries, entries)) for entries in rows)

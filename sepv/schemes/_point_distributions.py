@@ -83,7 +83,7 @@ class PointLaw:
 
     @property
     def bound(self) -> float:
-        """The largest absolute value that ζ takes."""
+        """The largest absolute value that ζ can have."""
         return max(abs(v) for v in self.values)
 
     @property
@@ -106,7 +106,7 @@ NAMES = (NORMAL, *NAMED)
 
 
 def point_law(increments: str | PointLaw | None) -> PointLaw | None:
-    """The distribution of increments with a name, or a `PointLaw` unchanged; None for normal increments.
+    """The distribution with the name `increments`, or a given `PointLaw` unchanged; None for normal increments.
 
     Raises UsageError for an unknown name.
     """

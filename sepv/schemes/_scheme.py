@@ -205,7 +205,7 @@ class Scheme:
 
     @property
     def deterministic(self) -> bool:
-        """True if the scheme is for systems without noise, c = (), only."""
+        """True if the scheme is only for systems without noise, c = ()."""
         if self.noise is not None:
             return not self.noise
         others = self.mean_square_order, self.weak_order
@@ -218,7 +218,7 @@ class Scheme:
 
     @property
     def precision(self) -> float:
-        """The relative error allowed for a step: the solver's tolerance, plus its rounding error if it uses float32."""
+        """The relative error allowed for a step: the solver's tolerance, and in float32 also the step's rounding."""
         return self.solver_tolerance + (SINGLE_STEP * self.eps if self.eps > EPS else 0.0)
 
     def numbers(self, values: Array) -> Array:

@@ -31,7 +31,7 @@ class StatefulStep:
     init : callable (problem, y) -> state
         The state at the beginning of a path at y, of shape (d,).
     step : callable (problem, state, h, dW) -> state
-        The state after one step. The function changes nothing in place, also not the given state.
+        The state after one step. The function changes nothing in place, not even the given state.
     value : callable (state) -> y
         The y of a state, of shape (d,).
 
@@ -149,7 +149,7 @@ def joined_lanes(states: list[Any]) -> Any:
 
 
 def _mapped(function: Callable[..., Any], *trees: Any) -> Any:
-    """Apply a function to arrays at equal places of several nested tuples, lists and dicts; None stays None."""
+    """Apply a function to the arrays at the same place of several nested tuples, lists or dicts; None stays None."""
     first = trees[0]
     if first is None or hasattr(first, "shape") or isinstance(first, (bool, int, float)):
         return first if first is None else function(*trees)

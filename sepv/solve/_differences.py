@@ -24,7 +24,7 @@ def difference_jacobian(
 ) -> Array:
     """The derivative ∂R/∂y1 (d, d, M) of y1 = y0 + R(y0, y1) by differences at y1 (d, M), at which R is `base`.
 
-    The differences have an error of about √eps, which costs Newton's method an iteration and no accuracy. Their width
+    The differences have an error of about √eps. It costs Newton's method one iteration, but no accuracy. Their width
     is relative to the largest of |y0|, |y1| and |R|, so that it is not zero for y0 = y1 = 0.
     """
     reach, domain = np.max([np.abs(y0), np.abs(y1), np.abs(base)], axis=0).max(axis=0), problem.domain

@@ -53,7 +53,7 @@ class Fields(Protocol):
         """The gradient ∇H(y), (d, ...)."""
 
     def combined_gradient(self, y: Any, step: Any) -> Any:
-        """The gradient of hH_0 + Σ c_jΔW_jH_j, the Hamiltonian of a step, (d, ...); `step` holds h and the c_jΔW_j."""
+        """The gradient (d, ...) of a step's Hamiltonian hH_0 + Σ c_jΔW_jH_j; `step` holds h and the c_jΔW_j."""
 
     def field(self, y: Any) -> Any:
         """The field f(y) = B(y)∇H(y), (d, ...)."""

@@ -1,8 +1,8 @@
 """Newton's matrix ∂R/∂z from a scheme's formula, by forward differentiation.
 
-The formula is evaluated a second time, on values that carry their derivative by z. This is a number times the identity
-until a function of the problem turns it into a matrix. There are rules for B(y)v, ∇H and the mean of ∇H along the
-segment. For a formula with other functions Newton's matrix comes from differences. The recorded operations of a
+The formula is evaluated a second time, on values that carry their derivative by z. A derivative is a number times the
+identity until a function of the problem turns it into a matrix. There are rules for B(y)v, ∇H and the mean of ∇H along
+the segment. For a formula with other functions Newton's matrix comes from differences. The recorded operations of a
 formula (`sepv.solve._recorded`) give the same matrix, but recording takes longer than a step.
 """
 
