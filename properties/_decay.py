@@ -1,7 +1,7 @@
 """Decay of homogeneous invariants under damping, for the laws *conformal-casimir* and *conformal-energy*.
 
-Let F be an invariant, homogeneous of degree p. With the damping −γy dt, F(y1) = e^{−pγh}F(y0) after a step h. Let z be
-the increment of an undamped step from ρy0 that keeps F, with ρ = e^{−γh/2}. A scheme computes y1 = ρ(ρy0 + z).
+Let F be an invariant, homogeneous of degree p. With the damping −γy dt, F(y1) = e^{−pγh}F(y0) after a step h. A scheme
+computes y1 = ρ(ρy0 + z) with ρ = e^{−γh/2}. Here z is the increment from ρy0 by an undamped step that keeps F.
 
 **Bound.** The residual r of the undamped step changes F by at most |∇F|ᵀr. Added to r is the rounding of both products
 with ρ. For |γh| ≤ 1 it is at most 4 eps |y|_∞: ρ has a relative error of 1.5 eps, and each product is rounded once.

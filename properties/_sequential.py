@@ -87,7 +87,7 @@ def is_tilted(scheme: Scheme) -> bool:
 
 
 def hold_level(scheme: Scheme, run: Run) -> float:
-    """Return the error probability of an interval that confirms an order: HOLD if steps are spared, or 0 for alpha."""
+    """Return HOLD, the error probability of intervals that confirm an order, if steps are spared, else 0 for alpha."""
     return HOLD if sparing(scheme, run.effort) else 0.0
 
 
@@ -273,7 +273,7 @@ def _confirmed(
     *,
     slope: bool,
 ) -> Assessment:
-    """Measure a violation again with FINER times the steps. If the law holds there, it holds. Else it may be undecided.
+    """Measure a violation again with FINER times the steps. The law holds if it holds there, else it may be undecided.
 
     A scheme that divides long steps, or computes them by another formula, shows its order and its limit only at smaller
     step sizes. A slope is measured again from two step sizes. Its violation stands if the new estimate is too low.

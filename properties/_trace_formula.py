@@ -1,11 +1,11 @@
 """The trace formula after one step, E[F(y1)] = F(y0) + hσ, by quadrature over the increments.
 
 The laws *energy-drift* and *casimir-drift* measure its defect. Their systems are dy = B∇H dt + Σ c_j g_j dW_j, whose
-generator L maps F to a constant, LF = σ. A scheme satisfies the formula exactly if it makes a step of y′ = B∇H that
-keeps F between the noises of the first and the second half of the step. Each of these adds Var(ΔW_j) σ = ½hσ to E[F].
+generator L maps F to a constant, LF = σ. A scheme satisfies the formula exactly if it adds the noise of half a step,
+makes a step of y′ = B∇H that keeps F, and adds the noise of the other half. Each noise adds Var(ΔW_j) σ = ½hσ to E[F].
 
-**Bound.** At each node of the quadrature, F changes by the residual r of the step and by the rounding of F. The bound
-is the mean of both, plus twice the difference from a rule with one node fewer in each variable. The difference is of
+**Bound.** At each node of the quadrature the residual r of the step and the rounding of F change F. The bound is the
+mean of both changes, plus twice the difference from a rule with one node fewer in each variable. This difference is of
 rounding size if F(y1) is a polynomial of low degree in the noise, as for schemes that satisfy the laws. The noises of
 both halves may cancel, so r is computed with every increment as large as the largest one of the rule.
 """

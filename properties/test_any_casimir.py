@@ -1,4 +1,4 @@
-"""A step keeps every Casimir C, quadratic or not: for d = 3 each C with B(y)v = g(y)(v × ∇C(y)), else a polynomial C.
+"""A step keeps each Casimir C, quadratic or not: for d = 3 each C with B(y)v = g(y)(v × ∇C(y)), else polynomials C.
 
 The scheme (2.1) keeps only linear and quadratic Casimirs. Cohen and Dujardin (2014), §5, leave other invariants open.
 If d > 3, a system is built from two or three Casimirs C_1, … of degree one to four by B_ij = Σ ε_ijk… ∂_kC_1 …, or it
@@ -46,7 +46,7 @@ def values(exact: Any, y: np.ndarray) -> list[Any]:
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Measure the largest C(y1) − C(y0), with C evaluated at the binary64 states in extended precision.
+    """Measure the largest C(y1) − C(y0) of all Casimirs C, evaluated at the binary64 states in extended precision.
 
     With the averaged gradient ∇̄C and the residual r of the step, C(y1) − C(y0) = ∇̄Cᵀ(y1 − y0) = ∇̄Cᵀr. The step
     evaluates ∇̄C too. The sums of terms in ∇̄C double the operations of (2.1), so the bound of r is doubled.

@@ -26,7 +26,7 @@ def with_casimirs(case: Case) -> Case | None:
 
 
 def quantity(problem: Problem, A: Array, y: Array, h: float) -> Quantity:
-    """Return C with its rate σ. The bound allows for states inside a step, which noise moves farther out than y1."""
+    """Return C, yᵀAy or bᵀy, with its rate σ. The bound allows for states in a step that noise moves beyond y1."""
     form, rate = "bᵀy", 0.0
     if A.ndim == 2:
         vectors = noise_vectors(problem)

@@ -192,7 +192,7 @@ def _named(name: str) -> Problem:
 
 
 def _fewer(runs: list[tuple[Problem, float, int]]) -> list[tuple[Problem, float, int]]:
-    """Keep only the last run of each problem, the one with the largest h, with half as many steps."""
+    """Keep only the last run of each problem, which has the largest h, and halve its number of steps."""
     last = {problem.name: (problem, h, max(2 * FIRST, steps // 2)) for problem, h, steps in runs}
     return list(last.values())
 

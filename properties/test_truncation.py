@@ -1,4 +1,4 @@
-"""Remark 2.1 and Lemma 3.1: |ζ| ≤ A_h = √(2k|ln h|), moment bounds, a k large enough, a step that uses all |ζ| ≤ A_h.
+"""Remark 2.1, Lemma 3.1: |ζ| ≤ A_h = √(2k|ln h|), moments are bounded, k is large enough, steps use all |ζ| ≤ A_h.
 
 Normal increments √h ξ are truncated to √h ζ. The paper prints the bound of Remark 2.1 with "=", but it is "≤", as here.
 

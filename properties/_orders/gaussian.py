@@ -55,7 +55,7 @@ def rule(
     """Return the rule for a step h with m = `noises` increments of a scheme that truncates with k = `truncation`.
 
     With `panels` and m ≤ 2, each axis is cut where a scheme may clip, and the rule has this `degree`. Else it has few
-    nodes and no cuts: with `fewer` > 0 it has `fewer` nodes less in each variable, or for m ≥ 6 reflected nodes.
+    nodes and no cuts; `fewer` > 0 then removes `fewer` nodes in each variable, or for m ≥ 6 reflects the nodes.
     If the scheme does not truncate, the cuts are those of k = 2, and the scheme gets the nodes beyond them unclipped.
     """
     if noises == 0:

@@ -5,8 +5,8 @@ Milstein's theorem (§3) concludes a mean-square order p from two conditions on 
     |E[y1 − φ]| ≤ C h^(p+1)  (3.8)    and    (E|y1 − φ|²)^½ ≤ C h^(p+½)  (3.9),
 
 and a weak order q from |E g(y1 − y0) − E g(φ − y0)| ≤ C h^(q+1) for monomials g of degree 1, …, 2q + 1. Here φ is the
-exact solution after the step from the same state. For (1.1) it is the flow at the time h + Σ c_jΔW_j. For several
-structures it is the problem's closed form; if there is none, only its moments are known, by the generator's series. The
+exact solution after the step from the same state. For (1.1) φ is the flow at the time h + Σ c_jΔW_j. For several
+structures φ is the problem's closed form; if there is none, only moments of φ are known, by the generator's series. The
 scheme gets increments truncated as it declares, the exact solution untruncated ones. If the scheme declares increments
 with a few values, its expectation is a finite sum, and the quadrature is for the exact solution alone.
 """
@@ -94,7 +94,7 @@ def cases(systems: Systems) -> tuple[Problem, ...]:
 
 
 def problems_for(scheme: Scheme) -> tuple[Problem, ...]:
-    """Return the scheme's own problems, else its class's. Raise `Skipped` if its own ones all lack an initial state."""
+    """Return the scheme's own problems, else its class's. Raise `Skipped` if none of its own has an initial state."""
     own = problems_of(scheme)
     return as_taken(scheme, cases(scheme.systems)) if own is None else own
 

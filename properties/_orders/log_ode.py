@@ -1,6 +1,6 @@
 """The log-ODE of a step: dy/ds = h f_0 + Σ c_j ΔW_j f_j + Σ_{i<j} c_i c_j A_ij [f_i, f_j] with the Lévy areas A_ij.
 
-If all fields f_i commute, the brackets vanish and y(1) is the exact solution. Else it is the log-ODE method of step two
+If all fields f_i commute, the brackets vanish and y(1) is the exact solution. Else this is the log-ODE method of step two
 (F. Castell and J. Gaines, Stochastic Process. Appl. 60, 1995; T. Lyons, in: ICIAM 2014). The logarithm of the exact
 flow has further brackets of three fields, whose integrals are of the order of h^{3/2} with mean O(h²). So y(1) is the
 exact solution up to these integrals, and consecutive steps converge with mean-square order 1. The method is a reference
@@ -109,9 +109,9 @@ def log_flow(problem: Problem, y: Array, parts: Array, areas: Array) -> tuple[Ar
 def path(problem: Problem, y0: Array, rough: RoughPath, *, with_drift: bool) -> Array:
     """Return the log-ODE's y(T) (d, M) after the N steps of a rough path.
 
-    Each step makes a classical Runge-Kutta step for the increments, and then adds the brackets at its start. Because
-    E[A_ij ΔW_k] = 0, this splitting omits terms of O(h^{3/2}) with mean O(h²). It takes half as long as a step with the
-    brackets in the field, with errors larger by a twentieth.
+    Each step makes a classical Runge-Kutta step for the increments alone, and then adds the brackets at the old state.
+    Because E[A_ij ΔW_k] = 0, this splitting omits terms of O(h^{3/2}) with mean O(h²). It takes half as long as a step
+    with the brackets in the field, and its errors are larger by a twentieth.
 
     `with_drift` is for noises whose brackets with each other vanish. It adds the brackets with the drift instead. The
     terms that a step omits are then O(h²).

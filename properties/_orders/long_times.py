@@ -21,8 +21,8 @@ GROSS times the kinetic energy, h is halved first.
 
 **The power of h.** Let e_n = H(y_n) − H(y_0), n ≤ N, over a fixed time, with weights w_n. y_n has an expansion in
 powers of h (Hairer, Lubich and Wanner, II.8), and the weights vanish to fourth order at both ends, so that the rms of e
-about its mean is A(h) = c h^p(1 + αh + βh² + …). Its slope s(h) = log₂ A(h)/A(h/2) is p + αh/(2 ln 2) + …. The error of
-s(h/2) is half of this error, or a quarter for a symmetric method, so |s(h/2) − p| ≤ |s(h/2) − s(h)|. The interval is
+about its mean is A(h) = c h^p(1 + αh + βh² + …). The slope s(h) = log₂ A(h)/A(h/2) is p + αh/(2 ln 2) + …. The error of
+s(h/2) is half of that of s(h), or a quarter for a symmetric method, so |s(h/2) − p| ≤ |s(h/2) − s(h)|. The interval is
 s(h/2) ± 2|s(h/2) − s(h)|, enlarged by rounding in both slopes. Two intervals in a row below p − ½ refute the order p.
 """
 
@@ -93,7 +93,7 @@ class Stopped(Exception):
 
 @dataclass(frozen=True)
 class Judged:
-    """The judgement of the energy's trend or power of h: a verdict, `share` (a size over its limit), and a text."""
+    """The judgement of the energy's trend or power of h: a verdict, a text, and `share`, a size over its limit."""
 
     verdict: Verdict
     share: float = 0.0

@@ -91,9 +91,9 @@ class Order:
 
 
 def judge(h: Array, e: Array, least: float, rounding: float, floor: float) -> Order:
-    """Judge if errors e (L,) of one state, at falling h a factor RATIO apart, fall like the power `least` of h.
+    """Judge if errors e (L,) from one state fall at least like the power `least` of h. Sizes h fall by factors RATIO.
 
-    Errors below `rounding` are not used. Errors below `floor` refute it only if they fall faster than h^UNSTATED.
+    Errors below `rounding` are not used. Errors below `floor` refute a power only if they fall faster than h^UNSTATED.
     """
     if e.size and not np.any(e > floor):
         return Order(Verdict.HOLDS, text=f"below {floor:.1e}, which is rounding")
@@ -117,7 +117,7 @@ def judge(h: Array, e: Array, least: float, rounding: float, floor: float) -> Or
 
 
 def _extrapolated(h: Array, e: Array, rounding: float) -> Order:
-    """Estimate the power of h of errors e (WINDOW,) at falling h, extrapolated from the finest, with its interval."""
+    """Estimate the power of h in errors e (WINDOW,) at falling h, extrapolated to h = 0, with its interval."""
     r = h[0] / h[1]
     s = np.log(e[:-1] / e[1:]) / np.log(r)
     off = rounding * (1 / e[:-1] + 1 / e[1:]) / np.log(r)
