@@ -1,6 +1,6 @@
 """The log-ODE of a step: dy/ds = h f_0 + Σ c_j ΔW_j f_j + Σ_{i<j} c_i c_j A_ij [f_i, f_j] with the Lévy areas A_ij.
 
-If all fields f_i commute, the brackets vanish and y(1) is the exact solution. Else this is the log-ODE method of step two
+If all fields f_i commute, the brackets vanish and y(1) is the exact solution. Else this is the log-ODE method of step 2
 (F. Castell and J. Gaines, Stochastic Process. Appl. 60, 1995; T. Lyons, in: ICIAM 2014). The logarithm of the exact
 flow has further brackets of three fields, whose integrals are of the order of h^{3/2} with mean O(h²). So y(1) is the
 exact solution up to these integrals, and consecutive steps converge with mean-square order 1. The method is a reference
