@@ -15,7 +15,7 @@ T = TypeVar("T")
 class _Track:
     """The progress of a benchmark in nested loops.
 
-    The innermost loop begins at the fraction `low` of the whole work, and takes the fraction `span` of it.
+    The innermost loop covers the fraction `span` of the whole work, beginning at the fraction `low`.
     """
 
     def __init__(self, shown: Shown) -> None:
@@ -43,7 +43,7 @@ def over(items: Iterable[T], text: Callable[[T], str] = str) -> Iterator[T]:
 
 
 def tell(text: str, share: float) -> None:
-    """Show the current work and the fraction of all work that is done, 0 to 1, if the work is no loop by `over`."""
+    """Show the current work and the fraction of all work that is done, 0 to 1, for work that is no loop by `over`."""
     track = _TRACK.get()
     if track is not None:
         track.shown.update(text, share)

@@ -120,7 +120,7 @@ def _timed(job: Callable[[], None], client: Any) -> tuple[float, float]:
 
 
 def scheduler(chunks: int) -> None:
-    """Print milliseconds per chunk and memory as chunks grow tenfold, with the bounded window of chunks and without."""
+    """Print milliseconds per chunk and memory for 100, 1000, … chunks, with the bounded window of chunks or without."""
     from distributed import Client, LocalCluster
 
     with (

@@ -7,8 +7,8 @@ Misses of several means count as one. The last rows are verdicts: how often a la
 calls the scheme violated. Schemes of order 2 and more are measured as in their laws, on the weighted samples of
 `sepv.properties._orders.tilting`, for which no quantile is used.
 
-The laws use an alpha near 3e-6, at which misses are too rare to count. So the misses are compared with their nominal
-rate as alpha falls. If a law accuses only by two intervals together, the verdicts show how many misses accuse.
+The laws use an alpha near 3e-6, at which misses are too rare to count. So misses are counted at larger alpha, and their
+rates compared with alpha as it falls. If a law accuses by two intervals together, verdicts show how many misses accuse.
 ``--deep`` counts only the misses of *right-limit*, because one of its intervals is enough to accuse. Then alpha falls
 to 1e-5.
 """
@@ -90,7 +90,7 @@ def _errors(scheme: Scheme, problem: Problem, setup: Setup, paths: range, seed: 
 
 
 def split(errors: StrongErrors) -> list[StrongErrors]:
-    """The errors of all batches, split into one array for each batch."""
+    """The errors of all batches, split into one `StrongErrors` for each batch."""
     arrays = ("squared", "errors", "ends", "W", "weights")
     return [
         replace(errors, **{name: getattr(errors, name)[..., k : k + FIRST_LOOK] for name in arrays})
@@ -160,7 +160,7 @@ def _pieces(samples: Array) -> list[Array]:
 def deep(scheme: Scheme, problem: Problem, batches: int, seed: int) -> tuple[int, ...]:
     """Count the batches in which an interval of *right-limit* misses on either side, for each alpha of DEEP.
 
-    Each estimate is linear in the samples, so that its mean over the batches is the value over all batches.
+    Each estimate is linear in the samples, so the mean of the batches' estimates is the estimate from all samples.
     """
     setup = next(s for s in setups_for(scheme) if s.problem == problem.name)
     values, halves = [], []

@@ -13,7 +13,7 @@ from sepv.reference.paper.errata import ENTRIES, Erratum, errata
 
 from benchmarks import start
 
-# The most letters that a formula, and an omission, may have between two quoted pieces.
+# The most letters that a formula and an omission between two quoted pieces may have.
 FORMULA, OMISSION = 250, 3000
 
 

@@ -1,13 +1,13 @@
 """Convergence without global bounds: how often paths leave a compact set, and errors of those that stay.
 
 ``python -m benchmarks.exits``. The set is D = {y : |F(y) − F(y0)| < R} for an invariant F of the exact flow. Let a step
-from any state of D move F by g with |E g| ≤ m and E g² ≤ v. Up to the exit the sum of all g − E g is a martingale. So,
-by Kolmogorov's inequality, if Nm < R,
+from any state of D change F by g with |E g| ≤ m and E g² ≤ v. Up to the exit the sum of all g − E g is a martingale.
+If Nm < R, Kolmogorov's inequality then gives
 
     P(a path leaves D within N steps) ≤ Nv/(R − Nm)².
 
-m and v are the largest over STATES states of D, for the increments of Remark 2.1 with k = 2, by quadrature. A step that
-is not solved counts as an exit, which the bound does not cover.
+m and v are maxima over STATES states of D, by quadrature over the increments of Remark 2.1 with k = 2. A step that is
+not solved counts as an exit. The bound does not cover such exits.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ TIME = 1.0
 class Compact(NamedTuple):
     """A set D: a problem, F, R, and the function that gives a state with F(y) = F(y0) + r.
 
-    `turn` is the time in which the exact flow passes along all of an orbit.
+    `turn` is the time in which the exact flow passes through a whole orbit.
     """
 
     problem: Problem
@@ -54,7 +54,7 @@ class Compact(NamedTuple):
 
 
 def pendulum() -> Compact:
-    """The set D of the pendulum about the paper's y0, with F = H; its states on other levels of H differ in p."""
+    """The set D of the pendulum around the paper's y0, with F = H. `_moved` gives its states on other levels of H."""
     problem = problems.pendulum()
     p, q = map(float, problem.initial)
     return Compact(problem, problem.hamiltonian, 0.25, lambda r: _moved(p, q, r), 8.0)
@@ -107,7 +107,7 @@ def moments(D: Compact, scheme: str, h: float) -> tuple[float, float]:
 
 
 def bound(D: Compact, scheme: str, steps: int) -> float:
-    """The bound Nv/(R − Nm)² of the probability to leave D in N steps, at most 1."""
+    """The bound Nv/(R − Nm)², at most 1, of the probability that a path leaves D within N steps."""
     m, v = moments(D, scheme, TIME / steps)
     left = D.R - steps * m
     return min(1.0, steps * v / left**2) if left > 0 else 1.0

@@ -4,10 +4,10 @@
     python -m benchmarks.false_alarms --runs 0 --log runs.jsonl           only the count
     python -m benchmarks.false_alarms --runs 40 --only built-in           or --only unusual
 
-A run is every law that a scheme claims, at the default budget, with a seed that was never used before. The schemes
-take turns: the built-in ones, and the correct ones that look unusual (`benchmarks.right_schemes`). A
-false alarm is a claimed law that ends in `violated`, or in `error`. A law that ends `inconclusive` accuses
-nobody, and is counted separately. If n runs have no false alarm, the probability of one in a run is below
+In a run every law that a scheme claims judges it, at the default budget, with a seed that was never used before. The
+built-in schemes and the correct schemes that look unusual (`benchmarks.right_schemes`) take turns. A false alarm is a
+claimed law whose verdict is `violated` or `error`. A law with the verdict `inconclusive` accuses no scheme, and is
+counted separately. If n runs have no false alarm, the probability of a false alarm in a run is below
 1 − 0.05^(1/n) ≈ 3/n at 95 % confidence (Clopper and Pearson 1934).
 """
 

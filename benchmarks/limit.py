@@ -32,7 +32,7 @@ from sepv.simulate import Task
 from sepv.simulate._compiled.block_run import Chunk
 
 PATHS, STEPS, H, ONE = 5008, 100, 0.01, 200_000
-# Steps are H, or a quarter of a problem's longest step: Lotka-Volterra has steps without a solution at h = 0.01.
+# Step sizes are H, or a quarter of a problem's longest step if less: Lotka-Volterra has unsolvable steps at h = 0.01.
 
 EP = schemes.energy_preserving
 
@@ -74,7 +74,7 @@ class Limit:
         return job
 
     def volterra(self, h: float, iterations: int) -> Callable[[], None]:
-        """Run the C kernel of Lotka-Volterra with steps h over all paths, its increments scaled from those of H."""
+        """Run the C kernel of Lotka-Volterra with steps h over all paths. Increments for H are scaled to h."""
         start, blocks = np.asarray(problems.lotka_volterra().initial), np.sqrt(h / H) * self.blocks
 
         def job() -> None:
@@ -131,7 +131,7 @@ def drawn(problem: sepv.Problem, h: float, workers: int = 1, paths: int = PATHS)
 def paired(
     jobs: list[tuple[str, Callable[[], Any], float]], base: int | list[int], rounds: int, clock: Any
 ) -> list[list[str]]:
-    """Rows (name, ns per path-step, ratio to jobs[base]) of medians with quartiles, all jobs alternating.
+    """Rows (name, ns per path and step, ratio to jobs[base]) with medians and quartiles. The jobs run in turn.
 
     If `base` is a list, it has the index of the base of each job.
     """

@@ -41,14 +41,14 @@ SIGNAL = 5.0
 
 @dataclass(frozen=True)
 class Run:
-    """A problem, an end time, and step numbers for each number of stages."""
+    """A problem, an end time, and numbers of steps for each number of stages."""
 
     make: str
     T: float
     steps: dict[int, tuple[int, ...]]
 
 
-# Steps are fine enough for the asymptotics of increments of 4.4 standard deviations, and errors stay above rounding.
+# Steps are so fine that errors are asymptotic for increments of 4.4 standard deviations, but still above rounding.
 USUAL = {1: (16, 32, 64, 128), 2: (32, 64, 128, 256), 3: (32, 64, 128), 4: (32, 64, 128)}
 RUNS = {
     "rigid body": Run("rigid-body", 1.0, USUAL),
@@ -167,7 +167,7 @@ def table_of_orders(paths: int, seed: int, names: list[str], stages: list[int]) 
 
 
 def stall(paths: int, seed: int) -> None:
-    """Print for three stages on the rigid body √(E|e|² of unclipped paths + clipping²) and clipping, for several k."""
+    """Print √(E|e|² + C²) and C for three stages on the rigid body and several k: C by clipping, e without clipping."""
     steps, problem = (8, 32, 128), problems.rigid_body()
     plain = tilted_errors(
         replace(schemes.collocation(3), truncation=None), problem, T=1.0, steps=steps, paths=range(paths),
@@ -188,7 +188,7 @@ def stall(paths: int, seed: int) -> None:
 
 
 def clipping(paths: int, seed: int) -> None:
-    """Print for one to six stages on the rigid body the error of unclipped paths, and that of clipping for two k."""
+    """Print the error of unclipped paths and, for two k, the error by clipping: one to six stages on the rigid body."""
     steps, problem = (2, 4, 8, 16), problems.rigid_body()
     table = Table(
         title=f"rigid body, {paths} paths: rms error without clipping / clipping with k = 2s / with the default k",

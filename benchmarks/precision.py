@@ -99,7 +99,7 @@ def work(scheme: Scheme, gradients: int, structures: int, steps: int) -> tuple[i
 
 
 def cheapest(points: list[Point], goal: float) -> tuple[str, float] | None:
-    """The scheme that needs the fewest evaluations for this error, interpolated log-log between its points."""
+    """The scheme that needs the fewest evaluations for the error `goal`, and their number, by log-log interpolation."""
     best = None
     for name in dict.fromkeys(p.scheme for p in points):
         own = [p for p in points if p.scheme == name and not p.failed]

@@ -1,9 +1,9 @@
 """How much do sampled laws find on schemes that take one state at a time? ``python -m benchmarks.spared``.
 
 For right schemes the lines count the seeds with each verdict of *mean-square-order*, *weak-order*, *right-limit* and
-*rounding*. With ``--fault`` and ``--size ε`` the scheme has a fault. It is Euler-Heun with noise or drift times 1 + ε,
-without the part ε of Itô's correction, or with ε f (ΔW₁² − h) added, which makes the order ½; or it is (2.1) by a
-fixed-point iteration stopped at ε. A law finds the fault if it says `violated`; an inconclusive law accuses nobody.
+*rounding*. ``--fault`` and ``--size ε`` choose a faulty scheme: Euler-Heun with noise or drift times 1 + ε, without the
+part ε of Itô's correction, or with ε f (ΔW₁² − h) added, which makes the order ½; or (2.1) by a fixed-point iteration
+that is stopped at ε. A law finds the fault if it says `violated`; an inconclusive law accuses nobody.
 """
 
 from __future__ import annotations

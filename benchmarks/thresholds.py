@@ -37,7 +37,7 @@ def verdict(law: str, of: str, size: float) -> Verdict:
 
 
 def smallest(law: str, of: str) -> tuple[int | None, Verdict]:
-    """The exponent of the least power of ten that a law finds, None if it finds none, and its verdict on the next."""
+    """The exponent of the least power of ten that a law finds, or None, and its verdict on the next smaller power."""
     named = None
     for power in range(-1, LEAST - 1, -1):
         found = verdict(law, of, 10.0**power)

@@ -1,9 +1,9 @@
 """Make the corpus of witnesses (stored counterexamples): ``python -m benchmarks.witnesses [--law NAME]... [-j N]``.
 
-A law searches a counterexample for each saboteur that it must find by theory, and for each built-in scheme that does
+A law searches a counterexample for each saboteur that by theory it must accuse, and for each built-in scheme that does
 not claim it, unless a case found before accuses the scheme. Each simplified case is then tried on all these schemes, by
-class of systems, and a few are kept: the one that accuses most (ties: the quicker, then the shorter), then the one that
-accuses most of the rest. A case that a right scheme fails would be a defect of the law, and ends the run.
+class of systems. A few are kept: the one that accuses most schemes (ties: the quicker, then the shorter), then the one
+that accuses most of the rest. If a right scheme fails a case, the law is defective, and the run ends.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 """Decay of homogeneous invariants under damping, for the laws *conformal-casimir* and *conformal-energy*.
 
-With the damping −γy dt, an invariant F that is homogeneous of degree p has F(y1) = e^{−pγh}F(y0) after a step of size
-h. A scheme computes y1 = ρ(ρy0 + z) with ρ = e^{−γh/2} and the increment z of an undamped step from ρy0, which keeps F.
+Let F be an invariant, homogeneous of degree p. With the damping −γy dt, F(y1) = e^{−pγh}F(y0) after a step h. A scheme
+computes y1 = ρ(ρy0 + z) with ρ = e^{−γh/2}. Here z is the increment from ρy0 by an undamped step that keeps F.
 
-**Bound.** The residual r of the undamped step changes F by at most |∇F|ᵀr. The rounding of both products by ρ is added
-to r. It is at most 4 eps |y|_∞ if |γh| ≤ 1, because ρ has a relative error of 1.5 eps and each product is rounded once.
+**Bound.** The residual r of the undamped step changes F by at most |∇F|ᵀr. Added to r is the rounding of both products
+with ρ. For |γh| ≤ 1 it is at most 4 eps |y|_∞: ρ has a relative error of 1.5 eps, and each product is rounded once.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def factor(exact: Any, problem: Problem, h: float, degree: int) -> Any:
 
 
 def residual(scheme: Scheme, problem: Problem, y: Array, y1: Array, h: float, dW: Array) -> Array:
-    """Bound the residual r (d,) of the undamped step and the rounding by ρ. Raise Skipped if |γh| > LONGEST."""
+    """Return a bound (d,) of the undamped step's residual plus rounding. Raise Skipped if |γh| > LONGEST."""
     if abs(damping_of(problem) * h) > LONGEST:
         raise Skipped(f"the law speaks of |γh| ≤ {LONGEST:g}")
     rounding = 4 * EPS * max(float(np.max(np.abs(v))) for v in (y, y1))

@@ -20,7 +20,7 @@ def exact_step(
 ) -> tuple[list[Any], list[list[float]]]:  # fmt: skip
     """Return y1 to DIGITS digits, as d numbers of mpmath, and the condition matrix (d, d) of the step's equation.
 
-    Arguments and errors are those of `sepv.reference.steps.reference_step`. Only equations given by name are cached.
+    Arguments and errors are those of `sepv.reference.steps.reference_step`. Only steps of named equations are cached.
     """
 
     def solved() -> tuple[list[Any], list[list[float]]]:

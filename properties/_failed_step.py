@@ -14,7 +14,7 @@ from sepv.solve import Status
 def first_failed(
     scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, status: NDArray[np.int64]
 ) -> str:
-    """Describe the first failed step of a batch y (d, M), dW (m, M) with status (M,), or return "" if none failed."""
+    """Describe the first failed step of a batch, with y (d, M), dW (m, M), status (M,). Return "" if none failed."""
     k = int(np.argmax(status != Status.CONVERGED))
     return "" if status[k] == Status.CONVERGED else failed_step(scheme, problem, y[:, k], h, dW[:, k])
 

@@ -1,4 +1,4 @@
-"""Cases of the law *energy* that are the same for every seed: one for each degree of H, and long steps."""
+"""Cases of the law *energy* that are the same for every seed: cases for single degrees of H, and long steps."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from sepv.verification._contraction import CONTRACTION
 
 @cache
 def for_energy() -> tuple[Case, ...]:
-    """Cases that test one degree of H each, and long steps, which a scheme may refuse, but not miss."""
+    """Cases that test one degree of H each, and long steps, which a scheme may refuse but must not solve wrongly."""
     return (*_degrees(), *long_steps())
 
 
@@ -26,7 +26,7 @@ def for_energy() -> tuple[Case, ...]:
 def long_steps() -> tuple[Case, ...]:
     """Solvable steps far beyond the contraction radius, for which Newton's method takes six or more iterations.
 
-    From a small state an iteration with an absolute tolerance stops too early.
+    Two of them start at a small state, from which an iteration with an absolute tolerance stops too early.
     """
     found, small = [], tuple(2.0**-20 * v for v in (0.75, 0.5, -0.5))
     long = (
@@ -43,12 +43,12 @@ def long_steps() -> tuple[Case, ...]:
 
 
 def _degrees() -> list[Case]:
-    """For each degree n of H, steps in which too few quadrature nodes cause thousands of times the allowed defect.
+    """Steps for each degree n of H in which too few quadrature nodes cause thousands of times the allowed defect.
 
     With H = a q^n + p, q changes at a constant rate. It starts at ¼ of |y|, and a is so small that q gets as far as 1
-    inside the contraction radius. The longest step whose solution is proved to exist shows that one node is missing up
-    to n = 14, three for n = 17 and four for n = 20. For n = 16 and 20 further cases give H as bare functions. The last
-    cases are oscillators with H = ½p² + aq^n.
+    inside the contraction radius. The longest step whose solution is proved to exist detects one missing node up to
+    n = 14, three missing nodes for n = 17 and four for n = 20. More cases for n = 16 and 20 give H as bare functions.
+    The last cases are oscillators with H = ½p² + aq^n.
     """
     found = []
     for degree, given in (*((n, "data") for n in _DEGREES), *((n, "bare functions") for n in _OPAQUE)):

@@ -7,14 +7,14 @@ import numpy as np
 from sepv.problem import Problem
 from sepv.schemes import Scheme, takes
 
-# Increments of this many standard deviations are rare: a scheme may refuse some longer ones.
+# Increments longer than this many standard deviations are rare. A scheme may refuse some of them.
 LIKELY = 4.0
 # Step sizes are divided by 2^HALVINGS at most.
 HALVINGS = 12
 
 
 def divisor(scheme: Scheme, problem: Problem, h: float) -> int:
-    """Return the power of two by which h is divided, so that the scheme takes steps with |ΔW_j| = LIKELY √h."""
+    """Return the least power of two q for which the scheme takes a step of size k = h/q with all ΔW_j = LIKELY √k."""
     for n in range(HALVINGS):
         size = h / 2**n
         if takes(

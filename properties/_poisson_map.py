@@ -1,12 +1,12 @@
 """The check of the laws "poisson-map" and "symplecticity": Φ′(y0) B(y0) Φ′(y0)ᵀ = B(y1), with a derived bound.
 
 Φ is one step y0 → y1, with the step size h and the increments ΔW held fixed. `sepv.problem._poisson` computes Φ′ by
-central differences, with a bound E of the error of each entry. The equation's error is then bounded by the sum of
+central differences, with a bound E of the error of each entry. A Poisson map's computed defect is at most the sum of
 
     E|B||Φ′|ᵀ + |Φ′||B|Eᵀ + E|B|Eᵀ,    |B(y1 + e) − B(y1)| for the error e of y1,    and roundings of the products.
 
 Cauchy's estimate gives E from a disc |ζ| ≤ ρ of complex ζ in which |Φ(y0 + ζe_j) − (y0 + ζe_j)| ≤ M. If the problem is
-polynomial data and |Δ| at most half the contraction radius, ρ = M = r/2, with the radius r of the ball of
+polynomial data and |Δ| is at most half the contraction radius, then ρ = M = r/2 with the radius r of the ball of
 `sepv.verification._contraction.contraction_ball`: states within r/2 of y0 move by at most r/2 and stay in the ball. For
 other problems the truncation error of Φ′ is estimated by the difference of the formulas of order six and four.
 """
@@ -27,7 +27,7 @@ from sepv.verification._contraction import contraction_ball
 from sepv.verification._law import Measurement
 from sepv.verification._tolerance import operations, step_residual, structure_majorant
 
-# ROUGH is the largest relative error of Φ′ with which a step is judged. With a larger one the step is skipped.
+# ROUGH is the largest relative error of Φ′ with which a step is judged. Steps with a larger error are skipped.
 ROUGH = 1e-6
 
 
@@ -55,8 +55,8 @@ def tangent(scheme: Scheme, case: Case) -> StepSlope:
     widths = np.array([float(2.0 ** np.floor(np.log2(size))) for size in sizes])
     answers = _steps(scheme, problem, poisson.shifted(y, widths), h, dW)
     y1 = answers[:, 0]
-    # The residual at a shifted state is at most twice the residual at y, plus a term for y near 0, because a state is
-    # shifted by at most 3 widths, and y1 moves by at most twice the shift inside the contraction radius.
+    # A state is shifted by at most 3 widths. Inside the contraction radius y1 then moves by at most twice the shift. So
+    # the residual at a shifted state is at most twice the residual at y, plus a term for y near 0.
     residual = 2 * step_residual(problem, y, y1, h, dW, scheme)
     residual += scheme.eps * operations(problem, scheme.stages) * 2 * poisson.POINTS * float(widths.max())
     error = amplification(scheme, case) * float(residual.max())
@@ -97,7 +97,7 @@ def _steps(scheme: Scheme, problem: Problem, states: Array, h: float, dW: Array)
 
 
 def _disc(problem: Problem, y: Array, h: float, dW: Array) -> float:
-    """Return the radius ρ of a disc for Cauchy's estimate of a step's derivatives; 0 for functions or long steps."""
+    """Return the radius ρ of the disc for Cauchy's estimate of Φ′, or 0 if H or B is a function or the step is long."""
     if not (isinstance(problem.gradient, PolynomialMap) and isinstance(problem.structure, PolynomialMap)):
         return 0.0
     radius, ball = contraction_ball(problem, y)
@@ -105,5 +105,5 @@ def _disc(problem: Problem, y: Array, h: float, dW: Array) -> float:
 
 
 def structure_error(problem: Problem, y: Array, error: float) -> Array:
-    """The bound of |B(y + e) − B(y)|, to first order and entry by entry, (d, d), over all e with |e|_∞ ≤ `error`."""
+    """A first-order bound (d, d) of the entries of |B(y + e) − B(y)| for all e with |e|_∞ ≤ `error`."""
     return np.asarray(np.sum(np.abs(derivative_of_structure(problem, y)), axis=2) * error)

@@ -1,4 +1,4 @@
-"""The problems, states and cases on which a scheme may be asked, if it is not for every system of its class."""
+"""The problems, states and cases with which laws may call a scheme that is not for every system of its class."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ NO_START = "the problems have no initial state: name one that has, or give initi
 
 
 def may_ask(scheme: Any, problem: Problem, states: Array) -> bool:
-    """True if a law may step from `states` (d, ...) that it made itself, for example near a drawn state.
+    """True if a law may call a scheme at `states` (d, ...) that the law made, for example near a drawn state.
 
     If the problem has a domain, the states must lie in it. Otherwise every state is allowed, unless a user named the
-    problems: a user's problem may be meant for positive states, or a ball, and only drawn states are sure to be valid.
+    problems: a user's problem may be meant for positive states or for a ball, so only drawn states are surely valid.
     """
     if problem.domain is not None:
         return bool(np.all(problem.domain(states)))
@@ -29,7 +29,7 @@ def may_ask(scheme: Any, problem: Problem, states: Array) -> bool:
 
 
 def problems_of(scheme: Any) -> tuple[Problem, ...] | None:
-    """The scheme's problems that have an initial state, for laws about many steps; None if it is for a wide class.
+    """The scheme's problems with an initial state, for laws about many steps; None if the scheme is for a wide class.
 
     A problem that is named and also belongs to a named family is listed once, because a name always gives the same
     object. A scheme without noise gets the problems of (1.1) with c = ().
@@ -46,7 +46,7 @@ def problems_of(scheme: Any) -> tuple[Problem, ...] | None:
 
 
 def as_taken(scheme: Any, listed: Iterable[Problem]) -> tuple[Problem, ...]:
-    """The problems in the form that the scheme takes: without noise, c = (), if the scheme is only for such systems.
+    """The problems as the scheme accepts them: without noise, c = (), if the scheme is only for systems without noise.
 
     Raises Skipped if a scheme without noise gets only problems whose noises have other vector fields than B∇H.
     """
@@ -59,7 +59,7 @@ def as_taken(scheme: Any, listed: Iterable[Problem]) -> tuple[Problem, ...]:
 
 
 def taken_by(scheme: Scheme, cases: Iterable[Case]) -> Iterator[Case]:
-    """The cases as a scheme takes them: if it is for c = () alone, `quiet` removes noise, or the case is left out."""
+    """The cases as a scheme accepts them. If it is only for c = (), `quiet` removes their noise or omits them."""
     for case in cases:
         taken = quiet(case) if scheme.deterministic else case
         if taken is not None:
@@ -67,5 +67,5 @@ def taken_by(scheme: Scheme, cases: Iterable[Case]) -> Iterator[Case]:
 
 
 def units_for(scheme: Scheme, problem: Problem) -> Units:
-    """The units of a problem that a user named; units 1 for the suite's own problems, which need no others."""
+    """The units of a problem that a user named, or units 1 for one of the suite's own problems."""
     return units_of(problem) if scheme.problems else Units()

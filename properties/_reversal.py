@@ -12,12 +12,12 @@ import numpy as np
 from sepv.problem import Array, PolynomialSystem, Problem, sample_states
 from sepv.record import EPS, Polynomial
 
-# If H and B are functions, H(ρy) = H(y) and B(ρy) = −ρB(y)ρᵀ need only hold up to this relative error, in eps.
+# If H and B are functions, H(ρy) = H(y) and B(ρy) = −ρB(y)ρᵀ must hold up to a relative error of ROUNDINGS·eps.
 ROUNDINGS = 64
 
 
 def momentum_flip(problem: Problem) -> Array | None:
-    """Return the diagonal (d,) of ±1 of the map ρ that reverses momenta, or None if ρ does not reverse the flow.
+    """Return the diagonal (d,), ±1, of the map ρ that reverses momenta, or None if ρ does not reverse the flow.
 
     Momenta are the second half of y if the upper right block of B has a positive trace, as in q̇ = ∂H/∂p, and the first
     half if the trace is negative. Polynomials are compared exactly, functions at a few states.

@@ -1,4 +1,4 @@
-"""Laws about sampled paths: the schemes to which they apply, and for which of these they take fewer steps."""
+"""The schemes to which laws about sampled paths apply, and the schemes for which these laws make fewer steps."""
 
 from __future__ import annotations
 
@@ -21,5 +21,5 @@ def pathwise(run: Measure) -> Measure:
 
 
 def sparing(scheme: Scheme, effort: Effort) -> bool:
-    """True if laws take fewer steps: the scheme takes one state a call, and `effort` has no more paths than usual."""
+    """True if laws make fewer steps: if the scheme takes one state a call and `effort` has no more paths than usual."""
     return not scheme.batched and effort.paths <= Effort.paths

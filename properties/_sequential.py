@@ -1,8 +1,8 @@
-"""Statistical verdicts: paths are added while a verdict is undecided. At the end of the budget it is inconclusive.
+"""Statistical verdicts: paths are added until the verdict is clear, or is inconclusive at the end of the budget.
 
-FALSE_ALARM bounds the nominal probability that a whole run of all laws accuses a correct scheme by chance. It is split
-evenly over the statistical laws, the problems and the looks, the numbers of paths after which a verdict is tried
-(Bonferroni). So at each look the probability that any interval misses is an equal part of FALSE_ALARM. Intervals are
+FALSE_ALARM bounds the nominal probability that a whole run of all laws accuses a correct scheme by chance. A look is a
+number of paths after which a verdict is tried. FALSE_ALARM is split evenly over the statistical laws, the problems and
+the looks (Bonferroni): the probability that any interval misses at a look is an equal part of it. Intervals are
 asymptotic, so the bound is an extrapolation. `benchmarks.coverage` counts how often intervals of lower confidence miss.
 """
 
@@ -30,29 +30,29 @@ FALSE_ALARM = 1e-4
 # The statistical laws: mean-square-order, weak-order, right-limit, commutation, rounding.
 STATISTICAL_LAWS = 5
 FIRST_LOOK = 512
-# The factor between the numbers of paths of two looks. The fewer looks, the larger the part of FALSE_ALARM of each.
+# The factor between the numbers of paths of successive looks. If there are fewer looks, each has more of FALSE_ALARM.
 GROWTH = 4
 # A scheme without batches gets the budget of paths divided by SINGLE, but at least FIRST_LOOK paths.
 SINGLE = 8
-# Paths of an early look at a scheme without batches. It may decide "holds", after 8,000 steps for most, not "violated".
-# Of all laws together such a scheme takes less than 30,000 steps (`python -m benchmarks.steps`).
+# The paths of an early look at a scheme without batches. This look may decide "holds", for most schemes after 8,000
+# steps, but not "violated". All laws together need less than 30,000 steps of the scheme (`python -m benchmarks.steps`).
 EARLY = 95
 # The error probability of an interval that confirms an order of a scheme without batches. It may be large, because laws
 # about one step detect a lower order by quadrature, and sampling only shows that steps compose.
 HOLD = 1e-3
 # If at most the share REFUSED of the paths cannot be solved, the step sizes are halved, at most HALVED times. A scheme
-# may refuse a step with a large increment, as a fixed-point iteration does if it is no contraction, and shows its order
-# at smaller steps. The results would be biased if such paths were left out.
+# may refuse a step with a large increment, as a fixed-point iteration does if it is no contraction, and still show its
+# order at smaller steps. The results would be biased if such paths were left out.
 REFUSED, HALVED = 1 / 4, 2
-# If a slope is undecided and its interval narrower than NARROW, the margin between bound and order, then the steps are
-# too long, and more paths do not help. The step sizes are halved once. This raises the slope only of a right order.
+# NARROW is the margin between an order and its bound. If an undecided slope's interval is narrower, steps are too long
+# and more paths do not help. Then the step sizes are halved once. This raises the slope only if the order is right.
 NARROW = 0.25
-# A violated slope or limit is looked at again with FINER times the steps.
+# If a slope or a limit violates its law, it is measured again with FINER times the steps.
 FINER = 8
 # A violation counts only if the reference's error is at most KNOWN times the scheme's error at the finest step. This
 # changes a slope over step sizes that differ by a factor of 4 by at most log(1 + KNOWN)/log 4 = 0.16.
 KNOWN = 1 / 4
-# Errors below FLAT times the state that differ by less than a factor of 1.5 may be those of a solver's tolerance.
+# Errors below FLAT times the state's size that fall by less than a factor of 1.5 may come from a solver's tolerance.
 FLAT = 1e-5
 # Multiples of the number of paths, tried in order to report how many paths would decide.
 _MORE = tuple(4**k for k in range(1, 9))
@@ -80,14 +80,14 @@ Assess = Callable[[Problem, StrongErrors, float, float], Assessment]
 
 def is_tilted(scheme: Scheme) -> bool:
     """True if `sepv.properties._orders.tilting` draws the paths of a scheme, so that its errors carry weights."""
-    # The exact solutions of several fields and of damped systems depend on the whole path, which weights do not fit.
+    # With several fields or damping the exact solution depends on the whole path. `tilted_errors` uses only W(T).
     own = any(is_several(problem) for item in sources(scheme) for problem in item.problems)
     order = None if own or scheme.systems in (*OF_SEVERAL, Systems.DAMPED) else scheme.mean_square_order
     return order is not None and order >= TILTED
 
 
 def hold_level(scheme: Scheme, run: Run) -> float:
-    """Return the error probability of the interval that confirms an order: HOLD if steps are spared, else 0 (alpha)."""
+    """Return HOLD, the error probability of intervals that confirm an order, if steps are spared, else 0 for alpha."""
     return HOLD if sparing(scheme, run.effort) else 0.0
 
 
@@ -135,8 +135,8 @@ def judge(
 ) -> Finding:  # fmt: skip
     """Return the worst verdict over the problems, with more paths as needed. If `at_least`, bounds are lower bounds.
 
-    `setups` are those of problems of the law itself, by default those of the scheme. A violation on problems of the
-    law itself is not looked at again.
+    `setups` are setups of the law's own problems. By default those of the scheme are used. A violation on the law's
+    own problems is not measured again.
     """
     again = setups is None
     setups = [_taken(scheme, s) for s in (setups_for(scheme, run.effort) if setups is None else setups)]
@@ -180,7 +180,7 @@ def judge(
 
 
 def _taken(scheme: Scheme, setup: Setup) -> Setup:
-    """Multiply the numbers of steps, if the scheme states a longest step that the coarsest step may exceed."""
+    """Return the setup with more steps if the scheme states a longest step that the coarsest step may exceed."""
     if scheme.longest_step is None:
         return setup
     factor = divisor(scheme, setup.build(), setup.T / setup.steps[0])
@@ -236,10 +236,10 @@ def _judge_one(
 ) -> tuple[Setup, StrongErrors, Assessment | None, str]:
     """Judge one problem at its step sizes, or at halved ones if paths failed or a `slope` is too near its bound.
 
-    If `again`, a violation is looked at again at finer steps. The string says why step sizes were halved. If paths fail
-    at the smallest sizes too, there is no assessment. Each look (number of paths) at halved steps adds to the
-    probability of a false alarm: its part of FALSE_ALARM times the probability that a path fails only at a later look
-    (a few per cent), or that a slope is near its bound.
+    If `again`, a violation is measured again at finer steps. The returned string says why step sizes were halved. If
+    paths fail at the smallest sizes too, the assessment is None. Each look (number of paths) at halved steps adds to
+    the probability of a false alarm: its part of FALSE_ALARM times the probability that a path fails only at a later
+    look (a few per cent), or that a slope is near its bound.
     """
     why, halved = "", 0
     while True:
@@ -273,10 +273,10 @@ def _confirmed(
     *,
     slope: bool,
 ) -> Assessment:
-    """Look at a violation again with FINER times the steps: the law holds if it holds there, or else may be open.
+    """Measure a violation again with FINER times the steps. The law holds if it holds there, else it may be undecided.
 
-    A scheme that divides long steps, or takes them by another formula, shows its order and its limit at smaller step
-    sizes only. A slope is looked at with the two finest step sizes. It is violated again if its estimate is too low.
+    A scheme that divides long steps, or computes them by another formula, shows its order and its limit only at smaller
+    step sizes. A slope is measured again from two step sizes. Its violation stands if the new estimate is too low.
     """
     sizes = setup.steps[-2:] if slope else setup.steps
     finer, fine = replace(setup, steps=tuple(FINER * n for n in sizes)), None

@@ -1,4 +1,4 @@
-"""The problems, end times and numbers of steps of laws about sampled paths."""
+"""The problems, end times and numbers of steps for laws about sampled paths."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from sepv.verification._units import units_of
 
 # The claimed order from which on the mean square error depends on increments too rare for plain sampling.
 TILTED = 1.5
-# (order p, numbers of steps) for claimed orders of p or more, at which finer steps have errors of rounding size.
+# Pairs (p, numbers of steps) for claimed orders of p or more. At such orders finer steps have errors of rounding size.
 FEW = ((6, (8, 12, 16)), (5, (8, 16, 32)))
 
 
@@ -58,7 +58,7 @@ def _setup(name: str, truncation: int | None, order: float | None) -> Setup:
         return Setup(name, 0.25, (32, 64, 128))
     if name == "kubo-oscillator":  # schemes for several Hamiltonians need their gradients
         return replace(_setup("", truncation, order), problem=name, given=problems.kubo_by_hamiltonians())
-    if name == "random-inertia":  # long enough for means to exceed the noise of paths of order ½
+    if name == "random-inertia":  # T is so long that means exceed the noise of paths of a scheme of order ½
         return Setup(name, 1.0, (4, 16, 64), given=three_inertias())
     if order is not None and order >= TILTED:
         return Setup(name, 0.5, next((steps for least, steps in FEW if order >= least), (8, 16, 64)))
@@ -68,7 +68,7 @@ def _setup(name: str, truncation: int | None, order: float | None) -> Setup:
 def setups_for(scheme: Scheme, effort: Effort | None = None) -> tuple[Setup, ...]:
     """Return the setups for a scheme: for its class and claims, or for the user's problems.
 
-    For class (1.1) a third problem has B(y), a quartic H and two noises. A run that must spare steps uses it alone.
+    For class (1.1) a third problem has B(y), a quartic H and two noises. A run that must spare steps uses only this.
     """
     facts = (scheme.truncation, scheme.mean_square_order)
     users = problems_of(scheme)
@@ -83,7 +83,7 @@ def setups_for(scheme: Scheme, effort: Effort | None = None) -> tuple[Setup, ...
 
 
 def _given(problem: Problem, truncation: int | None, order: float | None) -> Setup:
-    """Return the setup of a user's problem: of an equal built-in one if any, else with T in its own unit of time."""
+    """Return a user's problem's setup: that of an equal built-in problem, if any, or one with T in its unit of time."""
     if problem.data in [known.data for known in map(problems.by_name, problems.PAPER)]:
         assert isinstance(problem.data, NamedProblem)
         return replace(_setup(problem.data.name, truncation, order), given=problem)

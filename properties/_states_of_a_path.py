@@ -21,8 +21,8 @@ from sepv.schemes import answer_of as answer
 def keeps_states(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, apart: float) -> None:
     """Make two steps from y (d,) or (d, M), alone and between steps of a second path, and compare the bits.
 
-    value(init(y)) may differ from y by `apart` times its size, because a state may use other coordinates. A batch may
-    differ by as much from a part of it stepped alone. If the scheme has no `StatefulStep`, nothing is compared.
+    value(init(y)) may differ from y by `apart` times |y|_∞, because a state may use other coordinates. A part of a
+    batch may differ by as much if it is stepped alone. If the scheme has no `StatefulStep`, nothing is compared.
 
     Raises
     ------
@@ -73,7 +73,7 @@ _APART = "give every array of the state the paths on its last axis, or leave out
 
 
 class _Path:
-    """Calls of a scheme's init, step and value, with checks. Their argument y is named in messages about errors."""
+    """Calls of a scheme's init, step and value, with checks. Messages about errors name their argument y."""
 
     def __init__(self, scheme: Scheme, rule: StatefulStep, problem: Problem, h: float, dW: Array) -> None:
         self.scheme, self.rule, self.problem, self.h, self.dW = scheme, rule, problem, h, dW
@@ -95,7 +95,7 @@ class _Path:
         return after
 
     def read(self, state: Any, y: Array) -> Array:
-        """Return a copy of value(state), the state y (d,) or (d, M) that the scheme's own state stands for."""
+        """Return a copy of value(state), the y (d,) or (d, M) that belongs to the scheme's own `state`."""
         with translated(self.problem, y, self.h, self.dW):
             value = self.rule.value(state)
         return check_answer(value, y, self.scheme.dtype).copy()

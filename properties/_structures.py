@@ -22,7 +22,7 @@ JACOBI = 1e-8
 
 
 def places(problem: Problem, y: Array) -> Iterator[Array]:
-    """Yield y (d,) and up to two states near y in general position: no component or difference of two is special."""
+    """Yield y (d,) and up to two states near y in general position, without special components or differences."""
     yield y
     direction = 0.5 + np.arange(1, y.size + 1) * GOLDEN % 1.0
     largest = float(np.max(np.abs(y))) or 1.0

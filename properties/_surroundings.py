@@ -26,18 +26,18 @@ from sepv.schemes import Scheme
 
 @contextmanager
 def watched(scheme: Scheme) -> Iterator[Scheme]:
-    """Context manager: give a copy of the scheme to call, and raise SchemeFault on exit if a call changed global state.
+    """Context manager that gives a copy of the scheme, and on exit raises SchemeFault if a call changed global state.
 
-    While the scheme runs, floating-point errors are warnings, and warnings are ignored. Changes of NumPy's error
-    handling are looked for at the end of each call, because `sepv.schemes._guard` undoes them. What an import changes
-    is not judged.
+    While the scheme runs, floating-point errors are warnings, and warnings are ignored. NumPy's error handling is
+    checked for changes at the end of each call, because `sepv.schemes._guard` undoes them. Changes by an import are
+    allowed.
     """
     inside: dict[str, Any] = {}
 
     def step(problem: Problem, y: Array, h: float, dW: Array, *further: Array) -> Array:
         with np.errstate(all="warn"), warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            # An unusual filter before it: a step that ignores all warnings would change nothing otherwise.
+            # This unusual filter makes changes visible: else a step that ignores all warnings would change nothing.
             warnings.simplefilter("ignore", ImportWarning)
             filters = list(warnings.filters)
             try:
@@ -71,7 +71,7 @@ OF_IMPORTS = ("the filters of warnings", "the environment", "the path of modules
 
 
 def _state() -> dict[str, Any]:
-    """Return the global state that a step must not change, by the words for it."""
+    """Return a dict of the global state that a step must not change, with the words for messages as keys."""
     kind, keys, *rest = np.random.get_state(legacy=True)  # noqa: NPY002  (the global generator is the point)
     return {
         "NumPy's global random numbers": (kind, keys.tobytes(), *rest),  # type: ignore[union-attr]  # legacy tuple

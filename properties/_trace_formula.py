@@ -1,13 +1,13 @@
 """The trace formula after one step, E[F(y1)] = F(y0) + hσ, by quadrature over the increments.
 
 The laws *energy-drift* and *casimir-drift* measure its defect. Their systems are dy = B∇H dt + Σ c_j g_j dW_j, whose
-generator L maps F to a constant, LF = σ. A scheme satisfies the formula exactly if it adds half of the noise to y,
-makes a step of y′ = B∇H that keeps F, and adds the other half. Each addition increases E[F] by Var(ΔW_j) σ = ½hσ.
+generator L maps F to a constant, LF = σ. A scheme satisfies the formula exactly if it adds the noise of half a step,
+makes a step of y′ = B∇H that keeps F, and adds the noise of the other half. Each noise adds Var(ΔW_j) σ = ½hσ to E[F].
 
-**Bound.** At each node of the quadrature, F changes by the residual r of the step and by the rounding of F. The bound
-is the mean of both, plus twice the difference from a rule with one node fewer in each variable. This difference is
-rounding if F(y1) is a polynomial of low degree in the noise, as for schemes that satisfy the two laws. The two halves
-of the noise may cancel, so r is computed with every increment as large as the largest one of the rule.
+**Bound.** At each node of the quadrature the residual r of the step and the rounding of F change F. The bound is the
+mean of both changes, plus twice the difference from a rule with one node fewer in each variable. This difference is of
+rounding size if F(y1) is a polynomial of low degree in the noise, as for schemes that satisfy the laws. The noises of
+both halves may cancel, so r is computed with every increment as large as the largest one of the rule.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ class Quantity:
 
 
 def short(case: Case) -> Case:
-    """Return the case with the largest step size h for which h + 4√h Σ c_j is inside the contraction radius."""
+    """Return the case with dW = 0 and the h for which h + 4√h Σ c_j is the contraction radius, or 1 if that is less."""
     problem, y, _, _ = case.build()
     polynomial = isinstance(problem.gradient, PolynomialMap)
     radius = contraction_ball(problem, y)[0] if polynomial else measured_radius(problem, y)
@@ -65,7 +65,7 @@ def short(case: Case) -> Case:
 
 
 def measured(scheme: Scheme, problem: Problem, y: Array, h: float, F: Quantity) -> Measurement:
-    """Measure |E[F(y1)] − F(y0) − hσ| for h > 0, σ the constant `F.rate`; the module's docstring derives the bound."""
+    """Measure |E[F(y1)] − F(y0) − hσ| for h > 0 and σ = `F.rate`. The module's docstring derives the bound."""
     mean, allowed = mean_after(scheme, problem, y, h, F)
     coarser, _ = mean_after(scheme, problem, y, h, F, fewer=1)
     start, size, change = float(F.value(y)), float(F.size(y)), h * F.rate
@@ -81,7 +81,7 @@ def measured(scheme: Scheme, problem: Problem, y: Array, h: float, F: Quantity) 
 def mean_after(
     scheme: Scheme, problem: Problem, y: Array, h: float, F: Quantity, fewer: int = 0
 ) -> tuple[float, float]:
-    """Return E[F(y1)] by quadrature (with `fewer` nodes less), and a bound of its error by residuals and rounding."""
+    """Return E[F(y1)] by quadrature (`fewer` nodes less per variable), and a bound of residual and rounding errors."""
     nodes = rule_for(scheme, problem, h, 4, fewer)
     noise = np.sqrt(h) * nodes.zeta
     states = np.repeat(y[:, None], noise.shape[1], axis=1)

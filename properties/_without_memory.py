@@ -1,4 +1,4 @@
-"""Checks that a step has no memory: it returns the same state for the same arguments, however often, in any order.
+"""Checks that a step has no memory: the same arguments give the same state, however often and in whichever order.
 
 The law *contract* makes these checks, which need several calls. A failed check raises SchemeFault with both results.
 """
@@ -20,13 +20,13 @@ from sepv.problems.shown_to_schemes import shown
 from sepv.schemes import Scheme, ask, check_answer, raw_answer
 from sepv.verification import Case
 
-# The least distance of two states, as a fraction of the result. By rounding, closer states may have equal results.
+# The least distance of two states to compare, relative to the result. Rounding may make results of closer states equal.
 APART = 2.0**-20
-# The size of a short step made after a step without a solution, as a fraction of the size of that step.
+# The size of the short steps made around a step without a solution, as a fraction of the size of that step.
 SHORT_OF_FOLD = 2.0**-10
 # The number of states in each repeated call of a scheme that takes batches: 1024 calls make ten thousand steps.
 LANES = 10
-# The largest numbers of problem objects that are built until one has its predecessor's address, or a new address.
+# The search for a new object at its predecessor's address ends after ADDRESSES objects elsewhere, or FRESH objects.
 ADDRESSES, FRESH = 16, 64
 # The most seconds for repeating a step. So a step of more than 30 ms is repeated less often.
 MOST_SECONDS = 30.0
@@ -102,7 +102,7 @@ def reads_again(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array)
 def tells_apart(y: Array, other: Array, answer: Array, to_other: Array, least: float) -> None:
     """Raise SchemeFault if `answer` and `to_other`, the results of steps from y and from `other`, are equal.
 
-    Such steps reveal a cache with the key (h, dW), which repetition of one step cannot. If the step's equation is a
+    Two such steps reveal a cache with the key (h, dW); repetition of one step does not. If the step's equation is a
     contraction with factor κ, two results differ by at least (1 − κ)/(1 + κ) of the distance between y and `other`.
     Distances of at most `least` times the size of the result are not judged, because rounding may hide them.
     """
@@ -125,8 +125,8 @@ def forgets_problems(scheme: Scheme, problem: Problem, y: Array, h: float, dW: A
     if np.array_equal(first, y):  # a step that moves nothing is the same with half the noise
         return
     whole, missed = shown(problem), 0
-    # Factors of noise and H. The last pair leaves the noise alone, so that a cached noise is still the half of before.
-    # If the scheme sees the degree of H, it may have cached that, or the nodes for it.
+    # The first problem has half the noise, the last one the whole noise and half of H: a noise that was cached at their
+    # address is still halved. If the scheme sees the degree of H, it may have cached this degree or its nodes.
     parts = [partial(_quadratic, whole, y)] if whole.degree is not None else [
         *[partial(_as_others, whole, 0.5)] * bool(problem.noises), partial(_as_others, whole, 1.0, 0.5)
     ]  # fmt: skip
@@ -136,7 +136,7 @@ def forgets_problems(scheme: Scheme, problem: Problem, y: Array, h: float, dW: A
         for make in parts:
             other = make()
             addresses.add(id(other))
-            # If a cache has the whole problem's result at this address, it returns that: no comparison is possible.
+            # A cache may have the whole problem's result at this address and return it: then no comparison is possible.
             with suppress(StepFailure):
                 blind = np.array_equal(first, ask(scheme, other, y, h, dW)) or blind
             del other
@@ -170,7 +170,7 @@ def _as_others(problem: Problem, of_noise: float = 1.0, of_energy: float = 1.0) 
 
 
 def _quadratic(problem: Problem, y: Array) -> Problem:
-    """Return the problem with H = ½ s|y|² and its degree, where s makes ∇H at y as large as it was."""
+    """Return the problem with H = ½ s|y|² and degree 2, where s is chosen so that |∇H(y)| stays the same."""
     d, s = len(y), float(np.linalg.norm(problem.gradient(y)) / np.linalg.norm(y))
     return replace(
         problem,
@@ -184,7 +184,7 @@ def _quadratic(problem: Problem, y: Array) -> Problem:
 
 
 def again(scheme: Scheme, case: Case, before: Array | None) -> None:
-    """Repeat the step of a case after those of all other cases, and compare it with its result `before`."""
+    """Repeat the step of a case after the steps of all other cases, and compare its result with the first, `before`."""
     if before is not None and not np.array_equal(before, answer := ask(scheme, *case.build())):
         raise SchemeFault(
             expected="one answer for one question, in whichever order questions come",

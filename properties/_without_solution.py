@@ -1,23 +1,23 @@
-"""Steps of (2.1) that are proved to have no solution at all, in exact numbers.
+"""Steps of (2.1) that have no solution at all, with proofs in exact arithmetic.
 
-Let row k of B have one entry, B_kj, and let B_kj(y) ∂_jH(y) = q(y_k) with q(x) = q0 + q1 x + q2 x² without real root,
-where B_kj or ∂_jH is constant. Then component k of (2.1) is an equation for z = y1_k − y0_k alone, with x = y0_k:
+Let B_kj be the only entry of row k of B, B_kj or ∂_jH constant, and B_kj(y) ∂_jH(y) = q(y_k), where
+q(x) = q0 + q1 x + q2 x² has no real root. With x = y0_k, component k of (2.1) is an equation for z = y1_k − y0_k alone:
 
     z = Δ (q(x) + ½ q′(x) z + w q2 z²),    w = ⅓ if B_kj is constant, ¼ if ∂_jH is,
 
 because ∇H is averaged along the segment from y0 to y1, ∫₀¹ τ² dτ = ⅓, and B is taken at its middle, (½)² = ¼. If
-(½ q′(x) Δ − 1)² < 4 w q2 q(x) Δ², no real z satisfies the equation, and (2.1) has no solution. This is so beyond one
-fold Δ* > 0 and one fold Δ* < 0, because the difference of both sides, a polynomial in Δ, is 1 at Δ = 0, and its leading
-coefficient (½ q′)² − 4 w q2 q(x) is negative, by q′² < 4 q2 q(x).
+(½ q′(x) Δ − 1)² < 4 w q2 q(x) Δ², no real z satisfies the equation, and (2.1) has no solution. The difference of both
+sides is a polynomial in Δ, equal to 1 at Δ = 0. Its leading coefficient (½ q′)² − 4 w q2 q(x) is negative, because
+q′² < 4 q2 q(x). So the inequality holds beyond one fold Δ* > 0 and beyond one fold Δ* < 0.
 
-With s stages and constant B_kj, the collocation polynomial u has u̇ = Δ q(u) projected in L² on degree s − 1. Hence
-z = Δ∫₀¹ q(u) dτ. Let q = γ + q2 (x − μ)², v = u − μ and K_s = 4 Σ (2n + 1) over odd n ≤ s. |v(1) − v(0)|² ≤ K_s ∫v²,
-because the Legendre polynomials P_n(2τ − 1) have norms (2n + 1)^{−½} and end values that differ by 2 for odd n. So
+For s stages and constant B_kj, u̇ of the collocation polynomial u is the L² projection of Δ q(u) on degree s − 1. Hence
+z = Δ∫₀¹ q(u) dτ. Let q = γ + q2 (x − μ)², v = u − μ and K_s = 4 Σ (2n + 1) over odd n ≤ s. Then |v(1) − v(0)|² ≤
+K_s ∫v², because the Legendre polynomials P_n(2τ − 1) have norms (2n + 1)^{−½}, and P_n(1) − P_n(−1) = 2 for odd n. So
 
     |z| ≥ |Δ| (|γ| + |q2| z² / K_s),    which no z satisfies if Δ² > K_s / (4 γ q2).
 
-With several structures, if row k of each is g_l times row k of B, h + Σ g_l c_l ΔW_l takes the place of Δ. In Nambu
-systems with linear C, the method that averages ∇C too is (2.1).
+With several structures whose rows k are g_l times row k of B, Δ is replaced by h + Σ g_l c_l ΔW_l. For Nambu systems
+with linear C, the method that averages ∇C too is (2.1).
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ from sepv.verification._cases import random_parts as parts
 from sepv.verification._cases.case import Case
 from sepv.verification._cases.strata import Stratum
 
-# A scheme computes Δ with rounding errors of a share of 2⁻⁵⁰, or 2⁻²¹ in single precision. The proof holds for every Δ
-# within the share ROOM.
+# A scheme computes Δ with a relative rounding error of 2⁻⁵⁰, or 2⁻²¹ in single precision. The proof holds for every Δ
+# within the relative distance ROOM.
 ROOM = Fraction(1, 2**20)
 # The classes of systems for which `made` makes steps without a solution.
 MADE = (Systems.SINGLE, Systems.NAMBU, Systems.SEVERAL)
-# Exponents n: a step is longer than a fold by the fraction 2^n. Most are small, so that two half steps have solutions,
-# and some so small that a loose test of convergence takes the nearest state for a solution.
+# Exponents n: a step is longer than a fold by the fraction 2^n. Most fractions are small, so that two half steps have
+# solutions. Some are so small that a loose test of convergence accepts the nearest state as a solution.
 BEYOND = (-6, -6, -16, -12, -4, -3, -1, 0, 3)
 _NONE = (Fraction(0), Fraction(0), Fraction(0))
 
@@ -59,7 +59,7 @@ class NoSolution:
     stages: int = 1
 
     def residual(self, y0: float, y1: float) -> Fraction:
-        """Return the residual |a z² + b z + c| at z = y1 − y0, for component `place` of the states y0 and y1."""
+        """Return the residual |a z² + b z + c| at z = y1 − y0, where y0 and y1 are components `place` of the states."""
         z = Fraction(y1) - Fraction(y0)
         z = z if self.stages == 1 else abs(z)
         return abs(self.a * z * z + self.b * z + self.c)
@@ -133,7 +133,7 @@ def _quadratic(p: Polynomial, k: int) -> tuple[Fraction, Fraction, Fraction] | N
 
 
 def _step(case: Case, data: PolynomialSystem, j: int, k: int) -> Fraction | None:
-    """Return h + Σ g_l c_l ΔW_l if row k of each structure G_l is g_l times that of B (g_l = 1 if G_l = B), or None."""
+    """Return h + Σ g_l c_l ΔW_l if row k of each G_l is g_l times row k of B (g_l = 1 if G_l = B), else None."""
     shares = [Fraction(1)] * len(data.noise)
     own = _row(data.structure, k)
     for n, G in enumerate(data.noise_structures):
@@ -151,7 +151,7 @@ def _value(p: Polynomial) -> Fraction:
 
 
 def made(random: Random, systems: Systems, stages: int = 1) -> Case:
-    """Make a random step, 2⁻¹⁶ to 8 times |Δ*| beyond a fold Δ*. One case in four is also stepped in a batch."""
+    """Make a random step that exceeds a fold Δ* by 2⁻¹⁶ to 8 times |Δ*|. One case in four is stepped in a batch too."""
     while True:
         case = _drawn(random, systems, stages)
         if proof(case, stages) is not None:
@@ -219,7 +219,7 @@ def _system(
     H: Polynomial,
     entry: Polynomial,
 ) -> PolynomialSystem:
-    """Make a system with the given H and B_kj = `entry` ((k, j, …) = `places`); other rows of B, noises are random."""
+    """Make a system with the given H and B_kj = `entry`, (k, j, …) = `places`. Noises, other rows of B are random."""
     k, j, others = places
     if systems is Systems.NAMBU:
         # B(y)v = g v × ∇C with C = y_l, l the third index: the only entries of B are ±g at (k, j) and (j, k).

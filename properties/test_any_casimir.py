@@ -1,4 +1,4 @@
-"""A step keeps any Casimir C, quadratic or not: if d = 3, any C with B(y)v = g(y)(v × ∇C(y)); else any polynomial C.
+"""A step keeps each Casimir C, quadratic or not: for d = 3 each C with B(y)v = g(y)(v × ∇C(y)), else polynomials C.
 
 The scheme (2.1) keeps only linear and quadratic Casimirs. Cohen and Dujardin (2014), §5, leave other invariants open.
 If d > 3, a system is built from two or three Casimirs C_1, … of degree one to four by B_ij = Σ ε_ijk… ∂_kC_1 …, or it
@@ -27,7 +27,7 @@ SYSTEMS = 12
 
 
 def slopes(case: Case, problem: Problem, *states: np.ndarray) -> Iterator[np.ndarray]:
-    """Yield a bound (d,) of the terms of each ∇C over the states: Σ|terms| for polynomials, else |∇C| + |C″||y|."""
+    """Yield for each Casimir C a bound (d,) of the terms of ∇C: Σ|terms| for a polynomial, else |∇C| + |C″||y|."""
     for C in case.problem.polynomial_casimirs if isinstance(case.problem, PolynomialSystem) else ():
         gradient = PolynomialMap((C.dimension,), poly.gradient(C))
         yield np.max([gradient.majorant(y) for y in states], axis=0)
@@ -46,7 +46,7 @@ def values(exact: Any, y: np.ndarray) -> list[Any]:
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Measure the largest C(y1) − C(y0), with C evaluated at the binary64 states in extended precision.
+    """Measure the largest C(y1) − C(y0) of all Casimirs C, evaluated at the binary64 states in extended precision.
 
     With the averaged gradient ∇̄C and the residual r of the step, C(y1) − C(y0) = ∇̄Cᵀ(y1 − y0) = ∇̄Cᵀr. The step
     evaluates ∇̄C too. The sums of terms in ∇̄C double the operations of (2.1), so the bound of r is doubled.
@@ -67,13 +67,13 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 
 def beyond_three() -> Iterable[Case]:
-    """Make steps, of half the contraction radius or more, of systems (1.1) with d = 4 or 5 and d − 2 given Casimirs."""
+    """Make steps of at least half the contraction radius for systems (1.1) with d = 4 or 5 and d − 2 given Casimirs."""
     made = (_step(Random(seed), 4 + seed % 2) for seed in range(4 * SYSTEMS))
     return [case for case in made if case is not None][:SYSTEMS]
 
 
 def of_casimirs(d: int, random: Random) -> PolynomialSystem:
-    """B_ij = Σ ε_ijk… ∂_kC_1 …: a system of (1.1) with d − 2 Casimirs of degree one to four, some not quadratic."""
+    """A system (1.1) with d − 2 Casimirs C_1, … of degree one to four, not all quadratic: B_ij = Σ ε_ijk… ∂_kC_1 …."""
     casimirs = [some.polynomial(d, 1, 4, 4, random) for _ in range(d - 3)]
     casimirs.append(some.polynomial(d, 3, 4, 4, random))
     B = some.contracted(d, [list(poly.gradient(C)) for C in casimirs], random)

@@ -19,14 +19,14 @@ from sepv.verification._tolerance import casimir_bound, casimir_ulp, pushes
 
 
 def with_casimirs(case: Case) -> Case | None:
-    """Keep a case of additive noise and a quadratic or linear Casimir, with a step inside the contraction radius."""
+    """Keep a case with additive noise and a quadratic or linear Casimir, with a step as long as `short` allows."""
     problem, *_ = case.build()
     named = len(problem.casimirs) + len(problem.linear_casimirs)
     return short(case) if named and len(noise_vectors(problem)) else None
 
 
 def quantity(problem: Problem, A: Array, y: Array, h: float) -> Quantity:
-    """Return C with its rate σ. The bound allows for states inside a step, which noise moves farther out than y1."""
+    """Return C, yᵀAy or bᵀy, with its rate σ. The bound allows for states in a step that noise moves beyond y1."""
     form, rate = "bᵀy", 0.0
     if A.ndim == 2:
         vectors = noise_vectors(problem)

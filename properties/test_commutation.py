@@ -1,6 +1,6 @@
 """Several structures (§1): mean-square order 1 if the fields of the noises commute, ½ if they do not.
 
-A scheme that sees only the increments of W cannot have a higher order if the fields G_j∇H do not commute: their
+If the fields G_j∇H do not commute, a scheme that uses only increments of W has at most order ½: the fields'
 commutators are multiplied by iterated integrals ∫W_i∘dW_j, which are of the order of h. Commutators of the drift with a
 noise do not lower the order, because ∫W∘dt is of the order of h^(3/2). If all flows commute, the exact solution has a
 closed form. Otherwise the reference is Heun's method with finer steps, and the report shows its error.
@@ -22,7 +22,7 @@ from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 T, STEPS = 0.5, (4, 16, 64)
 # Half the distance between mean-square orders, which are multiples of ½.
 MARGIN = 0.25
-# For each problem the expected order, and True if no scheme that sees only increments has a higher order.
+# For each problem the expected order, and True if no scheme that uses only increments has a higher order.
 EXPECTED = {
     "commuting-rotations": (1.0, False),
     "commuting-oscillators": (1.0, False),
@@ -51,7 +51,7 @@ def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) ->
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
-    """Measure the order if all flows commute, if only those of the noises commute, and if the noises do not commute."""
+    """Measure the order on problems where all flows commute, where only noises commute, and where noises do not."""
     if scheme.systems != Systems.SEVERAL:
         return law.finding(Verdict.NOT_APPLICABLE, message="the scheme is not for several structures")
     return judge(law, scheme, this_run, assess, at_least=False, setups=SETUPS)

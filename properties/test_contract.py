@@ -2,8 +2,8 @@
 
 Each case is stepped a few times, also from arrays with another memory layout. If a scheme carries a state from step to
 step, two paths are computed alternately. At the end all cases are stepped in the opposite order, steps without a
-solution are tried twice, and the simplest case is stepped TIMES times in a row. No other law finds an error in each
-thousandth call: it changes sampled paths too little, and laws about single steps make a few hundred calls each.
+solution are tried twice, and the simplest case is stepped TIMES times in a row. Other laws do not find an error that
+occurs every thousandth call: it changes sampled paths too little, and laws about single steps make some hundred calls.
 """
 
 from __future__ import annotations
@@ -41,13 +41,13 @@ from sepv.verification._search_log import Check
 
 # The number of states in a batch. It is small, because the law "reproducibility" has larger batches.
 BATCH = 3
-# The number of roundings by which sums in different orders may differ, before a solver amplifies them. LAYOUT is the
-# allowed share of the result: far above roundings of binary64, and far below a conversion to single precision.
+# OTHERWISE is the number of roundings by which sums in different orders may differ, before a solver amplifies them. A
+# difference of LAYOUT times the result is always allowed: far above roundings of binary64, far below those of binary32.
 OTHERWISE, LAYOUT = 64, 2.0**-30
 # Caches with rounded keys, and single precision, do not distinguish NEAR·y from y. Steps from both must have different
 # results if the states are farther apart than LEAST_APART (256 roundings) times the size of the result.
 NEAR, LEAST_APART = 1 + 2.0**-40, 2.0**-44
-# From this degree of H on, and up to this d, an address gets a problem of degree 2: a quadrature with one node shows.
+# If H has degree HIGH or more and d ≤ SMALL, an address first has a problem of degree 2, to reveal cached nodes.
 HIGH, SMALL = 3, 3
 # The number of steps without a solution that are tried, each twice.
 REFUSED = 2
@@ -70,7 +70,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     problem, y, h, dW = _as_seen(scheme, case)
     first = _keeps(scheme, problem, y, h, dW, (0.75, 0.5) if case.given == "data" else (0.75,))
     keeps_states(scheme, problem, y, h / 8, dW / 8, APART)
-    # To save time, this is checked for the cases with functions alone, and if H has a degree, for high degrees.
+    # To save time, only cases with functions are checked so, and if H has a degree, only high degrees.
     high = (
         case.given == "functions"
         and (problem.degree or 0) >= HIGH
@@ -140,10 +140,10 @@ def _keeps(
 
 
 def _takes_any_layout(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, first: Array) -> None:
-    """Repeat a step with the same numbers as strided views, in Fortran's order, and in read-only arrays.
+    """Repeat a step with the same numbers in read-only arrays, as strided views and in Fortran's order.
 
     Sums may be made in another order with these arrays, so results may differ by LAYOUT times their size. A step that
-    takes none of the arrays, such as a compiled step, is not judged.
+    accepts none of the arrays, such as a compiled step, is not judged.
 
     Raises
     ------
@@ -262,7 +262,7 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
 
 
 def _refused(scheme: Scheme, seed: int) -> list[Case]:
-    """Make steps of (2.1) that have no solution, or [] for a scheme of given problems or of a class without any."""
+    """Make steps of (2.1) without a solution. Return [] for a scheme of given problems, or of a class without any."""
     if scheme.systems not in MADE or scheme.problems:
         return []
     cases = (made(Random(f"{seed} {n}"), scheme.systems) for n in range(REFUSED))

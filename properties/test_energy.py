@@ -35,7 +35,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     """Measure the largest defect of H over a few steps, evaluated at the binary64 states in extended precision.
 
     The bound follows from the step's residual alone, whether or not its equation is a contraction. So long steps are
-    tested too (`sepv.properties._long_steps` and simplified ones). A scheme may refuse long steps.
+    tested too: those of `sepv.properties._long_steps` and simplified ones. A scheme may refuse long steps.
     """
     problem, y, h, increments = case.build()
     exact = exact_problem(case.problem, 40)

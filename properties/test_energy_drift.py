@@ -24,7 +24,7 @@ from sepv.verification import Case, Cases, Effort, Measurement, energy_bound, en
 
 
 def steady(case: Case) -> Case | None:
-    """Keep a case if E[H_0] of its system changes at a constant rate, with a step inside the contraction radius."""
+    """Keep a case if E[H_0] of its system changes at a constant rate, with a step as long as `short` allows."""
     data = case.problem
     if isinstance(data, GivenProblem) and isinstance(data.problem.data, PolynomialSystem):
         data = data.problem.data
@@ -77,9 +77,9 @@ def quantity(problem: Problem, rate: float, y: Array) -> Quantity:
 
 
 def by_degree() -> tuple[Case, ...]:
-    """Steps with additive noise on p for H = ½p² + aq^n, y = (p, q), which random cases seldom have with a long step.
+    """Long steps for H = ½p² + aq^n, y = (p, q), with additive noise on p. Random cases seldom have such long steps.
 
-    The noise is weak, because the step is shorter with a strong one.
+    The noise is weak, because a strong noise would shorten the step.
     """
     found = []
     for degree in (3, 4, 5, 6, 8, 10):

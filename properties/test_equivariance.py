@@ -1,4 +1,4 @@
-"""Affine covariance of (2.1): the change of variables z = Py + b, with PBPᵀ for B, commutes with the step."""
+"""Affine covariance of (2.1): the change of variables z = Py + b, with PBPᵀ in place of B, commutes with the step."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ def correction_rounding(problem: Problem, y0: Array, y1: Array, h: float) -> Arr
     """A bound (d,) of the rounding errors in Itô's correction ½ Σ c_j² h f′f, f = B∇H, for polynomial data.
 
     A scheme that treats drift and noise apart may compute the correction. If the increments are small beside √h, these
-    errors exceed the effect of the increments. With K operations, unit roundoff u, and M_f, M_f′ the sums of absolute
-    values of terms, f errs by K u M_f and f′ by K u M_f′, so the correction errs by Σ c_j² |h| K u M_f′ M_f.
+    errors exceed the effect of the increments. Let u be the unit roundoff, and M_f, M_f′ the sums of absolute values of
+    terms. With K operations f errs by K u M_f, f′ by K u M_f′, and the correction by Σ c_j² |h| K u M_f′ M_f.
     """
     B, g, dB, H = majorants(problem, np.maximum(np.abs(y0), np.abs(y1)))
     factor = 0.5 * EPS * operations(problem) * abs(h) * float(problem.c @ problem.c)

@@ -38,8 +38,8 @@ from sepv.verification import Case, Cases, Effort, Measurement, require, searche
 from sepv.verification._cases.random_cases import ORIGIN_SHARE
 from sepv.verification._contraction import contraction_ball
 
-# The number of nodes of the interpolation, and the power of Δ of the last coefficient that is judged. From 24 or more
-# nodes in |Δ| ≤ ϱ/2, the coefficient of Δ⁸ has an error of 2e-6 r/ϱ⁸ (r, ϱ as in `check`). It is 1e-7 to 1e-2 of r/ϱ⁸.
+# The number of nodes of the interpolation, and the last power of Δ whose coefficient is judged. With 24 or more nodes
+# in |Δ| ≤ ϱ/2, the coefficient of Δ⁸ has an error of 2e-6 r/ϱ⁸ (r, ϱ: see `_on`), and is 1e-7 to 1e-2 of r/ϱ⁸.
 NODES, LAST = 24, 8
 
 
@@ -51,8 +51,8 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     """Measure the coefficients from steps with h > 0. If some are wrong, measure them along two lines of (h, ΔW) too.
 
     The steps with −Δ have the same h and another ΔW. If a scheme treats h and ΔW apart, its error may then be c|Δ|⁵,
-    which is not analytic. It is analytic on each of two lines, through the steps with Δ and with −Δ, and (0, 0). The
-    law holds if the coefficients are right on both lines.
+    which is not analytic. The error is analytic on each line through (0, 0). One line has the steps with Δ, the other
+    those with −Δ. The law holds if the coefficients are right on both lines.
     """
     problem, _, h, dW = case.build()
     if is_several(problem):  # no noise reverses the drift: h changes its sign too
@@ -73,11 +73,11 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 def _on(scheme: Scheme, case: Case, arguments: Arguments) -> Measurement:
     """Measure a and b of y1 = aΔ + bΔ² + c3Δ³ + … from steps with ±Δ and ±Δ/2, by parity and extrapolation.
 
-    y1(Δ) is analytic and |y1| ≤ r for |Δ| ≤ ϱ (contraction radius), so that |c_k| ≤ r/ϱ^k (Cauchy). The odd part
-    divided by Δ is a + c3Δ² + c5Δ⁴ + …, the even part divided by Δ² is b + c4Δ² + c6Δ⁴ + …. One Richardson step removes
-    the terms in Δ². With x = Δ/ϱ, at most (r/ϱ)x⁴/(1 − x²) remains in a and (r/ϱ²)x⁴/(1 − x²) in b. A step's rounding
-    has factors of at most 4/Δ in a, 16/Δ² in b (weights 4/3 and 1/3 at Δ/2 and Δ). Here y0 = 0. If h stays positive and
-    ΔW sets the sign of Δ, a scheme that weighs h and ΔW differently shows it.
+    Here y0 = 0. Let ϱ be the contraction radius. For |Δ| ≤ ϱ, y1(Δ) is analytic and |y1| ≤ r, so that |c_k| ≤ r/ϱ^k
+    (Cauchy). The odd part over Δ is a + c3Δ² + c5Δ⁴ + …, the even part over Δ² is b + c4Δ² + c6Δ⁴ + …. One Richardson
+    step removes the terms in Δ². With x = Δ/ϱ, at most (r/ϱ)x⁴/(1 − x²) remains in a and (r/ϱ²)x⁴/(1 − x²) in b. A
+    step's rounding is multiplied by at most 4/Δ in a and 16/Δ² in b (weights 4/3 and 1/3 at Δ/2 and Δ). If h stays
+    positive and ΔW sets the sign of Δ, a scheme that weighs h and ΔW differently is detected.
     """
     problem, y, h, dW = case.build()
     radius, r = contraction_ball(problem, y)
@@ -114,7 +114,7 @@ def _on(scheme: Scheme, case: Case, arguments: Arguments) -> Measurement:
 
 
 def turned(problem: Problem, h: float, dW: Array) -> Array:
-    """Return increments that give −Δ with the same h: all are negated, and c_1ΔW_1 is less by another 2h."""
+    """Return increments that give −Δ with the same h: all are negated, and then c_1ΔW_1 is reduced by 2h."""
     noise = -dW
     noise[0] -= 2 * h / problem.c[0]
     return noise
@@ -162,7 +162,7 @@ def higher_coefficients(
 ) -> list[Measurement]:
     """Compare the coefficients of Δ³ … Δ^2p with those of the flow, for a scheme that claims mean-square order p.
 
-    `radius` ϱ is half the contraction radius, which covers Lebesgue constants of stages (at most 1.7 for six stages).
+    `radius` is ϱ, half the contraction radius, which allows for Lebesgue constants of stages (≤ 1.7 for six stages).
     c_k is computed as Σ_j w_kj y1(Δ_j) from values at Chebyshev points, exactly for polynomials without constant term.
     Its error is bounded by the rest of the series, |c_m| ≤ r/ϱ^m (Cauchy), and by the rounding of each value.
     """

@@ -13,7 +13,7 @@ from sepv.verification import Effort, Finding, Law, Run, require
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
-    """Compare the slope of the mean error of one step with the claimed mean-square order (1 without a claim)."""
+    """Compare the mean error's slope for one step with the claimed order (default: 1, ½ for noncommuting noises)."""
     return judge(
         law,
         scheme,

@@ -20,7 +20,7 @@ from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
-    """Compare the slope of the rms error of one step with the claimed order (1 without a claim), also at random h."""
+    """Compare the rms error's slope, at random h too, with the claimed order (default 1, ½ for noncommuting noises)."""
     claimed = scheme.mean_square_order
 
     def needs(_: LocalErrors, order: float) -> float:

@@ -79,7 +79,7 @@ def _orbits(scheme: Scheme, seed: int) -> Iterator[Any]:
 
 
 def _taken(scheme: Scheme, orbits: Orbits) -> Orbits:
-    """Halve the step size of the orbits until the scheme takes it, at most SHORTER times; else raise Skipped."""
+    """Halve the step size of the orbits, at most SHORTER times, until the scheme takes it. Else raise Skipped."""
     y = orbits.of(1)[:, 0]
     for halved in range(SHORTER + 1):
         shorter = replace(orbits, steps=orbits.steps << halved)

@@ -27,8 +27,8 @@ MARGIN = 0.25
 def assessing(claimed: float | None, tilted: bool, hold: float = 0.0) -> Assess:
     """Make the test that slopes of the error are above the claimed order less MARGIN.
 
-    The slopes are that of the rms error and, except for weighted (`tilted`) samples, that of a quantile. For the law to
-    hold, an interval with error probability alpha, or `hold` if larger, must lie above this bound.
+    The slopes are that of the rms error and, except for weighted (`tilted`) samples, that of a quantile. The law holds
+    if an interval with error probability alpha, or `hold` if larger, lies above this bound.
     """
 
     def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) -> Assessment:
@@ -74,7 +74,7 @@ def at_the_floor(errors: StrongErrors, order: float) -> Assessment:
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
-    """Compare the slope of the error with the claimed order; without a claim with 1, or ½ for noncommuting noises."""
+    """Compare the slope of the error with the claimed order (default: 1, ½ for noncommuting noises)."""
     return judge(
         law,
         scheme,

@@ -35,10 +35,10 @@ def several_noises(case: Case) -> Case | None:
 def check(scheme: Scheme, case: Case) -> Measurement:
     """Compare the steps with all noises, with the noises reversed, and with their sum as one noise.
 
-    Noises with structures or Hamiltonians of their own cannot be summed. Instead they are moved on by one place, and a
-    noise with c = 0 is put before them. If a scheme exchanges two noises, both permutations may hide this, but the
-    additional noise reveals it. All steps solve one equation y1 = y0 + R(y0, y1). Their residuals, with the rounding of
-    Δ, are at most r. So two steps differ by at most 2r‖(I − ∂R/∂y1)⁻¹‖ in the largest component.
+    Noises with structures or Hamiltonians of their own cannot be summed. Instead one step has them moved on by one
+    place, and one has a noise with c = 0 before them. If a scheme exchanges two noises, both permutations may hide it,
+    but the additional noise reveals it. All steps solve one equation y1 = y0 + R(y0, y1). Their residuals, with the
+    rounding of Δ, are at most r. So two steps differ by at most 2r‖(I − ∂R/∂y1)⁻¹‖ in the largest component.
     """
     problem, _, _, dW = case.build()
     data, c = case.problem, tuple(float(v) for v in problem.c)
@@ -57,7 +57,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         }
         return _furthest(scheme, case, {name: _ordered(case, data, order) for name, order in orders.items()})
     total = float(sum(c * w for c, w in zip(problem.c, dW, strict=True)))
-    # With this coefficient the increment is at most the largest one. A power of two, so that the product is exact.
+    # With this coefficient the increment is at most the largest one. It is a power of two: the product is exact.
     one = 2.0 ** np.ceil(np.log2(np.sum(np.abs(problem.c)))) if np.any(problem.c) else 1.0
     others = {
         "reversed": with_noise(case, c[::-1], case.dW[::-1]),

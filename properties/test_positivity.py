@@ -37,7 +37,7 @@ SYSTEMS = tuple(
 _SYSTEMS, _SIGNS = st.sampled_from(SYSTEMS), st.sampled_from([1.0, -1.0])
 _STATES = st.tuples(*[st.tuples(st.sampled_from([1.0, 1.5]), st.integers(-10, 2))] * 3)
 _NOISES = noises(least=1, most=3).filter(any)
-# A step that moves each y_i by less than this share of it is far from leaving the domain.
+# A step that moves each y_i by less than SHORT·y_i is far from leaving the domain.
 SHORT = 0.125
 _LENGTHS, _SHARES = st.sampled_from([2.0, 1.0, 0.5, 0.125]), st.sampled_from([0.5, 0.0625])
 
@@ -116,8 +116,8 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 def reaching(case: Case) -> Case | None:
     """Double a short step of a given Lotka-Volterra problem until an Euler step leaves the domain.
 
-    The step may not move y by more than 2|y|, and must end tamely by the splitting method. Steps of other problems are
-    unchanged: no bound is known under which methods with exponentials do not overflow.
+    The step may not move y by more than 2|y|, and by the splitting method it must end in [2⁻⁶⁴, 2⁶⁴]. Steps of other
+    problems are unchanged: no bound is known under which methods with exponentials do not overflow.
     """
     problem, y, h, dW = case.build()
     if problem.domain is None or not np.all(problem.domain(y)):

@@ -54,7 +54,7 @@ _SHARES = (
 
 
 def splits(problem: Problem, h: float, dW: Array) -> list[tuple[str, float, Array]]:
-    """Return other (name, h, dW) with equal Δ up to rounding, no change of h's sign, and |h| + Σ|c_jΔW_j| no larger."""
+    """Return other (name, h, dW) with equal Δ up to rounding: h keeps its sign, and |h| + Σ|c_jΔW_j| does not grow."""
     c = problem.c
     driven = np.flatnonzero(c)
     if not driven.size:

@@ -17,7 +17,7 @@ from sepv.verification._tolerance import state_error
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Measure y1's distance from (2.2), or from (2.1) if all G_j = B, or if c = 0 from the deterministic method."""
+    """Measure the distance of y1 from (2.2); if all G_j = B, from (2.1); if c = 0, from the deterministic method."""
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)
     if scheme.systems == Systems.SEVERAL and isinstance(case.problem, PolynomialSystem):

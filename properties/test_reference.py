@@ -1,4 +1,4 @@
-"""A step solves equation (2.1): it is compared with a solution in extended precision by code independent of schemes.
+"""A step solves equation (2.1): y1 is compared with a solution that independent code finds in extended precision.
 
 A step with s stages solves the collocation equations of Cohen and Hairer (2011) with the random step. Random systems
 are tested first, and their steps are solved by the reference code. Then come the reference vectors, stored solutions
@@ -51,8 +51,8 @@ from sepv.verification._tolerance import gradient_majorant, state_error, structu
 ORDER_OF_OPERATIONS = 4.0
 # The largest number of nodes of a quadrature that is exact to rounding: 33 Chebyshev points, 20 Gauss nodes, …
 QUADRATURE_NODES = 40
-# The beginning of the reference solver's error for a step of several Hamiltonians from a critical point of H_0, where a
-# structure is undefined (`sepv.problem._structures`).
+# The first words of the reference solver's error for a step of several Hamiltonians from a critical point of H_0, where
+# a structure is undefined (`sepv.problem._structures`).
 UNDEFINED = "a structure is undefined"
 
 # The number of steps from critical points of H_0 that are tested.

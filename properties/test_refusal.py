@@ -1,9 +1,9 @@
 """If a step of (2.1) has no solution, a scheme refuses it by an ArithmeticError, or by the step's status in a batch.
 
 Any returned state is wrong, also y0 and the explicit step. `sepv.properties._without_solution` proves that there is no
-solution: one component of (2.1) is a quadratic equation without real root, in exact numbers. The residual that a
-returned state leaves in this component is compared with the residual that a solved step may leave. A scheme that does
-not claim the law *reference* may solve another equation. Then the report says what it returns, without a judgement.
+solution: one component of (2.1) is a quadratic equation without real root, in exact numbers. The residual of a returned
+state in this component is compared with the largest residual that a solved step may have. A scheme that does not claim
+the law *reference* may solve another equation. Then the report says what the scheme returns, without a judgement.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ STEPS, SHOWN = 8, 8
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Measure the residual of the step alone, and in a batch (if case and scheme take one) beside steps with Δ = 0."""
+    """Measure the residual of the step alone and, if case and scheme have batches, in a batch with steps of Δ = 0."""
     why = proof(case, scheme.stages)
     if why is None:
         raise Skipped("nothing proves that the step has no solution")

@@ -1,4 +1,4 @@
-"""The bits of a result do not depend on its batch: the other states, their number, the state's place, the division."""
+"""The bits of y1 do not depend on the batch: on other states, their number, the state's place, or a division."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from sepv.verification import Case, Cases, Effort, Measurement, require, searche
 # Sizes of parts of a batch. Libraries change their code path near the widths of vector registers and unrolled loops, so
 # these sizes differ; a further part has as many states as y has components. Some cases have batches of thousands.
 PARTS = (2, 7, 24)
-# In these batches every other state is smaller by powers of two, at most 2⁻²⁰: iterations that stop by the largest
-# state of a batch then stop too early for small ones.
+# In these batches every second state is multiplied by a power of two, down to 2⁻²⁰: iterations that stop by the largest
+# state of a batch then stop too early for small states.
 SMALLEST = 21
 # From this d on NumPy sums a single row in another order than the rows of a batch. Newton's last correction hides most
 # of the differences, so ALONE states are stepped alone.
@@ -61,7 +61,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 
 def one_at_a_time(scheme: Scheme) -> str:
-    """Return the reason why the law does not apply if the scheme takes no batches, else ""."""
+    """Return why the law does not apply to a scheme without batches, or "" for a scheme that takes batches."""
     return "" if scheme.batched else "the scheme takes one state at a time: there is no batch to depend on"
 
 

@@ -6,7 +6,7 @@ confidence intervals are widened by the change of a share if the coarsest step s
 confidence the shares of drift and noise are less than RESOLUTION and the rms error falls with h. It is violated if a
 share differs from zero by more than LEAST, or if neither the rms error nor a quantile of the error falls.
 
-A strong noise c hides the drift: if L is the slope of the field f, the drift moves y by 1/(c√L) of what the noise does.
+A strong noise c hides the drift: if f has the slope L, the drift moves y by 1/(c√L) times as much as the noise does.
 If the drift causes less than 1/HIDDEN of all movement, it may therefore be wrong by RESOLUTION/HIDDEN of all movement.
 The law "local-mean" judges the drift alone. Movements by rounding alone are not judged.
 """
@@ -26,7 +26,7 @@ from sepv.problem import Array, Problem, column
 from sepv.schemes import Scheme, order_of
 from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 
-# An error of noise or drift of this share must be detected; of SPARED if the scheme takes one state at a time.
+# An error by the share RESOLUTION of drift or noise must be detected; SPARED if the scheme takes one state at a time.
 RESOLUTION, SPARED = 0.01, 0.02
 # A smaller share is no violation, because powers of h that the extrapolation neglects could cause it.
 LEAST = 0.001
@@ -40,8 +40,8 @@ def assessing(tilted: bool, orders: tuple[float, ...] = (1.0,), resolution: floa
     """Make the test of a limit: the shares and the fall of the error have the error probability alpha/2 each.
 
     The shares (`limit_errors`) by which drift and noise are wrong are means over paths. For a scheme of weak order 1 or
-    more they expand in whole powers of h. For lower orders they may expand in powers of h^½ (differences over a length
-    √h), which needs more paths. If several `orders` are possible, a limit is wrong only if it is wrong by each of them.
+    more they expand in whole powers of h. For lower orders they may expand in powers of h^½ (as by differences over a
+    length √h), and more paths are needed. If several `orders` are possible, a limit must be wrong by each of them.
     """
 
     def assess(problem: Problem, errors: StrongErrors, alpha: float, more: float) -> Assessment:
@@ -105,7 +105,7 @@ def _hidden(names: list[str], sizes: Array) -> Array:
 
 
 def mean_orders(scheme: Scheme) -> tuple[float, ...]:
-    """Return the possible orders of the means: the claimed weak order, else 1 and the mean-square order, else 1 and ½.
+    """Return possible orders of the means: the claimed weak order, else the mean-square order (or ½), and 1 if larger.
 
     A scheme of mean-square order ½ often has the weak order 1 without claiming it.
     """

@@ -64,7 +64,7 @@ FIRST = 32  # the number of steps of the first checkpoint; each later one has tw
 # hundred roundings of y in a step.
 ALLOWED = 10.0
 # The allowed mean change of H in a step of a correct scheme, as a share of w: rounding to nearest is slightly biased,
-# and an iteration leaves a residual. Over 10⁸ steps it is 7e-4 for the pendulum, less elsewhere (docs/long-times.md).
+# and an iteration has a residual. In 10⁸ steps this share is 7e-4 for the pendulum, else less (docs/long-times.md).
 BIAS = 2.0**-6
 # The probability with which each test of drift or growth rejects independent roundings.
 LEVEL = 1e-7
@@ -192,7 +192,7 @@ def _named(name: str) -> Problem:
 
 
 def _fewer(runs: list[tuple[Problem, float, int]]) -> list[tuple[Problem, float, int]]:
-    """Keep only the last run of each problem, the one with the largest h, with half as many steps."""
+    """Keep only the last run of each problem, which has the largest h, and halve its number of steps."""
     last = {problem.name: (problem, h, max(2 * FIRST, steps // 2)) for problem, h, steps in runs}
     return list(last.values())
 
@@ -272,11 +272,11 @@ def energy_walk(
 def in_own_roundings(defects: Array, widths: Array) -> tuple[Array, float]:
     """Scale defects (checkpoints, paths) as if roundings had one size on all paths. Also return this size, for a step.
 
-    `widths` has the root mean square rounding of a step on each path up to each checkpoint. It varies a lot if paths
+    `widths` has the root mean square rounding of a step on each path up to each checkpoint. Widths vary a lot if paths
     start at the origin or at different states. A defect divided by √n times its path's width is still normal.
     """
     alive = np.isfinite(widths)
-    known = np.where(alive & (widths < EXPLODED), widths, 0.0)  # an explosion does not excuse itself
+    known = np.where(alive & (widths < EXPLODED), widths, 0.0)  # an exploding path does not raise its limit
     common = float(np.sqrt(np.sum(known**2) / max(1, np.count_nonzero(alive))))
     own = np.where(known > 0, np.maximum(known, common / SPREAD), common)
     return (defects * (common / own) if common else defects), common

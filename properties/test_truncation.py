@@ -1,16 +1,16 @@
-"""Remark 2.1 and Lemma 3.1: |ζ| ≤ A_h = √(2k|ln h|), moment bounds, a k large enough, a step that uses all |ζ| ≤ A_h.
+"""Remark 2.1, Lemma 3.1: |ζ| ≤ A_h = √(2k|ln h|), moments are bounded, k is large enough, steps use all |ζ| ≤ A_h.
 
 Normal increments √h ξ are truncated to √h ζ. The paper prints the bound of Remark 2.1 with "=", but it is "≤", as here.
 
-The scheme must use the increments that it declares: at every h its step must respond to each ΔW_j in every sixteenth
-of [−√h A_h, √h A_h]. The innermost and outermost sixteenths and one more are tested. The response |∂y1/∂ΔW_j| of a step
+The scheme must use the increments that it declares: at every h its step must respond to each ΔW_j in every sixteenth of
+[−√h A_h, 0] and [0, √h A_h]. Of these the innermost, the outermost and one more are tested. The response |∂y1/∂ΔW_j| of
 y1 = y0 + Δf + ½Δ²f′f + O(Δ³) is c_j|f|(1 ± x), x = L(h + c_j√h A_h) with L ≥ |f′|. So the largest is at most
 (1 + x)/(1 − x) times the smallest, 1.3 for x ≤ REACH, and 2 is allowed. If a scheme itself clips at less than 31/32 of
 A_h, that is with k′ < 0.93 k, its response in the outermost sixteenth is less than half of the largest.
 
 Step sizes h are drawn from 2⁻⁶⁰ to ½. If x > REACH, H is divided by a number (`sepv.properties._orders.any_step`). For
-users' problems and an H that is no polynomial data, the range of h ends at x = REACH instead, and h, also in A_h, is in
-the problem's own unit of time. A scheme that itself clips by the plain number h is judged up to its clip. Responses
+users' problems and an H that is no polynomial data, the range of h ends at x = REACH instead. There h, also in A_h, is
+in the problem's own unit of time. A scheme that clips by h without this unit is judged only up to its clip. Responses
 below a solver's possible error are not judged.
 """
 
@@ -104,7 +104,7 @@ def _ratios(h: float, k: int, seed: int) -> list[tuple[float, str]]:
 
 
 def _responses(scheme: Scheme, k: int, seed: int) -> Iterator[tuple[float, str]]:
-    """Yield ½ max/min of the responses |∂y1/∂ΔW_j|, of which 1 is allowed, with a text, for each problem, noise, h."""
+    """Yield ½ max/min of the responses |∂y1/∂ΔW_j| (allowed: 1), and a text, for each problem, noise and h."""
     skipped: list[Skipped] = []
     problems, rng = problems_for(scheme), np.random.default_rng((seed, 2))
     count = sum(np.count_nonzero(problem.c) for problem in problems)
@@ -154,7 +154,7 @@ def _steps(
 def _weakest(
     scheme: Scheme, problem: Problem, h: float, A: float, j: int, between: int
 ) -> tuple[float, float]:
-    """Return ½ max/min of |∂y1/∂ΔW_j| over parts of [−A, A]√h (also part `between`), and the minimum's place by √h."""
+    """Return ½ max/min of |∂y1/∂ΔW_j| over parts of [−A, A]√h, one of them `between`, and the minimum's |ΔW_j|/√h."""
     edges = {-PARTS, 1 - PARTS, -1, 0, 1, PARTS - 1, PARTS, between, between + 1}
     number = np.array(sorted(edges))
     xi = A * number / PARTS

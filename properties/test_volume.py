@@ -1,6 +1,6 @@
 """A step Φ has det Φ′(y0) = 1 wherever the exact flow keeps volume, that is, div(B∇H) = 0.
 
-By Liouville's theorem det φ_θ′ = exp ∫₀^θ div f dt for f = B∇H. Because B is skew, div f = Σ_ij ∂_iB_ij ∂_jH. This is 0
+By Liouville's theorem det φ_θ′ = exp ∫₀^θ div f dt for f = B∇H. Because B is skew, div f = Σ_ij ∂_iB_ij ∂_jH. It is 0
 for every H if B is constant, for rotations, and for a charge in any magnetic field. The map of J. P. Boris (1970) for
 such a charge keeps volume and is not symplectic (H. Qin et al., Phys. Plasmas 20, 2013). Poisson maps and symmetric
 schemes need not keep volume: for d = 3 the midpoint rule does not.
@@ -19,7 +19,7 @@ from sepv.schemes import Scheme
 from sepv.verification import Case, Cases, Effort, Measurement, require, searched
 from sepv.verification._contraction import shortened
 
-# A divergence counts as 0 up to this share of its terms, above the error of derivatives of B; the bound includes it.
+# A divergence of at most NONE times its terms counts as 0, because derivatives of B have errors. The bound includes it.
 NONE = 1e-8
 
 

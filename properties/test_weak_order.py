@@ -3,15 +3,15 @@
 These errors for all g are called means here. Each of the first three statements shows the order q if the last is false:
 
 - The rms error has mean-square order q, because |E g(y_N) − E g(y(T))| ≤ L (E|e|²)^½. This suffices for most schemes.
-- The means fall faster than h^(q − ½) from the coarsest step to the finest, by a lower bound of the largest mean at the
-  coarsest step and an upper bound at the finest.
+- The means fall faster than h^(q − ½) from the coarsest step to the finest. This uses a lower bound of the largest mean
+  at the coarsest step and an upper bound at the finest.
 - q ≥ 2, and at the coarsest step the part of order h^(q − 1) in the means is less than SMALL times the rms error, with
   confidence. If errors of paths have a lower order than their means, sampling cannot show the fall of the means; the
   law "local-weak" shows it by quadrature.
 - The coefficient of h^(q − 1) in the means, extrapolated from three step sizes, is not zero.
 
-The law is violated if the last statement is true and the means fall too slowly. The coefficient is needed because a
-mean may vanish at the coarsest step by chance, and the fall because a small coefficient does not show at these steps.
+The law is violated if the last statement is true and the means fall too slowly. Both conditions are needed: a mean may
+vanish at the coarsest step by chance, and a small coefficient has no visible effect at these step sizes.
 If the means are below their statistical error, the verdict is `inconclusive`, with the number of paths needed. But for
 several Hamiltonians the law then holds if "local-weak" holds, because errors of order ½ often hide the means there.
 
@@ -36,7 +36,7 @@ from sepv.schemes import Scheme, order_of, point_law
 from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 from sepv.verification._law import about_noise
 
-# The end of the words for means with a significant part of too low an order.
+# The last words of the message about means with a significant part of too low an order.
 LEFT = "is left"
 # Half the distance between weak orders, which are integers, because the expansion of means is in powers of h.
 MARGIN = 0.5
@@ -94,7 +94,7 @@ def _small(samples: Array, h: Array, lower: Coefficient, alpha: float, more: flo
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
-    """Compare the weak order of sampled paths, or of a sum over all paths, with the claimed one (1 without a claim)."""
+    """Compare the weak order, from sampled paths or all paths of a discrete noise, with the claimed one (default 1)."""
     order = order_of(scheme.weak_order, "general")
     if point_law(scheme.increments) is not None:
         return local_orders.judge(

@@ -42,8 +42,8 @@ class Arithmetic:
     dot : (numbers, numbers) -> number
         The scalar product Σ a_i b_i, by the library's own function if it has a faster one.
     tables : (arithmetic, convert), optional
-        A more precise arithmetic that computes the tables of methods with stages, and the conversion of an entry. It
-        keeps the rounding errors of this arithmetic out of the tables.
+        A more precise arithmetic that computes the tables of methods with stages, and a function that converts an
+        entry. So the tables have no rounding errors of this arithmetic.
     """
 
     number: Callable[[float], Number]
@@ -81,7 +81,7 @@ def power(x: Number, k: int) -> Number:
 
 @lru_cache(maxsize=8)
 def context(digits: int) -> Any:
-    """An mpmath context with this many decimal digits, made once for each number; the global precision is unchanged."""
+    """An mpmath context of `digits` decimal digits, made once for each value; the global precision is unchanged."""
     ctx = mpmath.mp.clone()
     ctx.dps = digits
     return ctx

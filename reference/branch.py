@@ -1,4 +1,4 @@
-"""Continuation of the solution of an implicit step: from y0 at step zero along the growing step, up to a fold if any.
+"""Continuation of an implicit step's solution from y0 while the step grows from zero, up to a fold if there is one.
 
 The equation of an implicit scheme has one solution near y0 if the random step Δ = h + Σ c_j ΔW_j is small. Let the
 step be t(h, ΔW) with t growing from 0 to 1. The solution moves with t, and may meet another solution at a fold, where

@@ -174,8 +174,8 @@ def _krawczyk(
 def krawczyk_image(defect: Any, moved: Vector, centre: Vector, box: Vector) -> Vector:
     """Return Krawczyk's image K(X) of a box X, after a check that x̃ lies in X and K(X) in the interior of X.
 
-    The proof expands F about the centre x̃ by the mean value theorem, and takes F′(X) for the slope between x̃ and any
-    x in X. If x̃ is outside X, F′(X) need not contain that slope, and K(X) may lie in X though F has no zero in X.
+    The proof expands F about the centre x̃ by the mean value theorem; F′(X) encloses the slope between x̃ and any x in
+    X. If x̃ is outside X, F′(X) need not contain that slope, and K(X) may lie in X though F has no zero in X.
 
     Parameters
     ----------

@@ -59,7 +59,7 @@ def has_closed_form(data: Description) -> bool:
 
 
 def _to_separatrix(ctx: Any, data: NamedProblem, y: Sequence[float]) -> Number:
-    """The distance |1 − m| of the elliptic parameter m from 1, its value on the separatrix, where formulas hold too."""
+    """The distance |1 − m| of the elliptic parameter m from the separatrix, m = 1, on which the formulas hold too."""
     state, parameters = [ctx.mpf(float(v)) for v in y], dict(data.parameters)
     if data.name == "pendulum":
         return abs(1 - _pendulum_modulus(ctx, state[0], state[1]))

@@ -170,9 +170,9 @@ def gauss(stages: int) -> Equation:
 def collocation(stages: int, nodes: int = 0) -> Equation:
     """The s-stage energy-preserving collocation method with Gauss nodes c_i and step Δ.
 
-    Cohen and Hairer (BIT 51, 2011): u is the polynomial of degree s with u(0) = y0 and, at τ = c_i, u′ equal to
-    Δ B(u(c_i)) ∫₀¹ (ℓ_i(τ)/b_i) ∇H(u(τ))dτ, ℓ_i the Lagrange basis; y1 = u(1). The unknowns are K_i = u′(c_i).
-    If H has degree ν, the integrand has degree sν − 1; if H is not a polynomial, `nodes` quadrature nodes are used.
+    Cohen and Hairer (BIT 51, 2011): u is the polynomial of degree s with u(0) = y0 and u′(c_i) = Δ B(u(c_i)) ∫₀¹
+    (ℓ_i(τ)/b_i) ∇H(u(τ))dτ, where ℓ_i is the Lagrange basis; y1 = u(1). The unknowns are K_i = u′(c_i). If H has degree
+    ν, the integrand has degree sν − 1; if H is not a polynomial, `nodes` quadrature nodes are used.
     """
 
     def residual(problem: ExactProblem, y0: Vector, step: Step, x: Vector) -> Vector:

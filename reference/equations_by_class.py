@@ -41,7 +41,7 @@ def _several_structures(problem: ExactProblem, y0: Vector, step: Step, y1: Vecto
 
 
 def equation_for(systems: Systems, stages: int = 1) -> str | Equation:
-    """The reference equation of a scheme with this many stages for this class of systems."""
+    """The reference equation of a scheme with `stages` stages for the class of systems `systems`."""
     if systems is Systems.NAMBU:
         return BOTH_INVARIANTS
     if systems is Systems.SEVERAL:

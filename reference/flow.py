@@ -30,9 +30,9 @@ class FlowNotReached(SepvError, ArithmeticError):
 def taylor(data: Description, y: Sequence[float], theta: float, digits: int = 50) -> Vector:
     """The exact flow φ_θ(y) by Taylor series in mpmath, to `digits` digits of the largest component on the way.
 
-    Order and step follow Jorba and Zou (Experimental Mathematics 14, 2005): the order is ln(1/ε)/2, and the step is
-    e⁻² times the radius of convergence that the last coefficients show, which makes the last term ε. Guard digits,
-    15 + 2 log10(1 + |θ|), cover the sums and the growth of errors along the flow; `enclosed` proves the result.
+    Order and step follow Jorba and Zou (Experimental Mathematics 14, 2005): the order is ln(1/ε)/2, and the step is e⁻²
+    times the radius of convergence that the last coefficients show, so that the last term is about ε. Guard digits, 15
+    + 2 log10(1 + |θ|), cover the sums and the growth of errors along the flow; `enclosed` proves the result.
 
     Raises
     ------

@@ -2,8 +2,8 @@
 
 For dy = F_0 dt + Σ_j F_j∘dW_j the generator is L = A_0 + ½ Σ_j A_j², A_j = F_j·∇, with F_0 = B∇H and F_j = c_j B∇H,
 c_j G_j∇H (several structures), c_j B∇H_j (several Hamiltonians) or c_j g_j (additive noise). For polynomial data and
-monomials in x = y − y0 all coefficients are rational numbers, and (L^k x^α)(y0) obeys a recursion in k. With the
-coefficients ℓ_αβ of L x^α = Σ_β ℓ_αβ x^β, and because L lowers degrees by two at most,
+monomials in x = y − y0 all coefficients are rational numbers, and (L^k x^α)(y0) obeys a recursion in k. Let L x^α = Σ_β
+ℓ_αβ x^β. Because L lowers degrees by two at most,
 
     (L^(k+1) x^α)(y0) = Σ_β ℓ_αβ (L^k x^β)(y0),    (L^k x^β)(y0) = 0 for |β| > 2k.
 """

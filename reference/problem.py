@@ -96,7 +96,7 @@ class ExactProblem:
         return [total(weight * g[i] for weight, g in slopes) for i in range(self.dimension)]
 
     def uncertainty(self, *_states: Any) -> float:
-        """The error of H(y1) − H(y0) as evaluated here, which laws add to their bounds of rounding: zero."""
+        """Zero, the error of H(y1) − H(y0) as evaluated here, which laws add to their bounds of rounding."""
         return 0.0
 
     def casimir_values(self, y: Vector) -> Vector:
@@ -207,7 +207,7 @@ def _commuting_structure(self: ExactProblem, y: Vector, c: Number, slope: Vector
 
 
 def _without(v: Vector, orthogonal: list[Vector]) -> Vector:
-    """Remove from v its parts along vectors that are orthogonal to each other."""
+    """Remove from v its parts along the vectors `orthogonal`, which are orthogonal to each other."""
     for n in orthogonal:
         share = total(a * b for a, b in zip(v, n, strict=True)) / total(a * a for a in n)
         v = [a - share * b for a, b in zip(v, n, strict=True)]

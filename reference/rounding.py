@@ -155,7 +155,7 @@ ROUNDED = Arithmetic(
 
 
 def error_units(data: Description, y: Vector, h: float, dW: Vector, step: ReferenceStep) -> list[float]:
-    """Bound the rounding error of binary64 in each component of y1, for a step solved to rounding.
+    """Bounds of the rounding error of binary64 in each component of y1, for a step solved to rounding.
 
     The bound is u(|∂y1/∂residual| r + |y1|), where r is the running error bound of one evaluation of the residual at
     the solution, or of the explicit formula. Another order of operations gives another r of about the same size.

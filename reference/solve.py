@@ -2,8 +2,8 @@
 
 Newton's iteration runs in binary64 first, with a Jacobian from dual numbers x + εv (`jacobian`). It gives the
 solution and the Jacobian to about 16 digits. With this Jacobian fixed, each further evaluation of the residual
-in extended precision gains about 16 digits, so three evaluations make 50. If floats overflow or underflow,
-or their Jacobian is singular, the whole iteration runs in extended precision.
+in extended precision gains about 16 digits, so three evaluations give 50 digits. If floats overflow or underflow, or
+their Jacobian is singular, the whole iteration runs in extended precision.
 """
 
 from __future__ import annotations

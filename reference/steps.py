@@ -1,4 +1,4 @@
-"""One step of a scheme to any number of digits (`reference_step`), with its condition.
+"""One step of a scheme to any number of digits (`reference_step`), with the condition of the step's equation.
 
 The equations are in `sepv.reference.equations`, the solver in `sepv.reference.solve`. A value is proved by
 `sepv.reference.certify`, not here.
@@ -73,8 +73,8 @@ def step_condition(
 ) -> list[list[float]]:
     """The matrix |(I − ∂R/∂y1)⁻¹| at a step's solution, by which residuals r of y1 = y0 + R become errors of y1.
 
-    For a problem made of Python functions, which has no reference solution, all entries are 1/(1 − κ): steps are drawn
-    so that R is a contraction with factor κ = `contraction` in the maximum norm, so errors are at most Σ_i r_i/(1 − κ).
+    A problem made of Python functions has no reference solution: all entries are 1/(1 − κ). Steps are drawn such that R
+    contracts by the factor κ = `contraction` in the maximum norm, so errors are at most Σ_i r_i/(1 − κ).
     """
     if isinstance(data, GivenProblem):
         return [[1 / (1 - contraction)] * len(y)] * len(y)
@@ -109,7 +109,7 @@ def reference_step(
     scheme : str or Equation
         A name of `EQUATIONS`, or any equation.
     y, h, dW : binary64 numbers
-        Each is taken exactly.
+        Each is used without rounding.
     start : floats, optional
         The start of Newton's iteration for the unknowns of the equation.
 

@@ -114,7 +114,7 @@ def to_text(scheme: str, source: str, vectors: Iterable[ReferenceVector]) -> str
 
 
 def schemes_with_vectors(folder: Path = FOLDER) -> list[str]:
-    """The names of the schemes that have a file."""
+    """The names of the schemes that have a file of vectors."""
     return sorted(p.stem for p in folder.glob("*.json") if not p.stem.endswith(".schema"))
 
 

@@ -22,7 +22,7 @@ _HEX = re.compile(
     r"[+-]?(0x[0-9a-f]+(\.[0-9a-f]*)?(p[+-]?[0-9]{1,9})?|nan|inf|infinity)", re.IGNORECASE
 ).fullmatch
 _KINDS = {"c": "complex numbers", "U": "text", "S": "text"}
-# The most characters of a value that a message quotes.
+# The largest number of characters of a value that a message quotes.
 _SHOWN = 60
 
 
@@ -57,7 +57,7 @@ def is_whole(value: Any) -> bool:
 
 
 def require_whole(what: str, value: Any, remedy: str, low: int = 1, high: int | None = None) -> int:
-    """Convert a value to an int; a UsageError unless it is an integer within these bounds."""
+    """Convert a value to an int; a UsageError unless it is an integer from `low` to `high`."""
     if not is_whole(value) or value < low or (high is not None and value > high):
         bounds = f"≥ {low}" if high is None else f"from {low} to {high}"
         raise UsageError(expected=f"{what}, an integer {bounds}", received=f"{value!r:.80}", remedy=remedy)
@@ -65,7 +65,7 @@ def require_whole(what: str, value: Any, remedy: str, low: int = 1, high: int | 
 
 
 def require_flag(what: str, value: Any) -> None:
-    """Refuse anything but True and False, by a UsageError: a word such as "no" would count as true."""
+    """Raise a UsageError for anything but True and False, because a word such as "no" would count as true."""
     if not isinstance(value, (bool, np.bool_)):
         raise UsageError(
             expected=f"{what}, True or False", received=repr(value), remedy=f"{what}=True or {what}=False"
@@ -73,7 +73,7 @@ def require_flag(what: str, value: Any) -> None:
 
 
 def optional(module: str, expected: str, remedy: str, kind: type[UsageError] = UsageError) -> Any:
-    """Import a module that may not be installed; the error for a missing one says what needs it (`expected`)."""
+    """Import a module that may not be installed; the error for a missing module says what needs it (`expected`)."""
     try:
         return import_module(module)
     except ImportError as error:
@@ -110,7 +110,7 @@ def _refuse(constant: str) -> None:
 
 
 def _finite(word: str, kind: type[Any]) -> Any:
-    """Convert the text of a JSON number; one beyond binary64 is a ValueError."""
+    """Convert the text of a JSON number; a ValueError for a number beyond binary64."""
     if not math.isfinite(float(word)):
         raise ValueError(f"{word:.{_SHOWN}} is beyond binary64")
     return kind(word)
@@ -126,7 +126,7 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def hex_float(text: Any) -> float:
-    """The double of a text as C's %a prints it, ±inf if it is beyond binary64; a ValueError for any other text."""
+    """The double of a text in the format of C's %a, ±inf if it is beyond binary64; a ValueError for any other text."""
     if not isinstance(text, str) or not _HEX(text):
         raise ValueError(f'{text!r:.{_SHOWN}} is no hex float in a string, such as "0x1.8p+1" for 3')
     try:

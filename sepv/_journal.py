@@ -1,8 +1,8 @@
 """Messages from a process to its watcher, so that finished results survive a crash and the crash is described.
 
-A command of ``sepv`` runs in a child process; its parent is the watcher (`sepv.commands._watch`). The work of a
-run is divided by keys (texts), one for each law measured. Each result is sent to the watcher, so that after a crash a
-new process measures the remaining laws. Without a watcher no message is sent.
+A command of ``sepv`` runs in a child process; its parent is the watcher (`sepv.commands._watch`). The work of a run is
+divided into pieces, one for each law measured; a text, the key, names a piece. Each result is sent to the watcher, so
+that after a crash a new process measures the remaining laws. Without a watcher no message is sent.
 """
 
 from __future__ import annotations

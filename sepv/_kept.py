@@ -22,12 +22,12 @@ import numpy as np
 from sepv.files import cache_folder, write_atomically
 
 T = TypeVar("T")
-# The largest number of stored results of one kind, twice what a run of all laws needs. The last used ones are stored.
+# The largest number of stored results of one kind, twice that of a run of all laws. The results used last are stored.
 MOST = 2048
 
 
 class Kept:
-    """The stored results of one kind; a text, the key, finds a result. The file is read at the first use."""
+    """The stored results of one kind, each with a text as its key. The file is read at the first use."""
 
     def __init__(self, kind: str, most: int | None = None) -> None:
         self.kind, self.most, self.added = kind, most or MOST, False

@@ -1,7 +1,7 @@
 """All patches of other packages: names outside the packages' public interfaces that sepv changes.
 
-Each patch answers a behaviour of the other package. tests/simulate/test_compiled_code.py has a test for each patch,
-which fails once that behaviour has changed; the patch is then to be removed.
+Each patch is needed because of one behaviour of the other package. For each patch, tests/simulate/test_compiled_code.py
+has a test that fails once this behaviour has changed. Then the patch must be removed.
 """
 
 from __future__ import annotations

@@ -10,9 +10,9 @@ from tempfile import TemporaryFile
 
 from sepv._journal import BYTES, Notes
 
-# The most processes if their number is not given: with more, the longest group of laws determines the time.
+# The largest number of processes that is chosen here. With more, the longest group of laws determines the time.
 MOST = 4
-# Python searches for cycles of objects each time that this many are new; chosen for the speed of `sepv verify`.
+# The number of new objects after which Python searches for cycles of objects, chosen for the speed of `sepv verify`.
 OBJECTS = 5000
 _WAITING: list[tuple[subprocess.Popen[bytes], Notes]] = []
 

@@ -36,7 +36,7 @@ class ProblemError(UsageError):
 
 
 class SystemsError(UsageError):
-    """The scheme takes another class of systems than the problem's, such as one with several Hamiltonians."""
+    """The scheme is for another class of systems than the problem's, such as systems with several Hamiltonians."""
 
 
 class TargetError(UsageError):
@@ -52,7 +52,7 @@ class NotFinite(SchemeFault):
 
 
 class Skipped(SepvError):
-    """Raised by a scheme that does not take this problem: this is no fault, and no law gets a verdict from it."""
+    """The error of a scheme that does not support the problem. It is no fault, and gives no law a verdict."""
 
     def __init__(self, reason: str) -> None:
         self.reason = reason

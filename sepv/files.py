@@ -42,8 +42,8 @@ def require_folder(path: str | None) -> None:
 def cache_folder(name: str) -> Path:
     """A folder that only this user can write to: ~/.cache/sepv/NAME, or below $XDG_CACHE_HOME or $SEPV_CACHE_DIR.
 
-    Code is run from this folder, so others must not be able to write to it. If there is none (no home, a read-only
-    home, somebody else's home), a temporary folder with a random name is made, and removed when this process ends.
+    Code is run from this folder, so others must not be able to write to it. If there is no such folder (no home, a
+    read-only home, another user's), a temporary folder with a random name is made, and removed when this process ends.
     """
     try:
         named = os.environ.get("SEPV_CACHE_DIR")
@@ -87,7 +87,7 @@ def write_atomically(path: str, content: str | bytes) -> None:
         raise
 
 
-# The results that commands write, with their schema's version: it is raised if older programs would misread a file.
+# The results that commands write, with their schema's version, which is raised if older programs would misread a file.
 RESULTS = {
     "bench": 1, "comparison": 1, "growth": 1, "hard": 1, "path": 1, "report": 2, "reproduction": 1, "solvability": 1,
     "teeth": 1, "ulps": 1,
@@ -148,7 +148,7 @@ def read_json(path: str | Path, largest: int = LARGEST, /, *, expected: str, rem
 
 
 def require_schema(data: Any, name: str, path: str | Path, *, expected: str, remedy: str) -> None:
-    """Raise a UsageError if a file's data break this schema of `SCHEMAS`. Older files have no entry "made"."""
+    """Raise a UsageError if a file's data break the schema `name` of `SCHEMAS`. Older files have no entry "made"."""
     made = data.get("made") if isinstance(data, dict) else None
     version = made.get("version") if isinstance(made, dict) else None
     if isinstance(version, int) and version > RESULTS.get(name, version):
@@ -185,7 +185,7 @@ def _packaged(name: str) -> dict[str, Any]:
 
 
 def fault(data: Any, schema: dict[str, Any]) -> str:
-    """Describe the most informative violation of a JSON Schema by data, with its place; empty if they obey it."""
+    """Describe the most informative violation of a JSON Schema by data, with its place; empty without a violation."""
     from jsonschema import Draft202012Validator, FormatChecker
     from jsonschema.exceptions import best_match
 

@@ -1,8 +1,8 @@
 """The pytest plugin. It never loads itself: ``pytest -p sepv.pytest_plugin`` loads it.
 
 ``pytest -p sepv.pytest_plugin --pyargs sepv.properties --scheme mypkg.mymodule:step`` runs the laws on your scheme. If
-the ini file lists ``sepv_schemes``, the laws run on these schemes, beside your own tests, if pytest is called without a
-path. A test module may have a list ``sepv_schemes``. If no scheme is named, the laws run on the built-in schemes.
+pytest is called without a path, the laws run, beside your own tests, on the schemes in the ini file's list
+``sepv_schemes``. A test module may have such a list too. If no scheme is named, the laws run on the built-in schemes.
 
 A claimed law must hold. The test of an unclaimed law, or of a law that does not apply, is skipped and shows the
 measurement. A law that ends in an error fails, claimed or not. ``--expected FILE`` takes a file that ``sepv verify

@@ -1,4 +1,4 @@
-"""Which verdict changed, and in which version of a library: each record is compared with the one before."""
+"""Changes of verdicts between versions of a library: each record is compared with the record before it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Change:
 
     library: str
     solver: str
-    law: str  # empty if the whole solver came or went
+    law: str  # empty if the whole solver was added or removed
     since: str  # the version of the record before; equal to `version` if this version was measured again
     version: str
     before: str  # a value of `sepv.verification.Verdict`, or ABSENT or THERE
@@ -92,7 +92,7 @@ def cell(record: Record, solver: str) -> str:
 
 @dataclass(frozen=True)
 class Deviation:
-    """A script that shows a deviation: the versions in which it does, and the version that mended the deviation."""
+    """A script about a deviation: the versions that have the deviation, and the version that mended it."""
 
     library: str
     script: str
@@ -102,7 +102,7 @@ class Deviation:
 
 
 def deviations(records: Sequence[Record]) -> list[Deviation]:
-    """The `Deviation` of each script over the last record of each version."""
+    """The `Deviation` of each script, from the last record of each version."""
     titles: dict[str, str] = {}
     states: dict[str, list[tuple[str, bool | None]]] = {}
     for record in latest(records):
@@ -117,7 +117,7 @@ def deviations(records: Sequence[Record]) -> list[Deviation]:
 
 
 def _mended(found: Sequence[tuple[str, bool | None]]) -> str:
-    """The first version that does not deviate after the last that does; "" if there is none."""
+    """The first version without the deviation after the last version with it; "" if there is none."""
     last = max((n for n, (_, deviates) in enumerate(found) if deviates), default=len(found))
     return next((version for version, deviates in found[last:] if deviates is False), "")
 

@@ -119,7 +119,7 @@ def document(found: Sequence[Row], deviations: Sequence[Deviation], command: str
 
 
 def _grouped(pairs: Iterable[tuple[str, str]]) -> list[str]:
-    """Lines of Markdown: each text of the pairs (name, text) once, after all its names."""
+    """Lines of Markdown from pairs (text, name): each text once, after all its names."""
     names: dict[str, list[str]] = {}
     for text, name in pairs:
         names.setdefault(text, []).append(name)
@@ -127,7 +127,7 @@ def _grouped(pairs: Iterable[tuple[str, str]]) -> list[str]:
 
 
 def _listed(names: Sequence[str]) -> str:
-    """The solvers "library name" in one line of text. The library is not repeated between solvers of one library."""
+    """The solvers, each "library name", in one line. Successive solvers of one library do not repeat its name."""
     libraries = ["", *(name.split()[0] for name in names)]
     pairs = zip(names, libraries, strict=False)
     return "; ".join(name.removeprefix(f"{before} ") if before else name for name, before in pairs)
@@ -150,7 +150,7 @@ def _energy_defects(found: Sequence[Row]) -> str:
 
 
 def kept(verdicts: Mapping[str, str]) -> tuple[str, str]:
-    """Two texts from the marks of laws: how many claimed laws hold and which do not; which hold without a claim."""
+    """Two texts from the marks of laws: how many claimed laws hold and which do not, and the other laws that hold."""
     claimed = {law: mark.removesuffix(" +") for law, mark in verdicts.items() if mark.endswith("+")}
     failed = [f"{law} {WORDS.get(mark, mark)}" for law, mark in claimed.items() if mark != HOLDS]
     held = [law for law, mark in verdicts.items() if mark == HOLDS]

@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[2]
 _ADDRESS = re.compile(r"\w+://\S+|host='[^']*'")
 
 # Released versions that were measured, each with the versions of other packages that it needs: a library states the
-# oldest version that it takes, and seldom the newest. () means that it runs with the newest of all.
+# oldest versions that it accepts, but seldom the newest. () means that it runs with the newest versions of all.
 VERSIONS: dict[str, dict[str, tuple[str, ...]]] = {
     "diffrax": {"0.5.1": ("jax==0.4.38", "jaxlib==0.4.38", "equinox==0.11.12"), "0.6.2": (), "0.7.2": ()},
     "torchsde": {"0.2.5": (), "0.2.6": ()},

@@ -2,7 +2,7 @@
 
 The integrators of all installed libraries (`Peer.integrators`) are tested on random mechanical systems. If a claim does
 not hold, a script shows the reason without sepv. If the library's documentation says otherwise, the script is in the
-folder ``peers`` beside the page (`benchmarks.peers.deviations`). If the reason is rounding, it is in the folder
+folder ``peers`` beside the page (`benchmarks.peers.deviations`). If the reason is rounding, the script is in the folder
 ``integrators``, and the page integrator-rounding.md quotes it.
 """
 
@@ -44,7 +44,7 @@ class Row:
 
 
 def rows(libraries: Sequence[str], effort: Effort, folder: Path | None, shown: Shown) -> list[Row]:
-    """The rows of the installed libraries; only of those in `libraries`, if any are named."""
+    """The rows of the libraries in `libraries`, or of all installed libraries if none is named."""
     listed = [load(name) for name in libraries] if libraries else installed()
     jobs = [(peer.library, scheme) for peer in listed for scheme in peer.integrators.values()]
     laws = load_laws(ASKED)
@@ -137,7 +137,7 @@ only rounding errors, so it obeys laws that it violates in longer steps. REBOUND
 (whfast, saba, mercurius, trace, eos) run on the problem `planets`."""
 
 
-# The notes were read as far as a search of public threads finds them.
+# Libraries' notes were read as far as a search of public threads finds them.
 READ = """\
 We read docstrings and source of each integrator, REBOUND's documentation and changelog, the history of JAX MD's and
 mici's integrators, and 16 issues and pull requests."""

@@ -18,7 +18,7 @@ _KEEP = (
 
 
 def page_options(known: Sequence[str]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Add the options --out, --keep, --seed, and --library, whose value is one of `known`, to a command."""
+    """Add to a command the options --out, --keep, --seed, and --library, whose value is one of `known`."""
 
     def add(command: Callable[..., Any]) -> Callable[..., Any]:
         for option in (

@@ -1,9 +1,9 @@
-"""Measurements of a solver for each kind of noise: orders of one step and of paths, its limit, structure that it keeps.
+"""Measurements of a solver for each kind of noise: orders of one step and of paths, the limit, and kept structure.
 
 The laws "local-mean", "local-mean-square" and "local-weak" give slopes of errors of one step by quadrature. By
 Milstein's theorem the mean-square order is the lesser of the slope of the mean error less 1 and that of the rms error
 less ½; the weak order is the slope of the weak error less 1. The order of paths is the slope of the rms error against
-the log-ODE, as in the law "mean-square-order". It is measured for orders up to that of the log-ODE, 1.
+the log-ODE, as in the law "mean-square-order". It is measured if the documented order is at most the log-ODE's, 1.
 """
 
 from __future__ import annotations
@@ -66,8 +66,8 @@ def cells(library: str, solver: Solver, effort: Effort) -> Iterator[Cell]:
 def orders(solver: Solver, kind: str, local: dict[str, Any]) -> tuple[float, float]:
     """Mean-square and weak order from the slopes of `_local`.
 
-    Steps are compared with the log-ODE. It is O(h^{3/2}) from the solution, or O(h²) if noises commute and space-time
-    areas are known. So no order above 1, or 1.5, is visible.
+    Steps are compared with the log-ODE. It differs from the solution by O(h^{3/2}), or by O(h²) if noises commute and
+    space-time areas are known. So no order above 1, or 1.5, is visible.
     """
     mean, rms, weak = (local[law]["slope"] for law in LOCAL)
     known = 1.5 if solver.asks == "space-time" and kind != "general" else KNOWN
@@ -99,7 +99,7 @@ def _kept(solver: Solver, kind: str, law: str, effort: Effort) -> str:
 
 
 def _limit(solver: Solver, kind: str) -> dict[str, float]:
-    """λ with E[y1 − y0] = h(a + λs), for the given drift a and s = ½Σ F_j′F_j, and the remainder relative to |s|.
+    """λ in E[y1 − y0] = h(a + λs), and the remainder relative to |s|, for the drift a given and s = ½Σ F_j′F_j.
 
     λ is 0 for a solver that takes a as the drift of an Itô equation, and 1 for a solver of Stratonovich equations.
     """

@@ -1,6 +1,6 @@
 """sdeint's integrators for general noise, with the repeated integrals that some need. Needs the extra ``sdeint``.
 
-These are J_ij = ∫W_i ∘dW_j = ½ΔW_iΔW_j + A_ij with the step's Lévy areas A_ij, and Itô's I_ij = J_ij − ½h δ_ij.
+The integrals are J_ij = ∫W_i ∘dW_j = ½ΔW_iΔW_j + A_ij with the step's Lévy areas A_ij, and Itô's I_ij = J_ij − ½h δ_ij.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Which verdict changed, in which version of a library: ``python -m benchmarks.peers.trend``."""
+"""Changes of verdicts between versions of a library: ``python -m benchmarks.peers.trend``."""
 
 from __future__ import annotations
 

@@ -81,7 +81,7 @@ def _library(records: Sequence[Record]) -> Iterator[str]:
 
 
 def _falls_slowly(entry: dict[str, Any]) -> bool:
-    """True if *right-limit* may be violated only because the order, which *mean-square-order* found, is too low."""
+    """True if *right-limit* may be violated only because *mean-square-order* found an order that is too low."""
     limit, order = (entry["laws"].get(law) for law in ("right-limit", "mean-square-order"))
     both = limit and order and limit["verdict"] == order["verdict"] == Verdict.VIOLATED.value
     return bool(both and order["defect"] is not None and order["defect"] > LEAST_SLOPE)

@@ -1,4 +1,4 @@
-"""Methods whose energy stays near H(y_0) over long times, but not for the reason of usual symplectic methods.
+"""Methods whose energy stays near H(y_0) over long times for other reasons than that of usual symplectic methods.
 
 Reversible methods need not be symplectic, processed methods need not be symmetric, and high orders reach rounding.
 """

@@ -132,7 +132,7 @@ def _weak_two(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 def _pushed_at_once(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """Add all of the additive noise, then take a step of (2.1) without noise.
 
-    The second part changes neither E[H] nor E[C]. Lie's composition has weak order 1, and order 1 for additive noise.
+    The step changes neither H nor C. Lie's composition has weak order 1, and for additive noise mean-square order 1.
     """
     y0, noise = as_lanes(problem, y, h, dW)
     return drift_preserving.step(problem, y0, h, noise, noise).reshape(np.shape(y))

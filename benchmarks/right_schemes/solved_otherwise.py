@@ -94,7 +94,7 @@ def _of_one(update: Callable[[Problem, Array, float], Any]) -> Step:
 
 
 def _extended(problem: Problem, y0: Array, delta: Array) -> Array:
-    """(2.1) in the platform's longest float, rounded once: the binary64 number next to the solution, nearly always."""
+    """(2.1) in the platform's longest float, rounded once: nearly always the binary64 number next to the solution."""
     wide = _swept(problem, y0.astype(np.longdouble), delta.astype(np.longdouble))
     return wide.astype(np.float64)
 
@@ -186,7 +186,7 @@ ROOT_TOLERANCE = 1e-12
 
 
 def _line_search(problem: Problem, y: Array, delta: float) -> Array:
-    """(2.1) by Newton's method with a Jacobian of differences and halved steps; LinAlgError if it is singular."""
+    """(2.1) by Newton's method with a Jacobian of differences and halved steps; LinAlgError for a singular Jacobian."""
     d, z = len(y), np.zeros_like(y)
 
     def F(z: Array) -> Array:

@@ -238,7 +238,7 @@ def differences(new: ReferenceVector, old: ReferenceVector) -> list[str]:
 
 
 def check(schemes: Sequence[str], every: int, folder: Path = FOLDER) -> tuple[int, list[str]]:
-    """Make each `every`-th case of each file again, from the first on; return their number and the differences."""
+    """Compute each `every`-th case of each file again, from the first on. Return their number and the differences."""
     count, wrong = 0, []
     for scheme in schemes:
         stored = {v.id: v for v in load(scheme, folder)}

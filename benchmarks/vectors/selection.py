@@ -108,7 +108,7 @@ def _long() -> Iterator[_Draft]:
 
 
 def _folds(scheme: str) -> Iterator[_Draft]:
-    """Steps by a fraction 2^−k short of the fold of the branch of solutions from y0; conditions grow like 2^(k/2)."""
+    """Steps shorter by a fraction 2^−k than the fold of the solutions' branch from y0. Conditions grow like 2^(k/2)."""
     cubic = PolynomialSystem(
         2,
         poly.polynomial(2, [((2, 0), 0.5), ((0, 3), 1.0)]),
@@ -304,7 +304,7 @@ def _families(scheme: str) -> dict[str, list[_Draft]]:
 
 
 def _quadrature_settles(draft: _Draft) -> bool:
-    """False for huge steps of the pendulum, and for tiny components, for which error bounds of a rule say little."""
+    """False for huge states, and for tiny components if H is no polynomial. Error bounds of a rule say little there."""
     closed = isinstance(draft.problem, PolynomialSystem) or draft.problem in (OSCILLATOR, BODY)
     return "huge" not in draft.flags and (closed or not {"subnormal", "mixed-scales"} & set(draft.flags))
 
@@ -318,8 +318,8 @@ def candidates(scheme: str) -> list[Candidate]:
     every = 1 if scheme == "energy-preserving" else 12 if stages else 3
     found = []
     for family, drafts in _families(scheme).items():
-        # Methods with stages get no long steps, whose branches depend on the number of stages, and no huge steps of
-        # the pendulum, over which no quadrature settles.
+        # Methods with stages get no long steps, whose branches depend on the number of stages, and no drafts for which
+        # no quadrature settles.
         usual = [draft for draft in drafts if family != "long" and _quadrature_settles(draft)]
         kept = (usual if stages else drafts)[phase % every :: every]
         if scheme == "milstein":

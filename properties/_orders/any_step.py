@@ -1,9 +1,9 @@
 """Tests of one small step at step sizes h drawn from the whole range in which laws about small h apply.
 
-Below this range a fault could not be distinguished from rounding. Above it x = L(h + Σ c_j|ΔW_j|) is not small, with a
-bound L of |f′| for the fields f and c_jf, and statements about small h have no meaning. If a problem is polynomial
-data, its H is multiplied by a ν < 1 (a longer unit of time) at such h, which makes x as small as needed. So a scheme
-that is wrong in some interval of h is also tested at h in this interval.
+Below this range a fault could not be distinguished from rounding. Let L be a bound of |f′|. Above the range
+x = L(h + Σ c_j|ΔW_j|) is not small, and statements about small h have no meaning. For polynomial data, H is multiplied
+at such h by a ν < 1 (a longer unit of time), which makes x as small as needed. So a scheme that is wrong in some
+interval of h is also tested at h in this interval.
 """
 
 from __future__ import annotations
@@ -37,16 +37,16 @@ from sepv.solve import Status
 from sepv.verification._law import Run
 
 # Step sizes are drawn from PAIRS equal parts of the range, at most 2.1 octaves apart, so that no decade is left out.
-# The range is from 2⁻⁴⁰, where an error of order 1 is 1e-12 of y, to 2⁻², where A_h is 1.66 for k = 1.
+# The range is from 2⁻⁴⁰, where an error of size h is 1e-12 of y, to 2⁻², where A_h is 1.66 for k = 1.
 PAIRS, SMALLEST, LARGEST = 36, 2.0**-40, 2.0**-2
 # The ratio of the two step sizes of a pair.
 APART = 4.0
 # Factors on the c_j, used in turn: the problem's own noises, larger ones and smaller ones.
 LOUDER = (1.0, 16.0, 1 / 16)
 # The upper end of the range in the problem's own time, as a share of the coarsest step size for slopes. Errors differ
-# from the first term of their expansion by O(x), and slopes by O(x).
+# from the first term of their expansion by O(x), and slopes from its power by O(x).
 FINER = 2.0**-6
-# If y1 is a formula of hf and ΔW_jf, errors in the same unit of time are equal. The factor ROOM is for schemes that
+# If y1 depends only on hf and ΔW_jf, errors in the same unit of time are equal. The factor ROOM is for schemes that
 # choose between two formulas with different constants.
 ROOM = 2.0
 # Errors are cut off at this size, so that their squares stay finite.
@@ -60,7 +60,7 @@ def drawn(rng: np.random.Generator, low: float, high: float, count: int) -> Arra
 
 
 def scaled(problem: Problem, factor: float, louder: float = 1.0) -> Problem | None:
-    """Multiply a problem's H, H_j, vectors and damping by `factor`, c_j by `louder`; None without polynomial data."""
+    """Return a problem with H, H_j, vectors, damping times `factor` and c_j times `louder`; None if it is not data."""
     data = problem.data
     if factor == louder == 1:
         return problem
@@ -80,7 +80,7 @@ def scaled(problem: Problem, factor: float, louder: float = 1.0) -> Problem | No
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """Errors of two steps, of the sizes h and h / APART, for a problem whose H was multiplied by `unit`."""
+    """Errors of two steps, of the sizes h and h / APART, for a problem whose H and noise were multiplied (`_pairs`)."""
 
     problem: Problem
     h: float
@@ -90,28 +90,28 @@ class Pair:
     floor: float
 
     def slope(self) -> float:
-        """Return the slope between both errors, a lower bound because an error below `floor` counts as `floor`."""
+        """Return the slope between both errors. It is a lower bound, because errors below `floor` count as `floor`."""
         coarse, fine = np.maximum(self.errors, self.floor)
         return float(np.log(coarse / fine) / np.log(APART))
 
     def growth(self, other: Pair, order: float) -> float:
-        """Bound the ratio of this pair's error to that of `other`, both positive sums of u^a v^b, 2a + b = 2p + 1.
+        """Bound the ratio of this pair's error to that of `other`, if both are sums of K_ab u^a v^b with K_ab ≥ 0.
 
-        p is `order`, and u is the finer h in the problem's own unit of time, with v = Σ c_j√u in this unit.
+        Here 2a + b = 2p + 1 with p = `order`. In the problem's own unit of time u is the finer h, and v = Σ c_j√u.
         """
         longer = np.sqrt(self.unit * self.h / (other.unit * other.h))
         return float((longer * max(1.0, self.louder / other.louder)) ** (2 * order + 1))
 
 
 def lower_order(scheme: Scheme, run: Run) -> tuple[tuple[float, float, str] | None, int]:
-    """Find an error that falls too slowly: return (slope, needed slope, text) or None; and the number of steps made.
+    """Return (slope, needed slope, text) of an error that falls too slowly, or None, and the number of steps made.
 
-    In the problem's own unit of time, a scheme of order p has errors Σ K_ab u^a v^b (1 + O(√h)), 2a + b = 2p + 1 (u, v:
-    see `Pair.growth`), with K_ab independent of the unit. So other pairs bound the error of a pair: those of the right
-    slope and the longest with an error below the floor, with the same noise or else the problem's own. A pair violates
-    the law if its slope is too low and its error exceeds ROOM times this bound. Both are needed, because a scheme that
-    divides steps above some length has small errors of slope ½ there. If no pair has the right slope, no violation is
-    found here, because then the slope that the law itself measures is wrong.
+    In the problem's own unit of time a scheme of order p has errors Σ K_ab u^a v^b (1 + O(√h)), with K_ab independent
+    of the unit (a, b, u, v: see `Pair.growth`). So a pair's error is bounded by those of pairs with the same noise, or
+    else with the problem's own: pairs of the right slope, and the longest pair with an error below the floor. A pair
+    violates the law if its slope is too low and its error exceeds ROOM times this bound. The slope does not suffice: a
+    scheme that divides steps above some length has small errors of slope ½ there. If no pair has the right slope, no
+    violation is found here, because then the slope that the law itself measures is wrong.
     """
     if scheme.asks:
         return None, 0

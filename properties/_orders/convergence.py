@@ -1,4 +1,4 @@
-"""Strong errors of paths against the exact solution, and slopes with intervals whose false-alarm rate is stated.
+"""Strong errors of paths against the exact solution, and their slopes with confidence intervals of a given level.
 
 On one path all step sizes use the same Wiener process: increments of coarse steps are sums of increments of the finest
 grid, truncated at each step size as in Remark 2.1. If the exact solution is a function of W(T), such as the flow φ at
@@ -34,20 +34,20 @@ FLOOR = 1e4
 # The quantile of errors that is judged. It is above the median, because with few steps the median is small beside the
 # root mean square, and low enough for a confidence interval from some hundred paths.
 QUANTILE = 0.8
-# The number of paths computed together, which hides NumPy's cost of a call: 1024 paths cost half of four times 256.
+# The number of paths computed together. It hides NumPy's cost of a call: 1024 paths cost half of four times 256 paths.
 _CHUNK = 1024
 
 
 @dataclass(frozen=True)
 class StrongErrors:
-    """Errors y_N − y(T) of M paths (L, d, M) for L numbers of steps, their squares |·|² (L, M), and failures.
+    """Errors y_N − y(T) (L, d, M) of M paths for L numbers of steps, their squares |·|² (L, M), and failures.
 
     `failures` counts paths with a step that was not solved or left the domain, for the smallest number of steps with
     such paths. Paths with more steps may then be missing (errors NaN). `reference` is the rms error of a reference that
     is not exact, else 0. `sepv.properties._orders.means` needs y(T) as `ends` (L, d, M), W(T) as `W` (L, m, M), and the
     likelihood ratios `weights` (L, M), by which `squared` and `errors` are already multiplied. If means are not used,
-    these arrays are empty. `tolerance` is that of the scheme's solver, and `failed` describes the first step of a path
-    that failed.
+    these arrays are empty. `tolerance` is that of the scheme's solver, and `failed` describes the first step that
+    failed.
     """
 
     T: float
@@ -74,7 +74,7 @@ class StrongErrors:
         return np.sqrt(np.mean(self.squared, axis=1))
 
 
-# A function of the numbers of paths that yields, for each number of steps, increments (N, m + k, M) as the scheme gets
+# A function of a range of path numbers. For each number of steps it yields increments (N, m + k, M) as the scheme gets
 # them, y(T), W(T) and weights.
 Draw = Callable[[range], Iterable[tuple[Array, Array, Array, Array]]]
 
@@ -89,7 +89,7 @@ def strong_errors(
     seed: int = 0,
     unit: float = 1.0,
 ) -> StrongErrors:
-    """Run the paths numbered `paths` from the problem's initial state, with increasing `steps` that divide the last.
+    """Return errors of the paths numbered `paths`, from the initial state, for increasing `steps` that divide the last.
 
     `unit` is the unit of time of h in the truncation bound A_h of Remark 2.1.
     """
@@ -160,7 +160,7 @@ def errors_of(
 
 
 def clipped(scheme: Scheme, raw: Array, h: float, noises: int, unit: float) -> Array:
-    """Return the rows (N, m + k, M) that the scheme gets: m = `noises` truncated increments, k other rows unchanged."""
+    """Return the rows (N, m + k, M) that the scheme gets: m = `noises` truncated increments, and k unchanged rows."""
     used = seen(raw[:, :noises], h, scheme.truncation, scheme.increments, unit)
     return np.concatenate([used, raw[:, noises:]], axis=1)
 
@@ -192,7 +192,7 @@ def join(parts: Sequence[StrongErrors]) -> StrongErrors:
 
 
 def first(errors: StrongErrors, paths: int) -> StrongErrors:
-    """Return the errors of the first paths only; `failures` and `scale` remain those of all paths."""
+    """Return the errors of the first `paths` paths; `failures` and `scale` remain those of all paths."""
     return replace(errors, **{name: getattr(errors, name)[..., :paths] for name in PER_PATH})
 
 
@@ -216,7 +216,7 @@ def slope(errors: StrongErrors, alpha: float) -> Estimate:
     x = np.log(errors.h)[kept]
     x = x - x.mean()
     weights = x / np.sum(x * x)
-    # If one group of paths has all of an error, the other groups have only rounding, of which no logarithm is taken.
+    # If one group of paths causes the whole error, the other groups have only rounding, which is replaced by `least`.
     least = floors(errors)[kept] ** 2
     return jackknife(
         errors.squared[kept], lambda mean: float(0.5 * (weights @ np.log(np.maximum(mean, least)))), alpha
@@ -224,7 +224,7 @@ def slope(errors: StrongErrors, alpha: float) -> Estimate:
 
 
 def log_decay(errors: StrongErrors, alpha: float) -> Estimate:
-    """Estimate ln(rms error at the finest step / at the coarsest), which is about 0 if the scheme's limit is wrong."""
+    """Estimate ln(rms error at the finest step / at the coarsest). It is about 0 if the scheme's limit is wrong."""
     ends = errors.squared[[0, -1]]
     return jackknife(ends, lambda mean: float(0.5 * np.log(mean[1] / mean[0])), alpha)
 
@@ -259,11 +259,11 @@ def mean_square_order(
 
     If errors have heavy tails, most samples underestimate the rms error and its interval. So `high` is the larger upper
     end of both slopes' intervals. If an order holds, the quantile's interval lies below it by chance with a probability
-    of at most alpha/2, whatever the tails. `low` is the larger of two minima: that of the rms interval's lower end and
-    the quantile interval's upper end, and that of the quantile interval's lower end and the slope of the rms error.
+    of at most alpha/2, whatever the tails. `low` is the larger of two minima: min(rms interval's lower end, quantile
+    interval's upper end) and min(quantile interval's lower end, slope of the rms error).
 
-    Intervals are as if there were `more` times the paths. Samples that are `weighted`
-    (`sepv.properties._orders.tilting`) have light tails, and for these no quantile is used.
+    Intervals are as if there were `more` times the paths. Errors that are `weighted` come from
+    `sepv.properties._orders.tilting` and have light tails. For these no quantile is used.
     """
     rms = slope(errors, alpha if weighted else alpha / 2)
     half = rms.half / np.sqrt(more)

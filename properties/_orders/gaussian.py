@@ -1,12 +1,12 @@
 """Expectations over Wiener increments as finite sums: rules for ξ ~ N(0, I_m) and truncated ζ = clip(ξ, ±A_h).
 
-In one variable the axis is cut at A_h(1), A_h(2), …, A_h(k), with A_h(i) the bound of Remark 2.1 for i in place of k.
-Each panel has the Gauss rule of the normal weight, because a scheme that clips at one of these points is smooth there.
+In one variable the axis is cut at A_h(1), A_h(2), …, A_h(k), where A_h(i) is the bound of Remark 2.1 with i for k. A
+scheme that clips at one of these points is smooth on each panel, so each panel has the Gauss rule of the normal weight.
 Beyond A_h(k), where the scheme gets A_h and the exact solution ξ, the tail has another rule. Two variables have
 products of such rules, three to five products of small Gauss-Hermite rules, and six or more the degree-3 formula with
 the points ±√m e_j for m noises. All weights are positive, so errors of different nodes cannot cancel in a mean square.
 
-`rule_for` adds what else a scheme may take: Lévy areas A, space-time areas H, or increments of half steps. Nodes and
+`rule_for` adds further arguments of schemes: Lévy areas A, space-time areas H, or increments of half steps. Nodes and
 the rows of these arguments are in units of √h (A = √h · row, H = √h · row).
 """
 
@@ -43,7 +43,7 @@ class Rule:
     weights: Array  # (n,), positive, of sum 1
     zeta: Array  # (m, u) the different nodes for the scheme, u ≤ n
     index: np.ndarray  # (n,) the column of zeta for each node
-    degree: int  # polynomials of ξ of this degree in each variable are exact; for m ≥ 6 of this total degree
+    degree: int  # exact for polynomials of this degree in each variable of ξ; for m ≥ 6 of this total degree
     areas: Array | None = None  # (k, n) Lévy areas with i < j over a step h = 1, also for the exact solution
     bridges: Array | None = None  # (m, n) space-time Lévy areas over a step h = 1
 
@@ -55,7 +55,7 @@ def rule(
     """Return the rule for a step h with m = `noises` increments of a scheme that truncates with k = `truncation`.
 
     With `panels` and m ≤ 2, each axis is cut where a scheme may clip, and the rule has this `degree`. Else it has few
-    nodes and no cuts. A second rule has `fewer` nodes less in each variable, or for m ≥ 6 reflected nodes.
+    nodes and no cuts; `fewer` > 0 then removes `fewer` nodes in each variable, or for m ≥ 6 reflects the nodes.
     If the scheme does not truncate, the cuts are those of k = 2, and the scheme gets the nodes beyond them unclipped.
     """
     if noises == 0:
@@ -119,7 +119,7 @@ def _normal_rule(a: float, b: float, n: int) -> tuple[Array, Array]:
 
     Stieltjes' procedure on a fine discretisation of the weight gives the recurrence of its orthogonal polynomials, and
     the eigenvalues of the Jacobi matrix are the nodes (Gautschi, Orthogonal Polynomials, 2004, §2.2). The weight is
-    taken relative to its largest value on the panel, which may be far out.
+    taken relative to its largest value on the panel, because a panel may be far out.
     """
     t, fine = gauss_legendre(_FINE)
     x = a + (b - a) * t
@@ -147,12 +147,12 @@ def rule_for(
 ) -> Rule:
     """Return the rule for a step h, with Lévy areas if the scheme takes them or several Hamiltonians need them.
 
-    A second rule, with `fewer` nodes less in each variable, shows the error of the rule for several Hamiltonians.
+    For several Hamiltonians, the difference from a rule with `fewer` nodes less in each variable shows the error.
     `unit` is the unit of time of h in the truncation bound A_h.
     """
     several = isinstance(problem, HamiltoniansProblem)
     needed = scheme.asks == "areas" or (several and column(problem) == "general")
-    # Several Hamiltonians have no panels, because with areas these need too many nodes: "truncation" tests clipping.
+    # For several Hamiltonians panels and areas would need too many nodes. The law "truncation" tests clipping.
     return _rule(scheme.asks, scheme.truncation, problem.noises, h, degree, needed, not several, fewer, unit)
 
 

@@ -5,9 +5,9 @@ Systems with one degree of freedom are integrable. A symplectic method has a mod
 reversible method, the reversal ρ of momenta reverses its modified equation. Then a solution that meets p = 0 twice is
 closed (V.1 and XI). Both apply to the orbits here: B is constant, ρ reverses the flow, and the momentum changes sign.
 
-Orbits with two degrees of freedom are two such systems in new variables, q = S⁻¹Q and p = SᵀP, with a full mass matrix
-and a potential that couples them. All Runge-Kutta methods and compositions of kicks and drifts commute with linear maps
-of q. So both systems stay uncoupled in (Q, P), with no resonance (XIII). Their frequencies have the golden ratio.
+Problems with two degrees of freedom are two such systems in new variables q = S⁻¹Q, p = SᵀP, with a full mass matrix
+and a potential that couples the q_i. Runge-Kutta methods and compositions of kicks and drifts commute with linear maps
+of q. So both systems stay uncoupled in (Q, P). The golden ratio of their frequencies excludes a resonance (XIII).
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ Indices = NDArray[np.signedinteger[Any]]
 # Numbers of steps in a period at the largest step size: ωh = 0.42 and 0.45, a fifth of the leapfrog's stability limit.
 STEPS = (15, 14)
 GOLDEN = (1 + 5**0.5) / 2
-# The largest share of harmonics of an orbit at or above the number of steps in a period, which look like slow ones.
+# The largest share of harmonics k of an orbit for which k is at least the number of steps in a period. They look slow.
 TAIL = 1e-4
 # The largest number of steps in a period of a user's orbit: PHASES states resolve harmonics below half their number.
 MOST_STEPS = PHASES // 2
@@ -50,7 +50,7 @@ _NAMES = ("", "one well", "two coupled wells")
 
 @dataclass(frozen=True, eq=False)
 class Orbits:
-    """States (d, M) on orbits of a problem, the longest period, and the number of steps of the largest size in it."""
+    """States (d, M) on orbits of a problem, the longest period, and its number of steps at the largest step size."""
 
     name: str
     problem: Problem
@@ -65,7 +65,7 @@ class Orbits:
 
     @property
     def kinetic(self) -> float:
-        """The largest kinetic energy on the orbit, as the range of H at its states with the momenta set to 0."""
+        """The largest kinetic energy on the orbit: the range of H at the orbit's states with the momenta set to 0."""
         flip = momentum_flip(self.problem)
         assert flip is not None
         resting = np.where(flip[:, None] < 0, 0.0, self.states)
@@ -134,7 +134,7 @@ def coupled(wells: Sequence[Well], S: Sequence[Sequence[int]], sign: float, step
 
 
 def _moved(well: Well, phases: Indices) -> tuple[float, Array, Array]:
-    """Return a well's period, and Q, P at `phases` of its orbit, from that with ω = μ = 1: t = s/ω, P = (ω/μ)dQ/ds."""
+    """Return a well's period, and Q, P at `phases`, by the orbit with ω = μ = 1 in the time s = ωt: P = (ω/μ)dQ/ds."""
     period, q, p = _orbit(well.a, well.b, well.size)
     return period / well.frequency, q[phases], well.frequency / well.inverse_mass * p[phases]
 

@@ -5,8 +5,8 @@ Milstein's theorem (§3) concludes a mean-square order p from two conditions on 
     |E[y1 − φ]| ≤ C h^(p+1)  (3.8)    and    (E|y1 − φ|²)^½ ≤ C h^(p+½)  (3.9),
 
 and a weak order q from |E g(y1 − y0) − E g(φ − y0)| ≤ C h^(q+1) for monomials g of degree 1, …, 2q + 1. Here φ is the
-exact solution after the step from the same state. For (1.1) it is the flow at the time h + Σ c_jΔW_j. For several
-structures it is the problem's closed form; if there is none, only its moments are known, by the generator's series. The
+exact solution after the step from the same state. For (1.1) φ is the flow at the time h + Σ c_jΔW_j. For several
+structures φ is the problem's closed form; if there is none, only moments of φ are known, by the generator's series. The
 scheme gets increments truncated as it declares, the exact solution untruncated ones. If the scheme declares increments
 with a few values, its expectation is a finite sum, and the quadrature is for the exact solution alone.
 """
@@ -79,8 +79,8 @@ CASES: dict[Systems, tuple[Callable[[], Problem], ...]] = {
     Systems.SEVERAL: (
         problems.commuting_rotations, problems.commuting_oscillators, problems.noncommuting_tops
     ),
-    # Noises that are general, commuting, additive, and one noise that does not commute with the drift. None of the
-    # problems has a symmetry that makes errors of a step vanish.
+    # General noises, commuting noises, additive noises, and one noise that does not commute with the drift. None of
+    # these problems has a symmetry that makes errors of a step vanish.
     Systems.HAMILTONIANS: (
         three_inertias, unequal_twists, problems.pushed_henon_heiles, problems.twisted_top
     ),
@@ -94,7 +94,7 @@ def cases(systems: Systems) -> tuple[Problem, ...]:
 
 
 def problems_for(scheme: Scheme) -> tuple[Problem, ...]:
-    """Return the scheme's own problems, else its class's. Raise `Skipped` if its own ones all lack an initial state."""
+    """Return the scheme's own problems, else its class's. Raise `Skipped` if none of its own has an initial state."""
     own = problems_of(scheme)
     return as_taken(scheme, cases(scheme.systems)) if own is None else own
 
@@ -103,10 +103,10 @@ def problems_for(scheme: Scheme) -> tuple[Problem, ...]:
 class LocalErrors:
     """Errors of one step from several states of a problem, at L falling step sizes.
 
-    With the exact solution φ, `mean`, `rms` and `weak` (L,) are |E[y1 − φ]|, (E|y1 − φ|²)^½ and |E g(y1) − E g(φ)|: the
-    largest over states and polynomials g, in the problem's unit of length. If only moments of φ are known, `rms` is
-    NaN. For several Hamiltonians that do not commute, `rms` is the distance of y1 from the log-ODE of step two
-    (`sepv.properties._orders.log_ode`), which is within O(h^{3/2}) of φ.
+    Let φ be the exact solution. `mean`, `rms` and `weak` (L,) are |E[y1 − φ]|, (E|y1 − φ|²)^½ and |E g(y1) − E g(φ)|,
+    the largest over states and polynomials g, in the problem's unit of length. If only moments of φ are known, `rms` is
+    NaN. For several Hamiltonians that do not commute, `rms` is the distance of y1 from the solution of the log-ODE of
+    step two (`sepv.properties._orders.log_ode`), which is within O(h^{3/2}) of φ.
     """
 
     problem: str
@@ -115,7 +115,7 @@ class LocalErrors:
     rms: Array
     weak: Array
     exact_order: (
-        int  # the power of h of the quadrature's error in `mean` and `weak`, the largest visible slope
+        int  # the power of h in the quadrature's error of `mean` and `weak`; larger slopes are not visible
     )
     scale: float  # the largest component of a state
     flow: float  # the error of the exact solution
@@ -129,9 +129,9 @@ class LocalErrors:
 def step_sizes(order: float) -> Array:
     """Return LEVELS step sizes, coarse to fine, at which local errors of a scheme of this order are above rounding.
 
-    The local rms error is about h^(p+½). At the finest h this is 2⁻⁴⁰, or 2⁻⁴⁷ for high orders, whose constants are
-    small and whose range of h would be short. For low orders the coarsest h is smaller too, because steps with large
-    |ΔW| are not asymptotic at larger h.
+    The local rms error is about h^(p+½). At the finest h this is 2⁻⁴⁰. For high orders it is 2⁻⁴⁷, because their
+    constants are small and their range of h would else be short. For low orders the coarsest h is small, because steps
+    with large |ΔW| are not asymptotic at larger h.
     """
     coarse = 6.0 if order <= 1 else 4.0 if order <= 2 else 2.0
     fine = (40.0 if order <= 2 else 47.0) / (order + 0.5)
@@ -211,10 +211,10 @@ def moments_only(problem: Problem) -> bool:
 
 
 def from_log_flow(problem: Problem, states: Array, h: float, nodes: Rule, y: Array) -> float:
-    """Return the largest (E|y1 − φ|²)^½ over states, with φ the log-ODE of step two; NaN if there is no such φ.
+    """Return the largest (E|y1 − φ|²)^½ over states, where φ solves the log-ODE of step two; NaN if there is no φ.
 
     φ is computed by one step of order four, with an error of the order of h^{5/2}. Its distance from the exact solution
-    is O(h^{3/2}), or O(h²) for commuting noises with space-time areas, where it includes the brackets with the drift.
+    is O(h^{3/2}). For commuting noises with space-time areas the brackets with the drift make the distance O(h²).
     """
     general = column(problem) == "general"
     if not isinstance(problem, HamiltoniansProblem) or (general and nodes.areas is None):
@@ -242,7 +242,7 @@ def step_rule(scheme: Scheme, problem: Problem, h: float) -> Rule:
 
 
 def rule_degree(scheme: Scheme) -> int:
-    """Return the degree in √h that the quadrature over ΔW must resolve for the orders that the scheme claims."""
+    """Return the degree of polynomials of ΔW that the quadrature must integrate exactly to show the claimed orders."""
     return int(2 * max(order_of(p, "additive") for p in (scheme.mean_square_order, scheme.weak_order)) + 2)
 
 
@@ -317,7 +317,7 @@ def against_moments(
 
 
 def _norms(moved: Array, exact: Array, weights: Array, weak: float) -> tuple[float, float, float]:
-    """Return the largest |E e|, (E|e|²)^½, |E g(moved) − E g(exact)| of states and polynomials g; e = moved − exact."""
+    """Return the largest |E e|, (E|e|²)^½, |E g(moved) − E g(exact)| over states and all g, with e = moved − exact."""
     error = moved - exact
     mean = np.sqrt(np.max(np.sum((error @ weights) ** 2, axis=0)))
     rms = np.sqrt(np.max(np.sum(error**2, axis=0) @ weights))
@@ -328,7 +328,7 @@ def _norms(moved: Array, exact: Array, weights: Array, weak: float) -> tuple[flo
 def apart(
     moved: Array, weights: Array, exact: Array, rule_weights: Array, weak: float
 ) -> tuple[float, float, float]:
-    """Return errors (mean, rms = NaN, weak), taking expectations of `moved` and `exact` with weights of their own."""
+    """Return errors (mean, rms = NaN, weak) if the nodes and `weights` of `moved` are not those of `exact`."""
     mean = np.sqrt(np.max(np.sum((moved @ weights - exact @ rule_weights) ** 2, axis=0)))
     tests = polynomials(moved.shape[0], weak)
     found = max(np.max(np.abs(g(moved) @ weights - g(exact) @ rule_weights)) for g in tests)
@@ -336,7 +336,7 @@ def apart(
 
 
 def polynomials(dimension: int, weak: float) -> list[Callable[[Array], Array]]:
-    """Return monomials in y − y0 of degree k ≤ 3, and kth powers of linear forms, 3 < k ≤ 2·`weak` + 1, divided by k!.
+    """Return monomials in y − y0 of degree k ≤ 3 and kth powers of linear forms for 3 < k ≤ 2·`weak` + 1, all over k!.
 
     The factor 1/k! is that of Taylor's series. Without it errors of high powers would hide those of low powers.
     """

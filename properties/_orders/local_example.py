@@ -14,7 +14,7 @@ from sepv.schemes import Scheme, guarded, point_law
 
 
 def mean_example(scheme: Scheme, problem: Problem, h: float) -> str:
-    """Describe the state where E[y1 − y0] differs most from E[φ − y0], φ the exact solution, or return ""."""
+    """Describe the state where E[y1 − y0] differs most from E[φ − y0], with the exact solution φ, or return ""."""
     states, came, expected = _means(scheme, problem, h)
     apart = np.linalg.norm((came - expected)[: problem.dimension], axis=0)
     s = int(np.argmax(apart)) if apart.size else 0
@@ -28,7 +28,7 @@ def mean_example(scheme: Scheme, problem: Problem, h: float) -> str:
 
 
 def weak_example(scheme: Scheme, problem: Problem, h: float) -> str:
-    """Describe the state where second moments of y1 − y0 and the exact φ − y0 differ most, or means if by more."""
+    """Describe the largest error of a second moment of y1 − y0, or of the mean of y1 − y0 if its error is larger."""
     states, came, expected = _means(scheme, problem, h)
     pairs = list(combinations_with_replacement(range(problem.dimension), 2))
     apart = np.abs(came - expected)[: problem.dimension + len(pairs)]

@@ -32,7 +32,7 @@ FULL_DEGREE = 3
 SERIES = 8
 # The least number of terms for nonlinear fields. Orders up to 2 are visible above an error of h⁵.
 SHORT = 4
-# The number of points in each variable, by the number of noises. More noises than these would need hours.
+# The number of quadrature points in each variable, by the number of noises. More noises than these would need hours.
 POINTS = {0: 1, 1: 6, 2: 5, 3: 4}
 # The power of h in the error of the extrapolated splitting.
 SPLIT = 4
@@ -49,10 +49,10 @@ def exponents(dimension: int, degree: int = FULL_DEGREE) -> tuple[tuple[int, ...
 def moments_at(
     problem: Problem, states: Array, sizes: list[float], degree: int = FULL_DEGREE
 ) -> tuple[list[Array], float]:
-    """Return E (φ − y0)^α (A, S) at each step size for A monomials, and the largest error of the flows used.
+    """Return E (φ − y0)^α (A, S) at each step size for A exponents α, and the largest error of the flows used.
 
-    For H made of functions, step sizes are left out down to the last one with an infinite flow, and moments are NaN for
-    a number of noises that POINTS lacks. `Skipped` is raised for several structures that are not linear or not data.
+    If H is a function, step sizes down to the finest one with an infinite flow are left out, and moments are NaN if
+    POINTS lacks the number of noises. Several structures must be data with linear fields, else `Skipped` is raised.
     """
     data = problem.data
     if isinstance(data, PolynomialSystem):

@@ -1,7 +1,7 @@
 """The verdict on an order from errors of one step: their slope at small steps with errors above rounding.
 
-A slope may refute a scheme only if its errors are far above rounding and it no longer rises with smaller steps, because
-at coarse steps correct schemes may have any slope. It may confirm a scheme if the finest errors fall as the order
+At coarse steps correct schemes may have any slope. So a slope may refute a scheme only if the errors are far above
+rounding and the slope no longer rises with smaller steps. Errors confirm a scheme if the finest ones fall as the order
 demands, or if all errors are rounding.
 """
 
@@ -31,8 +31,8 @@ MARGIN = 0.25
 SHARP = 3.0
 # Errors of a step below ROUNDING·eps·|y| may be rounding: some roundings of a state and a solver's last correction.
 ROUNDING = 64.0
-# FLOOR is the error, in eps·|y|, of a solver that states no tolerance, a convention that the sampled laws share. Only
-# errors CLEAR times as large may refute, because the solver's error changes their slopes by less than 0.1.
+# FLOOR is by convention the error, in eps·|y|, of a solver that states no tolerance, also for sampled laws. Only errors
+# CLEAR times as large may refute a scheme, because the solver's error changes their slopes by less than 0.1.
 FLOOR, CLEAR = 1e4, 10.0
 # The number of points of a slope, and the number needed to decide if a slope still rises.
 POINTS, ENOUGH = 3, 4
@@ -62,7 +62,7 @@ def judge_slope(  # noqa: PLR0911  (one return for each meaning of a slope)
     # `far` counts errors up to the last large one, `real` those up to the first that may be rounding.
     far = int(large[-1]) + 1 if large.size else 0
     real = max(far, int(np.argmin([*(errors > rounding), False])))
-    # If fewer than three are real, the first error below `rounding` is set to it: the slope is a lower bound.
+    # If fewer than three are real, the first error below `rounding` counts as `rounding`: the slope is a lower bound.
     used = real if real >= POINTS else min(real + 1, errors.size)
     x, y = np.log(h), np.log(np.maximum(errors, rounding))
     if used < POINTS:
@@ -94,17 +94,17 @@ def _over(x: Array, y: Array) -> Slope:
 
 
 def unclaimed(column: str) -> float:
-    """Return the order required without a claim: the highest by increments alone for the kind of noise `column`."""
+    """Return the order required without a claim: the highest that increments alone allow for the kind of noise."""
     return 0.5 if column == "general" else 1.0
 
 
 def strong_order(scheme: Scheme, column: str) -> float:
-    """Return the mean-square order required for the kind of noise `column`: the claim, or without it `unclaimed`."""
+    """Return the mean-square order required for the kind of noise `column`: the claimed one, or else `unclaimed`."""
     return order_of(scheme.mean_square_order, column, unclaimed(column))
 
 
 def mean_slope(local: LocalErrors, order: float) -> float:
-    """Return the least slope of mean or weak errors: `order` + 1, or the quadrature's if lower, less a margin."""
+    """Return the slope that mean or weak errors need: `order` + 1 or, if lower, the quadrature's, minus a margin."""
     power = min(order + 1, local.exact_order)
     return power - (MARGIN if power <= SHARP else 2 * MARGIN)
 
@@ -113,7 +113,7 @@ def order_shown(slope: Slope, order: float, spacing: float, needs: Callable[[flo
     """Return the largest order that a slope shows, or None if it shows none.
 
     Possible orders are `order`, with which the slope was compared, plus multiples of `spacing`. A slope that may still
-    rise shows no order. A higher order is shown only by a slope that it needs. Errors below rounding show only `order`.
+    rise shows no order. Else it shows an order p if it is at least needs(p). Errors below rounding show only `order`.
     """
     if slope.verdict is Verdict.HOLDS:
         while np.isfinite(slope.value) and slope.value >= needs(order + spacing) > needs(order):
@@ -201,7 +201,7 @@ def _slope_of(scheme: Scheme, local: LocalErrors, errors: Array, bound: float) -
 
 
 def _worst(slopes: list[tuple[Slope, float]]) -> tuple[Verdict, Slope, float]:
-    """Return the verdict on all problems, and of the slopes with this verdict the one farthest below its bound."""
+    """Return the verdict on all problems, and the slope with this verdict farthest below its bound, with the bound."""
     verdicts = [seen.verdict for seen, _ in slopes]
     verdict = next((v for v in (Verdict.VIOLATED, Verdict.INCONCLUSIVE) if v in verdicts), Verdict.HOLDS)
     deciding = [s for s in slopes if s[0].verdict is verdict]

@@ -6,14 +6,14 @@ window of N steps from step τ is f_0 + Σ_{k≠0} f_k e^{ikω̃hτ} W(kω̃hN/2
 
     |W(x)| ≤ 1/(πx |x² − 1||x²/4 − 1|)     for x > 2 periods in the window.
 
-Two such means, τ steps apart, differ by at most 2 Σ|f_k||W_k|. Because |W_k| falls like k⁻⁵, the Cauchy-Schwarz
-inequality bounds this by 2 L √(2 (1 + 2⁻¹⁰ + …)) times the rms of the oscillation, with L = |W_1|. The rms is at most
-half of the range A, the largest minus the least value. So the bound LEAKS L A, LEAKS = 4, is more than twice what
-theory gives. This allows for harmonics k of at least the number of steps in a period. They look like slow waves, and
-are at most 1e-4 of all harmonics (`integrable.TAIL`). L is evaluated at 7/8 of PERIODS, because the method's
-frequency ω̃ differs from the flow's by less than an eighth. The random walk of rounding and the sum of a solver's
-tolerances are added to the bound. If the energy has a trend of r a step, the mean moves by rτ. A change of LEAKS L A
-over 1.5 windows is detected, that is, of the whole oscillation in four hundred periods.
+Let W_k be W at kω̃hN/2π. Two such means, τ steps apart, differ by at most 2 Σ|f_k||W_k|. Because |W_k| falls like k⁻⁵,
+the Cauchy-Schwarz inequality bounds this by 2 L √(2 (1 + 2⁻¹⁰ + …)) times the rms of the oscillation, with L = |W_1|.
+The rms is at most half of the range A, the largest minus the least value. So the bound LEAKS L A, LEAKS = 4, is more
+than twice what theory gives. This allows for harmonics k of at least the number of steps in a period, which look like
+slow waves and are at most 1e-4 of all harmonics (`integrable.TAIL`). L is evaluated at 7/8 of PERIODS, because the
+method's frequency ω̃ differs from the flow's by less than an eighth. The random walk of rounding and the sum of a
+solver's tolerances are added to the bound. A trend of r a step moves the mean by rτ. It is detected if it amounts to
+LEAKS L A over 1.5 windows, which is the whole oscillation in four hundred periods.
 
 A mean that moves further shows a trend if the movement also grows with τ: the confidence interval of its exponent
 (`sepv.properties._growth`) must exclude bounded growth. The theory is for small h. If the energy moves by more than
@@ -21,8 +21,8 @@ GROSS times the kinetic energy, h is halved first.
 
 **The power of h.** Let e_n = H(y_n) − H(y_0), n ≤ N, over a fixed time, with weights w_n. y_n has an expansion in
 powers of h (Hairer, Lubich and Wanner, II.8), and the weights vanish to fourth order at both ends, so that the rms of e
-about its mean is A(h) = c h^p(1 + αh + βh² + …). Its slope s(h) = log₂ A(h)/A(h/2) is p + αh/(2 ln 2) + …. The error of
-s(h/2) is half of this error, or a quarter for a symmetric method, so |s(h/2) − p| ≤ |s(h/2) − s(h)|. The interval is
+about its mean is A(h) = c h^p(1 + αh + βh² + …). The slope s(h) = log₂ A(h)/A(h/2) is p + αh/(2 ln 2) + …. The error of
+s(h/2) is half of that of s(h), or a quarter for a symmetric method, so |s(h/2) − p| ≤ |s(h/2) − s(h)|. The interval is
 s(h/2) ± 2|s(h/2) − s(h)|, enlarged by rounding in both slopes. Two intervals in a row below p − ½ refute the order p.
 """
 
@@ -51,8 +51,8 @@ LEAKS = 4.0
 # If the energy changes by more than GROSS times the largest kinetic energy, theory needs shorter steps: h is halved, at
 # most HALVED times, before a trend is reported.
 GROSS, HALVED = 1 / 8, 2
-# The slope of an oscillation without a power of h, over the last three step sizes, is below the least one by this: then
-# 1 + αh + … would change eightfold although a period has 56 or more steps. Heuristic.
+# Heuristic: an oscillation shows no power of h if its slope over the last three step sizes is lower than the least one
+# by IRREGULAR. Else 1 + αh + … would change eightfold although a period has 56 or more steps.
 IRREGULAR = 1.0
 # The largest number of step sizes, each half of the one before, and the least number for a verdict.
 SIZES, FEWEST = 5, 3
@@ -93,7 +93,7 @@ class Stopped(Exception):
 
 @dataclass(frozen=True)
 class Judged:
-    """The judgement of the energy's trend or power of h: a verdict, `share` (a size by its limit), and a text."""
+    """The judgement of the energy's trend or power of h: a verdict, a text, and `share`, a size over its limit."""
 
     verdict: Verdict
     share: float = 0.0
@@ -111,12 +111,12 @@ def weights(steps: int) -> Array:
 
 
 def leakage(periods: float) -> float:
-    """Bound the mean, by `weights` over a window, of a wave of size 1 with at least `periods` > 2 periods in it."""
+    """Bound the mean of a wave of size 1, by `weights` over a window that has at least `periods` > 2 of its periods."""
     return 1 / (np.pi * periods * (periods**2 - 1) * (periods**2 / 4 - 1))
 
 
 def means(errors: Array, window: int, offsets: list[int]) -> Array:
-    """Return weighted means of errors (N, M) over windows that begin at the L offsets, (L, M)."""
+    """Return weighted means (L, M) of errors (N, M) over windows that begin at the L `offsets`."""
     w = weights(window)
     return np.stack([w @ errors[n : n + window + 1] for n in offsets])
 
@@ -129,7 +129,7 @@ def allowed_rounding(scheme: Scheme, problem: Problem, states: Array, steps: int
 
 
 def trend(scheme: Scheme, orbits: Orbits, paths: int, longer: int = 1) -> Judged:
-    """Judge how far the mean over a window moves in `longer` × 1.5 windows; h is halved if H moves by too much."""
+    """Judge how far the mean over a window moves in `longer` × 1.5 windows. If H moves by too much, h is halved."""
     for halved in range(HALVED + 1):
         found = _trend(scheme, orbits, paths, longer, 2**halved)
         if found.verdict is Verdict.HOLDS or not found.gross:
@@ -195,7 +195,7 @@ def power(scheme: Scheme, orbits: Orbits, least: float) -> Judged:
 
 
 def judged_power(sizes: list[float], rounding: list[float], least: float) -> Judged:
-    """Judge oscillations at h, h/2, …, with bounds of their rounding; inconclusive if more step sizes may decide."""
+    """Judge oscillations `sizes` at h, h/2, …, with bounds `rounding`: inconclusive if more step sizes may decide."""
     text = f"oscillations {', '.join(f'{size:.2g}' for size in sizes)} at h, h/2, …"
     if sizes[-1] <= rounding[-1]:
         return Judged(Verdict.HOLDS, 0.0, f"{text}: the last one is rounding")
@@ -217,7 +217,7 @@ def judged_power(sizes: list[float], rounding: list[float], least: float) -> Jud
 
 
 def _slope(sizes: list[float], rounding: list[float]) -> tuple[float, float]:
-    """Return the slope log₂ A(h/2)/A(h/4) of oscillations `sizes` A at h, h/2, h/4, and its interval's half-width."""
+    """Return the slope log₂ A(h/2)/A(h/4) and its interval's half-width, for oscillations `sizes` A at h, h/2, h/4."""
     slopes = np.log2(np.array(sizes[:-1]) / sizes[1:])
     off = np.array(rounding) / sizes / np.log(2)
     return float(slopes[1]), 2 * abs(float(slopes[1] - slopes[0])) + float(off @ (2, 5, 3))

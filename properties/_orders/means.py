@@ -2,11 +2,11 @@
 
 A mean of errors has an expansion μ(h) = a h^p + b h^(p+1) + c h^(p+2) + … in the step size (Talay and Tubaro 1990).
 A claim says that the first coefficient a vanishes, with p = 0 for a limit and p = q − 1 for a weak order q. The linear
-combination of three step sizes that gives a is itself a mean over paths. So its interval is Student's, without a
-logarithm of a number that may be zero, also if the mean changes its sign at some h.
+combination of three step sizes that gives a is itself a mean over paths. So its interval is Student's, even if the mean
+changes its sign at some h. No logarithm is taken of a number that may be zero.
 
-Errors are capped at the size of the solution, |e| ≤ max|y(T)|. This makes the test function bounded, for which a weak
-order holds too, and prevents one path that diverges at a coarse step from dominating the sample.
+Errors are capped at the size of the solution, |e| ≤ max|y(T)|. So one path that diverges at a coarse step does not
+dominate the sample. A weak order remains, because it holds for bounded test functions too.
 `benchmarks.coverage` measures how often these intervals miss.
 """
 
@@ -58,9 +58,9 @@ def capped(errors: StrongErrors) -> Array:
 
 
 def moment_errors(errors: StrongErrors) -> Array:
-    """Return w (g(y_N) − g(y(T))) (L, K, M) for g = y_i and y_i y_j, w the weights, in units of the spread of g(y(T)).
+    """Return the weighted errors w·[g(y_N) − g(y(T))] of g = y_i and y_i y_j, (L, K, M), in units of the spread of g.
 
-    If g hardly varies, like a Casimir, the unit is a thousandth of its size.
+    The spread is that of g(y(T)). If g hardly varies, like a Casimir, the unit is a thousandth of the size of g.
     """
     e, y = capped(errors), errors.ends
     d = y.shape[1]
@@ -79,13 +79,13 @@ def _spread(g: Array, errors: StrongErrors, degree: int) -> float:
 
 
 def limit_errors(errors: StrongErrors, problem: Problem) -> tuple[list[str], Array, Array]:
-    """Return K possible causes of an error e, the shares (L, K, M) by which each would be wrong, and their sizes.
+    """Return K possible causes of an error e, the shares (L, K, M) by which each would be wrong, and their sizes (K,).
 
     The causes are drift, noise, each noise, and Itô's correction. If one is too large by the share γ, it moves y(T) by
     γv to first order, with v = T B∇H for the drift, Σ c_j W_j G_j∇H for the noise and ½T Σ c_j² (G_j∇H)′G_j∇H for
-    the correction. The share is ⟨v, e⟩/E|v|². If the limit is right, its mean vanishes with h, because e does. For
-    noises it is Cov(v, e)/Var v, so that the part of e independent of the noise (nearly all if c is small) adds no
-    variance. The sizes (K,) are the rms of each v at the coarsest step.
+    the correction. The share is ⟨v, e⟩/E|v|². If the limit is right, the mean share vanishes with h, because e does.
+    For noises the share is Cov(v, e)/Var v. Then the part of e independent of the noise (nearly all if c is small) adds
+    no variance. The size of a cause is the rms of its v at the coarsest step.
     """
     e = capped(errors)
     rows, sizes = [], np.empty(0)

@@ -9,9 +9,9 @@ most 0.01 to a slope over step sizes that differ by a factor of 16.
 **Several Hamiltonians.** If all fields commute, y(T) is the flow of T f_0 + Σ c_j W_j(T) f_j at the time 1. Else the
 reference is the log-ODE of step two (`sepv.properties._orders.log_ode`) over a path of increments and Lévy areas
 refined FINER times. It has mean-square order 1, also if the noises do not commute. So its error is smaller than that of
-a scheme of order 1 by the factor FINER, and than that of a scheme of order ½ by more. With its step size δ, the error
-is estimated by the distance of y_δ from y_2δ, computed with steps twice as long. The reference is 2y_δ − y_2δ: this
-extrapolation hardly changes errors of paths, but makes their mean O(δ²), for weak order 2.
+a scheme of order 1 by the factor FINER, and than that of a scheme of order ½ by more. Let y_δ be its result with the
+step size δ. The error is estimated by |y_δ − y_2δ|. The reference is 2y_δ − y_2δ: this extrapolation hardly changes
+errors of paths, but makes their mean O(δ²), which is enough for weak order 2.
 
 A scheme of order 1.5 for commuting noises would soon be more accurate than this reference. For such a scheme the
 log-ODE also has the brackets with the drift, by space-time areas. Its errors are then O(δ) in the mean, which the

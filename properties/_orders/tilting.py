@@ -2,9 +2,9 @@
 
 With s stages a step's error is C(y)Δ^{2s+1}, and E|error|² is proportional to the (4s + 2)th moment of a normal number.
 For s = 4, increments of 4.4 standard deviations cause most of E|error|². A plain mean over 2000 paths of 8 steps has a
-relative standard deviation of more than 3. The mean error is proportional to moment 2s + 2. So a third of the paths
-gets one increment, at a random place, along Σ c_jΔW_j, from the density |x|^p φ(x)/E|ξ|^p with p = 4s + 2 (a χ with
-p + 1 degrees of freedom and a random sign). Another third has p = 2s + 2. The weight of a path is its likelihood ratio
+relative standard deviation of more than 3. The mean error is proportional to moment 2s + 2. Let ξ_n be the normalised
+Σ c_jΔW_j of step n. A third of the paths draws ξ_n at one random n from the density |x|^p φ(x)/E|ξ|^p with p = 4s + 2
+(a χ with p + 1 degrees of freedom, with a random sign), another third with p = 2s + 2. The weight of a path is
 
     w = 3 / (1 + Σ_p N⁻¹ Σ_n |ξ_n|^p/E|ξ|^p) ≤ 3.
 
@@ -13,7 +13,7 @@ samples, because the important increments depend on the step size.
 
 The exact solution gets the increments truncated as in Remark 2.1 too (`sepv.properties._orders.convergence`), so that
 only the scheme's own error is estimated. The error of truncation is known in closed form (`sepv.exact.clipping_error`).
-It has to be added if the size of the error is of interest, not its order.
+If not only the order but the size of the error is of interest, the error of truncation has to be added.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from sepv.problem import Array, Problem
 from sepv.schemes import Scheme
 
 _CHUNK = 256
-# Errors below FLOOR·eps·scale are rounding. FLOOR is smaller than for plain samples, because rare paths have small
-# weights and common paths small errors, so that means exceed the rounding of a path (some 10 eps) at smaller steps.
+# Errors below FLOOR·eps·scale are rounding. FLOOR is smaller than for plain samples: rare paths have small weights and
+# common paths small errors, so even at smaller steps means exceed the rounding of a path, which is some 10 eps.
 FLOOR = 256.0
 
 

@@ -27,7 +27,7 @@ T = 0.0625
 STEPS = (1, 2, 3, 4, 6, 8)
 # The largest number of paths of N steps. Three values make 3⁸ paths with one noise, 9⁴ with two, 27³ with three.
 LEAVES = 20000
-# The least count of numbers of steps N for a slope. A slope that may refute an order needs one more.
+# The least number of different N for a slope. A slope that may refute an order needs one more.
 ENOUGH = 3
 
 

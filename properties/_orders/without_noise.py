@@ -1,19 +1,19 @@
 """The order of a method without noise, y′ = B∇H: the power of h of the error of one step, extrapolated to h = 0.
 
-The error e(h) = |y1 − φ_h(y0)| of a method of order p is c h^(p+1)(1 + a h + b h² + …) from any one state. With r = √2
+From a given state a method of order p has the error e(h) = |y1 − φ_h(y0)| = c h^(p+1)(1 + a h + b h² + …). With r = √2
 its slope s(h) = log_r e(rh)/e(h) is p + 1 + αh + βh² + …, and Richardson's extrapolation
 
     t(h) = (r s(h) − s(rh))/(r − 1) = p + 1 − r β h² + O(h³)
 
 removes αh. From h to rh the error of t doubles, so it is about t(rh) − t(h), and a third of t(r²h) − t(h). The interval
 is t(h) plus or minus the larger of 2|t(rh) − t(h)| and |t(r²h) − t(h)|, two or three times the error, to cover higher
-terms. If errors may be off by R, by rounding, a solver's stated tolerance and the flow, s moves by at most
-(R/e(rh) + R/e(h))/ln r. For both slopes this enters the interval by the formula of t. Powers of h are whole numbers, so
-an interval refutes an order only if it is narrow and contains a whole number.
+terms. If rounding, a solver's stated tolerance and the flow change errors by at most R, they change s by at most
+(R/e(rh) + R/e(h))/ln r. The interval is enlarged by this change of both slopes in the formula of t. Powers of h are
+whole numbers, so an interval refutes an order only if it is narrow and contains a whole number.
 
-The same formulas are used with r = 2 and r = 4. These need step sizes farther apart, but rounding moves their slopes
-less; the narrowest of the three intervals counts. If a coefficient is wrong in a late digit, its error has a lower
-power of h, which leads only at small errors. So errors at finer steps than those that confirm an order are compared
+The same formulas are used with r = 2 and r = 4. These need step sizes farther apart, but rounding changes their slopes
+less. The narrowest of the three intervals counts. If a coefficient is wrong in a late digit, the error has a term of a
+lower power of h that dominates only at small h. So errors at finer steps than those that confirm an order are compared
 with a sum of two powers (`_slower`). The finest step sizes with a narrow interval decide. The unit of h is that in
 which the slope of the field is 2 (`sepv.verification._units`). A slope below ½ is no order, because y1 = y0 for h = 0.
 It comes from a tolerance that was not stated, and finer steps are left out.
@@ -50,12 +50,12 @@ WINDOW = 5
 # Distances of the step sizes of a window in SIZES, for the ratios √2, 2 and 4.
 STRIDES = (1, 2, 4)
 STATES = 3
-# The largest half-widths of an interval that may confirm an order (half of the way to the next) and refute one.
+# The largest half-widths of an interval that may confirm an order (half of the distance of orders) or refute one.
 WIDEST, REFUTES = 0.5, 0.25
-# A solver's tolerance that was not stated leaves errors proportional to 1 or h: it is relative to y, to y1 − y0 or to a
-# force. Errors that fall faster than h^UNSTATED do not come from a tolerance, however small they are.
+# A solver's unstated tolerance is relative to y, to y1 − y0 or to a force, so it causes errors proportional to 1 or h.
+# Errors that fall faster than h^UNSTATED do not come from a tolerance, however small they are.
 UNSTATED = 1.5
-# An interval that refutes must contain a whole number or be as near to one as this. Else it shows no power of h.
+# An interval that refutes must contain a whole number or be at most WHOLE away from one. Else it shows no power of h.
 WHOLE = 0.05
 # Squares of errors must fit a sum of two powers of h up to the relative deviation FIT, at FITTED or more step sizes.
 # Not derived: simulated errors of solvers with an unstated tolerance hardly ever fit as well at as many step sizes.
@@ -91,9 +91,9 @@ class Order:
 
 
 def judge(h: Array, e: Array, least: float, rounding: float, floor: float) -> Order:
-    """Judge if errors e (L,) of one state, at falling h a factor RATIO apart, fall like the power `least` of h.
+    """Judge if errors e (L,) from one state fall at least like the power `least` of h. Sizes h fall by factors RATIO.
 
-    Errors below `rounding` are not used. Errors below `floor` refute the power only if they fall like h² or faster.
+    Errors below `rounding` are not used. Errors below `floor` refute a power only if they fall faster than h^UNSTATED.
     """
     if e.size and not np.any(e > floor):
         return Order(Verdict.HOLDS, text=f"below {floor:.1e}, which is rounding")
@@ -117,7 +117,7 @@ def judge(h: Array, e: Array, least: float, rounding: float, floor: float) -> Or
 
 
 def _extrapolated(h: Array, e: Array, rounding: float) -> Order:
-    """Estimate the power of h of errors e (WINDOW,) at falling h, extrapolated from the finest, with its interval."""
+    """Estimate the power of h in errors e (WINDOW,) at falling h, extrapolated to h = 0, with its interval."""
     r = h[0] / h[1]
     s = np.log(e[:-1] / e[1:]) / np.log(r)
     off = rounding * (1 / e[:-1] + 1 / e[1:]) / np.log(r)

@@ -1,7 +1,7 @@
 """Fault detection: run laws on saboteurs (schemes broken on purpose), and count inputs to the first violation.
 
 A law kills a saboteur with a seed if the saboteur claims the law and the verdict is `violated`. A fault of the
-interface is also killed by the verdict `error`, which no reader takes for a pass.
+interface is also killed by the verdict `error`, which no reader mistakes for a pass.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def run(
 
     `progress` is called in this process after each saboteur and seed. The default effort is that of `sepv verify`, but
     without the stored counterexamples, many of which come from saboteurs and would not test the search. If `first` is
-    true, a saboteur's laws stop once one finds the fault; those expected by theory to find it run first.
+    true, a saboteur's laws stop once a law finds the fault; laws that find it by theory run first.
     """
     chosen = [find(name) for name in (SABOTEURS if names is None else names)]
     law_names = [law.name for law in load_laws(laws)]
@@ -131,7 +131,7 @@ def find(name: str) -> Saboteur:
 
 
 def survivors(detections: Sequence[Detection]) -> dict[str, list[int]]:
-    """Map each saboteur to the seeds with which no claimed law found its fault; those always found are left out."""
+    """Map each saboteur to the seeds with which no claimed law found its fault; others are left out."""
     killed = {(b.saboteur, b.seed) for b in detections if b.kills}
     by_saboteur: dict[str, list[int]] = {}
     for name, seed in sorted({(b.saboteur, b.seed) for b in detections} - killed):
@@ -239,7 +239,7 @@ def summary(detections: Sequence[Detection]) -> Text:
 
 
 def abbreviation(law: str) -> str:
-    """Abbreviate a law's name of several words by their initials, and of one word by its first letters, at least 3."""
+    """The abbreviation of a law's name: the initials of several words, or the first letters of one word, at least 3."""
     words = law.split("-")
     if len(words) > 1:
         return "".join(w[0] for w in words)

@@ -1,4 +1,4 @@
-"""Hard cases of the matrix B(y): resting components, low rank, zeros, not quite skew, dimension 1."""
+"""Hard cases of the matrix B(y): components at rest, low rank, zeros, a small symmetric part, dimension 1."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def _resting(rng: np.random.Generator, lanes: int) -> Array:
 
 
 def _about_the_zero(rng: np.random.Generator, lanes: int) -> Array:
-    """States with |y| from 1e-200 to 1, and a tenth of them with y = 0, where B vanishes."""
+    """States with |y| from 1e-200 to 1; a tenth of the states have y = 0, where B vanishes."""
     y = sizes(rng, 1e-200, 1.0, (1, lanes)) * rng.uniform(-1, 1, (3, lanes))
     y[:, rng.random(lanes) < 0.1] = 0.0
     return y

@@ -42,7 +42,7 @@ class HardCase:
     refusals : tuple of str
         The statuses other than CONVERGED that a step of the family may end in.
     laws : tuple of str
-        The laws that hold for every step of the family, with whatever solver.
+        The laws that must hold for every step of the family if the scheme claims them.
     structure : callable, optional
         A structure matrix that replaces that of `data` without a check: it may be not quite skew.
     skewness : float
@@ -99,5 +99,5 @@ def steps(
 
 
 def box(d: int, low: float, high: float) -> Sampler:
-    """Make a sampler: states with components between −1.5 and 1.5, and Δ with `low` ≤ |Δ| ≤ `high` by `split`."""
+    """Make a sampler: it draws components of y between −1.5 and 1.5, and Δ with `low` ≤ |Δ| ≤ `high` by `split`."""
     return steps(low, high, lambda rng, lanes: rng.uniform(-1.5, 1.5, (d, lanes)))

@@ -1,6 +1,6 @@
 """Hard cases of the state y: separatrices, extreme inertia, large angles, chaos, collisions, steep walls.
 
-The last two cases are the Lotka-Volterra system (§4.4) next to the axes, and with steps that may have no solution.
+The last two cases are of the Lotka-Volterra system (§4.4): states next to the axes, steps that may have no solution.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def _eccentric(rng: np.random.Generator, lanes: int) -> Array:
 
 
 def _collision(rng: np.random.Generator, lanes: int) -> Array:
-    """Kepler states that nearly collide: the segment from q0 to q1 passes the centre at 1e-12 to 1e-2."""
+    """Kepler states that nearly collide: the segment from q0 to q1 passes the centre at a distance of 1e-12 to 1e-2."""
     y = np.zeros((4, lanes))
     y[2], y[3] = rng.uniform(0.05, 0.5, lanes), sizes(rng, 1e-12, 1e-2, lanes)
     y[0] = -np.sqrt(2 / y[2])

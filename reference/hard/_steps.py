@@ -17,7 +17,7 @@ def _about_one(rng: np.random.Generator, d: int, lanes: int) -> np.ndarray:
 
 
 def _tiny(rng: np.random.Generator, lanes: int) -> Sample:
-    """Tiny steps: half with |Δ| from 1e-12 down to 1e-300, half with Δ = h + √h ξ, a tiny h and ξ ~ N(0, 1)."""
+    """Steps of one tiny h ≤ 1e-12: half have |ΔW| from 1e-300 to 1e-12, half ΔW = √h ξ with ξ ~ N(0, 1)."""
     h = 10.0 ** rng.uniform(-300, -12)
     dW = np.sqrt(h) * rng.standard_normal((1, lanes))
     extreme = rng.random(lanes) < 0.5

@@ -27,7 +27,7 @@ from .record import Statement
 
 
 class Evidence(NamedTuple):
-    """The result of a check of a printed statement: true if it holds, true if it is refuted, and numbers in words."""
+    """The result of a check of a printed statement: two flags, that it holds or is refuted, and numbers in words."""
 
     holds: bool
     refuted: bool
@@ -155,7 +155,7 @@ def _level() -> Evidence:
 
 
 def _comparison() -> Evidence:
-    """Compare H along (2.1) and the midpoint scheme for H = ½p² + ¼q⁴: its levels are bounded, ∇H is not on ℝ²."""
+    """Compare H along (2.1) and the midpoint scheme for H = ½p² + ¼q⁴, whose levels are bounded, but not ∇H on ℝ²."""
     system = Problem(
         dimension=2, structure=structure, hamiltonian=lambda y: 0.5 * y[0] ** 2 + 0.25 * y[1] ** 4, noise=(1.0,),
         initial=(0.5, 1.0), degree=4,

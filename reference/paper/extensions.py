@@ -30,7 +30,7 @@ POINTS = (
 
 
 def areas(fine: Array, steps: int) -> Array:
-    """Lévy areas ½∫(W_i dW_j − W_j dW_i) over each of `steps` steps, (N, m, m, M), for W linear between fine steps."""
+    """Lévy areas ½∫(W_i dW_j − W_j dW_i), (N, m, m, M), over N = `steps` steps, for W linear between fine steps."""
     parts = fine.reshape(steps, -1, *fine.shape[1:])
     before = np.cumsum(parts, axis=1) - parts
     product = np.einsum("nkim,nkjm->nijm", before, parts)
@@ -38,7 +38,7 @@ def areas(fine: Array, steps: int) -> Array:
 
 
 def errors(samples: int, seed: int) -> dict[str, list[float]]:
-    """Rms errors at T of schemes without and with Lévy areas, against Heun's method with fine steps; energy errors."""
+    """Rms errors at T without and with Lévy areas, against Heun's method with fine steps, and energy errors."""
     problem = problems.by_name(TOPS)
     start = np.array(problem.initial)
     fine = wiener.increments(seed, T=T, steps=FINE, noises=problem.noises, paths=range(samples))

@@ -36,7 +36,7 @@ FINE = order.Setting(
     schemes=("milstein", "energy-preserving"), source="Figure 4.2, the paper's own kind of reference", place="§4.1",
 )  # fmt: skip
 RADIUS = float(np.hypot(0.1, 0.2))
-# The window has four radii of the energy circle, while solutions of other schemes grow by a thousand.
+# The window reaches to four radii of the energy circle, while solutions of other schemes grow a thousandfold.
 WINDOW = 0.9
 
 

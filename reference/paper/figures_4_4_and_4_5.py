@@ -114,7 +114,7 @@ def _zoom(by_scheme: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel:
 def _walk(run: runs.Run) -> Statement:
     """The statement that the midpoint scheme's energy error grows like √t, decided by its rms over samples.
 
-    Only times after the first period count, because a bounded error also grows in that time, from 0 to its bound.
+    Times in the first period do not count, because there a bounded error also grows, from 0 to its bound.
     """
     from scipy.special import ellipk
 

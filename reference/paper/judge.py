@@ -29,7 +29,7 @@ def finest_slope(h: Sequence[float], errors: Sequence[float]) -> float:
 
 
 def decide(true: bool, false: bool) -> Verdict:
-    """The verdict on a statement: holds if `true`, fails if `false`, open if neither; both cannot be."""
+    """The verdict on a statement: holds if `true`, fails if `false`, open if neither; they are never both true."""
     assert not (true and false)
     return "holds" if true else "fails" if false else "open"
 

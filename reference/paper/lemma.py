@@ -6,7 +6,7 @@ The proof ends with "an explicit expression of c(y_n)", which is not printed. Wi
 
     c = ⅛ B″(f, f)g + ¼ B′(f)g′f + ⅙ B g″(f, f) + ¼ f′f′f.
 
-The midpoint scheme, δ = Δ f(y + δ/2), has c̃ = ⅛f″(f, f) + ¼f′f′f, and f″(f, f) = B″(f, f)g + 2B′(f)g′f + Bg″(f, f):
+The midpoint scheme, δ = Δ f(y + δ/2), has c̃ = ⅛f″(f, f) + ¼f′f′f. As f″(f, f) = B″(f, f)g + 2B′(f)g′f + Bg″(f, f),
 
     c − c̃ = (1/24) B g″(f, f).
 """
@@ -32,7 +32,7 @@ NAMES = ("rigid-body", "pendulum", "lotka-volterra")
 H_STEPS = tuple(2.0**-n for n in range(4, 12))
 # The step Δ of differences in extended precision, whose error is O(Δ²), about 1e-12.
 SHORT = 2.0**-20
-# The relative difference that is allowed for two values of c(y): differences in binary64 give it to about 1e-12.
+# The relative difference that is allowed for two values of c(y): differences in binary64 give c to about 1e-12.
 AGREES = 1e-10
 
 
@@ -58,7 +58,7 @@ def _slope(problem: Problem, y: Array, w: Array) -> Array:
 def expanded(scheme: str, data: NamedProblem, y: Array) -> Array:
     """The coefficient c of Δ³ in y1(Δ) of a scheme, from steps ±Δ and ±Δ/2 with 60 digits.
 
-    With D(Δ) = y1(Δ) − y1(−Δ), D(Δ) − 2D(Δ/2) = (3/2) cΔ³ + O(Δ⁵).
+    Let D(Δ) = y1(Δ) − y1(−Δ). Then D(Δ) − 2D(Δ/2) = (3/2) cΔ³ + O(Δ⁵).
     """
     from ..steps import reference_step
 
@@ -146,7 +146,7 @@ def _statements(name: str, moments: dict[str, dict[str, Any]]) -> Iterator[State
             f"a difference of at most {AGREES:g} of c: differences of B and H″ in binary64",
         )  # fmt: skip
     for scheme, letter, source in zip(SCHEMES, ("R_n", "R̃_n"), ("(3.2)", "after (3.5)"), strict=True):
-        # The finest pair of steps is taken, because the next term of the remainder is only smaller by √h.
+        # The finest pair of steps is taken, because the next term of the remainder is smaller by the factor √h only.
         mean, rms = (
             float(np.log2(moments[scheme][kind][-2] / moments[scheme][kind][-1])) for kind in ("mean", "rms")
         )

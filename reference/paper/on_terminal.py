@@ -29,7 +29,7 @@ def show(reproduction: Reproduction, out: Console) -> None:
 
 
 class Row(NamedTuple):
-    """A paragraph of the report, beside the verdict on its statement; the verdict is empty if it makes none."""
+    """A paragraph of the report and the verdict on its statement; the verdict is empty if it makes no statement."""
 
     verdict: str
     text: str

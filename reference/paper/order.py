@@ -25,7 +25,7 @@ COST = {"energy-preserving": 3.0, "midpoint": 2.5, "discrete-gradient": 5.0}
 class Setting:
     """A convergence experiment with step sizes h = T/steps over `samples` paths, and the texts of its plot.
 
-    source : the plot of the paper that this repeats
+    source : the plot of the paper that the experiment repeats
     place : where the paper states the order of (2.1), or names a reference with a fine step
     same : pairs of schemes with equal steps on this problem, each with the place in the paper and the reason
     """
@@ -79,7 +79,7 @@ def order_statement(name: str, errors: StrongErrors, source: str) -> Statement:
 def same_statement(
     one: str, other: str, errors: dict[str, StrongErrors], source: str, reason: str
 ) -> Statement:
-    """The statement that the schemes `one` and `other` are equal on this problem: their y at T differ by rounding."""
+    """The statement that the schemes `one` and `other` are equal here: their y at T differ by rounding only."""
     a, b = errors[one], errors[other]
     difference = float(np.max(np.abs(a.errors - b.errors)))
     # Each step adds a rounding error, which the flow multiplies by its Lipschitz constant, e^2 or less here.
@@ -94,7 +94,7 @@ def same_statement(
 
 
 def panel(setting: Setting, results: Results, extra: Sequence[Statement] = ()) -> Panel:
-    """The panel with the convergence plot, and a statement about every scheme and every pair that is one integrator."""
+    """The panel with the convergence plot, a statement on each scheme, and one on each pair that is one integrator."""
     errors: dict[str, StrongErrors] = {n: results[setting.figure, "order", n] for n in setting.schemes}
     places = {n: setting.place if n == "energy-preserving" else record.stated_in(n, "§4") for n in errors}
     h = setting.T / np.array(setting.steps)
@@ -137,8 +137,8 @@ def fine_jobs(setting: Setting, size: Size) -> list[Job]:
 def fine_panel(setting: Setting, results: Results) -> Panel:
     """The panel of errors against the exact solution beside errors against a scheme with a fine step, as in the paper.
 
-    An error against a scheme with a fine step is the difference of two errors. If this scheme is the tested one,
-    the difference is too small, and the slope too steep, as h comes near the fine step, where it is zero.
+    An error against a scheme with a fine step is the difference of two errors. If both are errors of the same scheme,
+    the difference is too small, and the slope too steep, for h near the fine step; there it is zero.
     """
     errors: dict[str, StrongErrors] = {n: results[setting.figure, "fine", n] for n in setting.schemes}
     reference = setting.schemes[0]

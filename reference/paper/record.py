@@ -48,7 +48,7 @@ COMPILED = frozenset(("energy-preserving", "midpoint", "euler-heun", "milstein")
 
 @dataclass(frozen=True)
 class Job:
-    """One call of a function, with the seconds that NumPy should take for it: they order the jobs and show progress."""
+    """One call of a function, with the seconds that it should take in NumPy, which order the jobs and show progress."""
 
     key: tuple[str, ...]
     function: Callable[..., Any]
@@ -92,7 +92,7 @@ class Statement:
 
     text, source : the statement, in the paper's words or close to them, and its place in the paper
     measured : what was measured, and the result
-    criterion : the condition for "holds", by a derived bound or by our own choice, which it then names
+    criterion : the condition for "holds"; the text says so if the condition is not derived, but our own choice
     correction : the right statement, if the paper's does not hold as printed
     """
 
@@ -108,13 +108,13 @@ class Statement:
 class Panel:
     """One plot of one figure, as data.
 
-    key : names the panel and its files, such as "4.1-phase-space": the figure, or "theory", and what is shown
+    key : the name of the panel and its files, such as "4.1-phase-space": the figure (or "theory"), then its subject
     parameters : the parameters of the paper, and those of the computation
     chosen : the choices made where the paper gives none
     slopes : the reference slopes to draw
     description : the picture in words, for readers who cannot see it
-    equal : True if both axes have one scale
-    window : only points with |y| up to this are drawn, and |x| too if `equal`; the series may have larger values
+    equal : True if both axes have the same scale
+    window : if given, only points with |y| ≤ window are drawn, and |x| ≤ window if `equal`; the series have all points
     """
 
     key: str
@@ -176,7 +176,7 @@ def in_words(counts: Mapping[str, int]) -> str:
 
 
 def stated_in(name: str, place: str) -> str:
-    """The paper's place about a scheme: `place`, or §1 for the splitting, which its figures do not show."""
+    """The place where the paper writes about a scheme: `place`, or §1 for the splitting, which no figure shows."""
     return "[23] in §1" if name in OURS else place
 
 
@@ -185,7 +185,7 @@ def sentence(name: str) -> str:
     return f"{'(ours) ' if name in OURS else ''}{SENTENCE[name]}"
 
 
-# In inches: the width is a journal's column of 86 mm. Type has 8 points, and none is below 6.5.
+# In inches; the width is that of a journal's column, 86 mm. Type has 8 points, the smallest has 6.5.
 WIDTH, HEIGHT = 3.39, 2.9
 # Letters are drawn as paths, so that a journal's page shows them as they are here.
 _STYLE = {

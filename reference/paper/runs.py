@@ -37,10 +37,10 @@ POINTS = 1000
 class Run:
     """Samples of one scheme on one time interval; figures show the first sample.
 
-    t, y : (K,), (d, K), the first sample, thinned to about POINTS steps and with its end
-    energy, casimir : (N+1,), H and the first quadratic Casimir yᵀAy of the first sample at every step; empty if none
+    t, y : times (K,) and states (d, K) of the first sample, thinned to about POINTS steps, with its end
+    energy, casimir : (N+1,), H and the first quadratic Casimir yᵀAy along the first sample; empty without a Casimir
     theta : (K,), the exact solution's time t + Σ c_j W_j(t) at `t`
-    checkpoints, energies : (L,), (L, M), some steps (powers of two, and the last), and H of all samples at them
+    checkpoints, energies : numbers of steps (L,) (powers of two, and N), and H of all samples at these steps (L, M)
     stopped : the step at which the first sample failed or left the domain, −1 if it did not
     """
 
@@ -129,7 +129,7 @@ def long_run(
 def _follow(
     method: Scheme, system: Problem, h: float, raw: Array, checkpoints: np.ndarray, engine: str
 ) -> tuple[Array, Array, int]:
-    """Take all steps: the first sample at every step (d, N+1), H of all samples at `checkpoints`, first failed step."""
+    """Take all steps; return the first sample (d, N+1) and its failed step, and H of all samples at `checkpoints`."""
     steps, _, samples = raw.shape
     compiled, _ = choose(engine, method, system, compensated=False)
     start = np.array(system.initial, dtype=np.float64)
@@ -173,7 +173,7 @@ def truncated(problem: str, *, T: float, steps: Sequence[int], samples: int, see
 def coarsened(fine: Array, steps: Sequence[int]) -> Iterator[tuple[int, Array]]:
     """For each number N of steps, the pair of N and the increments (N, m, M) over these steps.
 
-    They are sums of the increments `fine` over the finest grid, which has steps[-1] steps.
+    The increments are sums of the increments `fine` over the finest grid, which has steps[-1] steps.
     """
     return ((count, wiener.coarsen(fine, steps[-1] // count)) for count in steps)
 
@@ -225,7 +225,7 @@ def statements(
 
 
 def statement(run: Run, what: str, *, constant: bool, source: str) -> Statement:
-    """The paper's statement that a scheme keeps the invariant `what`, or does not if `constant` is false.
+    """The paper's statement that a scheme keeps the invariant `what`, or, if `constant` is false, does not keep it.
 
     `what` is "energy" or "Casimir".
     """

@@ -21,7 +21,7 @@ from sepv.schemes import as_lanes, collocation
 def step_with_stages(problem: Problem, stages: int, y: Array, h: float, dW: Array) -> Array:
     """The state y1 after one step with s = 1 … 6 stages, for y (d,) or (d, M) and dW (m,) or (m, M).
 
-    Paths are solved in turn, because the increments of each give it another matrix P.
+    Paths are solved in turn, because the increments of each path give it its own matrix P.
 
     Raises StepFailure if the implicit equation of a path is not solved.
     """
@@ -36,7 +36,7 @@ def step_with_stages(problem: Problem, stages: int, y: Array, h: float, dW: Arra
 def problem_of_step(problem: Problem, parts: Array) -> Problem:
     """The problem y′ = P(y)∇H without noise, P = h B + Σ c_jΔW_j G_j, for `parts` = (h, c_1ΔW_1, …).
 
-    A step of a method, over a unit of time, on this problem is the method's step with noise.
+    A method's step with noise is the method's step over one unit of time on this problem.
     """
     slope: Any = partial(combined_slope, problem, parts=parts)
     given = combined_slope(problem, np.array(problem.initial)[:, None], parts[:, None]) is not None

@@ -2,9 +2,9 @@
 
 y1 = y0 + [h B(ȳ) + Σ_j c_j ΔW_j G_j(ȳ) + Σ_{i<j} c_i c_j A_ij K_ij(ȳ)] ∫₀¹ ∇H(y0 + τ(y1 − y0)) dτ
 
-with the Lévy areas A_ij = ½∫(W_i dW_j − W_j dW_i) over the step. A scheme that uses increments only lacks the term
-Σ_{i<j} A_ij (f_j′f_i − f_i′f_j), f_j = c_j G_j∇H, of the order of h in the Stratonovich expansion of the solution
-(P. Kloeden and E. Platen, Numerical Solution of Stochastic Differential Equations, 1992, §5.2). With g = ∇H and H″
+with the Lévy areas A_ij = ½∫(W_i dW_j − W_j dW_i) over the step. A scheme without areas lacks the term Σ_{i<j} A_ij
+(f_j′f_i − f_i′f_j), f_j = c_j G_j∇H, which is of the order of h in the Stratonovich expansion of the solution (P.
+Kloeden and E. Platen, Numerical Solution of Stochastic Differential Equations, 1992, §5.2). With g = ∇H and g′ = H″,
 
     f_j′f_i − f_i′f_j = c_i c_j K_ij g,   K_ij = G_j′(G_ig) − G_i′(G_jg) + G_jH″G_i − G_iH″G_j,
 

@@ -95,7 +95,7 @@ def reproduce(
     ----------
     figures : names such as "4.3", "theory" or "text"; all of them by default.
     workers : int, executor, map-like callable, Dask client or its address
-        The number of processes, or any `workers` of `sepv.ensemble`. The results do not depend on it.
+        The number of processes, or any `workers` of `sepv.ensemble`. The results do not depend on the workers.
 
     Raises
     ------
@@ -136,7 +136,7 @@ def _panels(section: Any, results: Results, wanted: tuple[str, ...]) -> list[Pan
 
 
 def _run(jobs: list[Job], workers: Any, progress: ShareProgress) -> Results:
-    """Compute all jobs; the results are found by the jobs' keys. Long jobs start first, so that none is last alone."""
+    """Compute all jobs; return results by the jobs' keys. Long jobs start first, so that none runs alone at the end."""
     jobs = sorted(jobs, key=lambda j: -j.seconds)
     done, total = 0.0, sum(j.seconds for j in jobs)
     results: Results = {("seconds",): {}}

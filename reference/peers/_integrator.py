@@ -15,7 +15,7 @@ from sepv.errors import Skipped, UsageError
 from sepv.problem import Array, Mechanics, Problem, Systems, mechanics
 from sepv.schemes import Scheme
 
-# Laws that a library claims with these words.
+# The laws that a library claims if it calls an integrator symplectic or reversible.
 SYMPLECTIC = ("symplecticity", "poisson-map", "volume")
 REVERSIBLE = ("symmetry", "reversibility")
 

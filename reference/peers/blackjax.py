@@ -36,7 +36,7 @@ def _scheme(name: str, order: int, note: str = "", **options: Any) -> Scheme:
     return integrator(f"blackjax {name}{note}", advance, order=order, claims=claims, source=_MODULE)
 
 
-# The page names no orders; these are of the methods that the source describes.
+# The page names no orders; the orders here are those of the methods that the source describes.
 velocity_verlet = _scheme("velocity_verlet", 2)
 mclachlan = _scheme("mclachlan", 2)
 yoshida = _scheme("yoshida", 2)

@@ -148,7 +148,7 @@ def _wide(rows: Array, count: int) -> Array:
 def _call(
     program: Any, solver: Any, problem: Problem, y: Array, h: float, dW: Array, *state: Any
 ) -> tuple[Any, Any]:
-    """Run a compiled `program` in float64 on y (d, L) and dW (m, L), or (d,) and (m,): y_next and solver state."""
+    """Run a compiled `program` in float64 on y (d, L), dW (m, L) or (d,), (m,); return y_next and solver state."""
     formulas, numbers = _padded(problem)
     d, m = problem.dimension, problem.noises
     if formulas.kind == "polynomial":

@@ -31,7 +31,7 @@ _Kind = TypeVar("_Kind")
 
 @dataclass(frozen=True)
 class Peer:
-    """A library, with those of its solvers that sepv can run.
+    """A library, with the solvers that sepv can run.
 
     Attributes
     ----------
@@ -113,7 +113,7 @@ def scheme(target: str) -> Scheme:
 
 
 def method(target: str) -> Method | None:
-    """The solver `target` of whole paths for `sepv compare`; None for an integrator without noise, which has steps.
+    """The solver `target` of whole paths for `sepv compare`; None if it is run as a scheme, like an integrator.
 
     Raises TargetError as `scheme`.
     """

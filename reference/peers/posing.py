@@ -36,7 +36,7 @@ Path = Callable[[Problem, Array, float, Array], Array]
 class Formulas:
     """The functions B, ∇H, H and f of a problem, for arrays y, (d,) or (d, M), of `xp`: jax.numpy, torch or numpy.
 
-    Their argument `numbers` is the result of `pose`, converted to tensors for torch; JAX takes NumPy arrays.
+    Their argument `numbers` is the second result of `pose`, converted to tensors for torch; JAX takes NumPy arrays.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class Formulas:
         return self.values(xp, numbers, y, d * d + d, d * d + d + 1)[0]
 
     def field(self, xp: Any, numbers: Any, y: Any) -> Any:
-        """The field f(y) = B(y)∇H(y), of shape (d, ...), computed without the entries of B that vanish everywhere."""
+        """The field f(y) = B(y)∇H(y), of shape (d, ...); generated code leaves out zero entries of B."""
         if self.texts:
             return self._recorded(3, xp, numbers, y)
         d = y.shape[0]
@@ -110,8 +110,8 @@ def pose(problem: str | Problem, *, padded: bool = True) -> tuple[Formulas, tupl
     problem : str or Problem
         A name, a file, ``module:attribute``, or the `Problem` that a step gets.
     padded : bool
-        Fill up the tables of a polynomial problem with zeros to one of a few sizes, so that a compiled step is
-        compiled a few times and not once for each random problem.
+        True fills up the tables of a polynomial problem with zeros to one of a few sizes. So a step is compiled a few
+        times, and not once for each random problem.
 
     Raises
     ------
@@ -216,7 +216,7 @@ def table(dimension: int, rows: list[Polynomial], padded: bool) -> tuple[int, tu
 def in_blocks(step: Callable[[Array, Array], Any], y: Array, dW: Array, lanes: int) -> Array:
     """Call step(y (d, lanes), dW (m, lanes)) for any number of states, or one state (d,), in blocks of `lanes` states.
 
-    As all blocks have one size, compiled code and its roundings do not depend on the number of states.
+    Because all blocks have one size, compiled code and its roundings do not depend on the number of states.
     """
     states = y.reshape(y.shape[0], -1)
     count = states.shape[1]

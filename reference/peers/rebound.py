@@ -1,11 +1,11 @@
 """REBOUND's integrators: some for the forces of any mechanical problem, others for planets under REBOUND's gravity.
 
 They need the extra ``simulators``. Integrators for planets split the motion into Kepler's motion and the rest. So they
-take only gravity, V = −G Σ m_im_j/|q_i − q_j| in the plane or in space with the heaviest body first, such as
+support only gravity, V = −G Σ m_im_j/|q_i − q_j| in the plane or in space with the heaviest body first, such as
 `sepv.problems.planets`. A step is one of REBOUND's with its default `safe_mode=1`: synchronized at the end.
 
 JANUS computes with integers of 64 bits, x/scale and v/scale, and its documentation asks for a scale. Here the scale is
-2⁻⁵⁶ times a power of two above the state and its change in a step, which is below the rounding of binary64.
+2⁻⁵⁶ times a power of two above the state and its change in a step. This is below the rounding of binary64.
 """
 
 from __future__ import annotations

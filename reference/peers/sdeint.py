@@ -35,7 +35,7 @@ def _integrate(
 
 
 def _step_by(integrator: Callable[..., Any], integrals: bool) -> Step:
-    """Make a step from sdeint's integrator over (0, h), which with `integrals` also gets the J_ij = ∫∫∘dW_i∘dW_j."""
+    """Make a step of sdeint's integrator over (0, h); with `integrals`, the integrator gets J_ij = ∫∫∘dW_i∘dW_j."""
 
     def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         row = dW.reshape(1, -1)

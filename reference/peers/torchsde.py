@@ -3,10 +3,10 @@
 torchsde has no public step. A step here is `torchsde.sdeint` over (0, h) with dt = h and a Brownian motion that returns
 the given increment.
 
-torchsde's noise type is "scalar" for one noise and "general" for several. Milstein does not take the general type. It
-gets the one Wiener process c·W/|c|, which drives the same equation.
-Lévy areas are zero here: all noises drive one field, so the commutators that areas multiply vanish.
-In a comparison all paths are one batch of `torchsde.sdeint` over the whole interval.
+torchsde's noise type is "scalar" for one noise and "general" for several. Milstein does not support the general type.
+It gets the one Wiener process c·W/|c|, which drives the same equation. Lévy areas are zero here: all noises drive one
+field, so the commutators that areas multiply vanish. In a comparison all paths are one batch of `torchsde.sdeint` over
+the whole interval.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from sepv.studies import Method, from_states
 
 
 class _System(torch.nn.Module):
-    """The system dy = f dt + Σ_j weights_j f ∘dW_j in torchsde's interface, for L states, (L, d)."""
+    """The system dy = f dt + Σ_j weights_j f ∘dW_j in torchsde's interface, for L states y (L, d)."""
 
     sde_type = "stratonovich"
 

@@ -116,9 +116,9 @@ def _alone(
     names: cli.Names,
     problems: cli.Names,
 ) -> tuple[dict[str, Any], list[Any]]:
-    """Measure a target in this checkout alone: its record, and the comparison with an earlier record, `before`.
+    """Measure a target in this checkout alone; return its record, and its comparison with `before`, an earlier record.
 
-    If there is an earlier record, its cases are measured.
+    If there is an earlier record, its cases are measured instead of `chosen`.
     """
     from sepv.schemes import require_trusted
     from sepv.studies import bench_store as store

@@ -39,7 +39,7 @@ class _Commands(click.Group):
         return context
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Invoke as click does; Ctrl-C while a command is imported has the same effect as while it works."""
+        """Invoke as click does; Ctrl-C has the same effect while a command is imported as while it works."""
         with interruptible():
             return super().invoke(ctx)
 

@@ -19,8 +19,8 @@ from sepv.files import write_atomically
 if TYPE_CHECKING:
     from sepv.studies import Comparison
 
-# The largest of the five numbers of steps to T = 1 that are the default. The coarsest step is a quarter of the longest
-# step that the problem states, or of 1/2.
+# The largest default number of steps. There are at most five, each twice the one before. The smallest makes the step to
+# T = 1 a quarter of the longest step that the problem states, or 1/8 if it states none.
 MOST_STEPS = 1024
 
 
@@ -147,7 +147,7 @@ def _peers() -> list[str]:
 def _methods(
     names: list[str], problem: Any, progress: Callable[[str], None]
 ) -> tuple[list[Any], dict[str, SepvError]]:
-    """Load methods by name; return those that can be run, and by name the errors of the others."""
+    """Load methods by name; return those that can be run, and the errors of the others by name."""
     from sepv.studies import load_method
 
     methods, failed = [], {}

@@ -93,7 +93,7 @@ def growth(
 
 
 def _table(rows: list[Any]) -> Table:
-    """The table of mean and rms of the energy error at times t/16, t/4 and t, and by theory if a formula is known."""
+    """The table of mean and rms of the energy error at times T/16, T/4 and T, with values by theory if known."""
     cells, has_theory = [], any(row.derived and row.kind != "rounding" for row in rows)
     for row in rows:
         for n in (-5, -3, -1):

@@ -112,7 +112,7 @@ def _endings(seen: Seen) -> str:
 
 
 def _complaint(target: str, seen: Seen) -> str:
-    """The words for a case with unexpected results, with a step that shows one and the command that replays it."""
+    """The message on a case with unexpected results: counts, the worst step, and the command that replays this step."""
     from sepv.verification import cases
 
     lines = [f"{seen.case.name}: expected {seen.case.expected}; seen {_endings(seen)}"]

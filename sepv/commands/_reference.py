@@ -43,7 +43,7 @@ def description(problem: Problem) -> PolynomialSystem | NamedProblem:
 
 
 def decimal(value: Any, digits: int) -> str:
-    """Write an mpf with this many significant digits."""
+    """Write an mpf with `digits` significant digits."""
     import mpmath
 
     return str(mpmath.nstr(value, digits, strip_zeros=False)) if value else "0.0"

@@ -95,7 +95,7 @@ def run(
         )
 
 
-# The words for each status of a step, for a scheme without a solver of sepv, which would say more.
+# The words for each status of a step of a scheme without a solver of sepv; such a solver would say more.
 _UNCOUNTED = {
     "NO_CONVERGENCE": "the scheme refused it",
     "OVERFLOW": "its answer, or B or ∇H there, is not finite",

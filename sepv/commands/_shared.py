@@ -76,7 +76,7 @@ def typed() -> str:
 
 
 def listed(_context: click.Context, _parameter: click.Parameter, values: Names) -> Names:
-    """The names given to an option that takes several, separated by commas or by repeating the option."""
+    """The names given to an option that takes several names, separated by commas or by repeating the option."""
     names = tuple(name.strip() for value in values for name in value.split(",") if name.strip())
     if values and not names:
         raise click.BadParameter("expected a name, received none: name one, or leave the option out")
@@ -125,7 +125,7 @@ def candidates(
     """A context with the schemes of a command's targets and programs, as pairs (name in output, scheme).
 
     If no target and no program is given, the targets are `usual`. The programs are stopped when the block ends.
-    Loading a scheme takes one step, which may compile it, so `say` first gets a line about the target.
+    Loading a scheme makes one step, which may compile it, so `say` is first called with a line about the target.
     """
     from sepv.schemes import load_scheme
 
@@ -202,7 +202,7 @@ def friendly(command: Callable[..., Any]) -> Callable[..., Any]:
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """A context in which Ctrl-C prints one line and ends the command with exit code 130 (click would take 1)."""
+    """A context in which Ctrl-C prints one line and ends the command with exit code 130 (click itself exits with 1)."""
     try:
         yield
     except KeyboardInterrupt as error:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from sepv.studies import Exits, Map
 
 STEPS = tuple(2.0**-n for n in range(1, 11))
-# The states are dense enough if the means over all, and over every second one, differ by at most this share.
+# The states are dense enough if the mean over all and the mean over every second one differ by at most this share.
 ROUGH = 0.2
 # Step sizes with which paths are followed.
 FOLLOWED = tuple(2.0**-n for n in range(4, 10))
@@ -108,7 +108,7 @@ def solvability(
 
 
 def _show(regions: Map, furthest: float, k: int | None, out: Any) -> None:
-    """Print how far in Δ the equation of a step is solvable, and the probability that a random Δ lies beyond."""
+    """Print the range of Δ in which the equation of a step is solvable, and the probability of a Δ outside of it."""
     from sepv.studies import End
 
     low, high = regions.safe

@@ -162,7 +162,7 @@ def _effort(**options: Any) -> Any:
 def _verify(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any], shown: str = "") -> int:
     """Measure the laws on each target, print and write the reports, and return the exit code.
 
-    `shown` is the name in the output of a program (--exec), which has no name of its own.
+    `shown` is the name that the output gives to a program (--exec), which has no name of its own.
     """
     options["jobs"] = _jobs(targets, options, not laws)
     from sepv.console import console, print_sentence
@@ -209,7 +209,7 @@ def _verify(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any], 
 
 
 def _jobs(targets: tuple[Any, ...], options: dict[str, Any], all_laws: bool) -> int:
-    """The number of processes for the laws. Processes for all laws start here, before most imports of this process."""
+    """The number of processes for the laws. For all laws, the processes start here, before most imports."""
     if any(options[key] for key in ("require", "workers", "token", "against")) or not all_laws:
         return options["jobs"] or 1
     from sepv.schemes import built_in

@@ -46,7 +46,7 @@ class _Heard:
     notes: Notes = field(default_factory=Notes)
 
     def hear(self, data: bytes) -> None:
-        """Take the next bytes of the pipe, and record the messages that are whole."""
+        """Add the next bytes of the pipe to the rest of the last ones, and record the messages that are complete."""
         self.rest += data
         while len(self.rest) >= _HEAD:
             end = _HEAD + int.from_bytes(self.rest[1:_HEAD], "big")
@@ -67,7 +67,7 @@ class _Heard:
                 self.over = True
 
     def crash(self, status: str) -> bool:
-        """Record that a process crashed; True if it was in a measurement, which a new process can leave out."""
+        """Record a crash of a process; True if it occurred in a measurement, which a new process can leave out."""
         self.rest = b""
         if self.begun is None:
             return False
@@ -135,7 +135,7 @@ def _attend(work: Callable[[], Any], heard: _Heard) -> int | None:
     try:
         return _Attendance(child, heard, heard_here, bell_here).end()
     finally:
-        # A child that still runs sees the end of this pipe, and ends.
+        # A child that still runs notices the end of this pipe, and ends.
         for end in (heard_here, alive_here, bell_here, bell):
             os.close(end)
         signal.set_wakeup_fd(ringing)

@@ -146,8 +146,8 @@ def _with_cells(table: Table, change: Callable[[Any], Any]) -> Table:
 def _needed(table: Table, *, whole: bool = False, words: int = 0) -> dict[str, int]:
     """The least widths of columns by heading.
 
-    A column is as wide as the longest word of its heading, or as the `whole` heading, and as the longest line of its
-    cells. A column of words is as wide as its longest word, and as its longest cell up to the width `words`.
+    A column is at least as wide as the longest line of its cells, and as the longest word of its heading (the longest
+    line if `whole`). A column of words is at least as wide as its longest word, and as its longest cell up to `words`.
     """
     widths: dict[str, int] = {}
     for n, c in enumerate(table.columns):

@@ -73,9 +73,9 @@ def solve_dense(
     f : (d, s) -> (d, s)
     stages : int
         The number s of Gauss nodes on a panel, one interval of time. A panel is halved until its Legendre series decays
-        to rounding; the next is longer if it decays faster. The first has the length shrink · min(½, ½(1 + |y|)/|f|).
+        to rounding; if it decays faster, the next is longer. The first has the length shrink · min(½, ½(1 + |y|)/|f|).
     shrink : float
-        A factor of the first panel's length. It gives two solutions that are compared different panels.
+        A factor of the first panel's length. Two solutions with different factors have different panels.
 
     Raises
     ------
@@ -115,7 +115,7 @@ def solve_dense(
 
 
 def _panel(f: Callable[[Array], Array], y: Array, H: float, A: Array, to_series: Array) -> tuple[Array, int]:
-    """The values f(y) at the nodes of a panel of length H that starts in y, (d, s), by Picard iteration, and a grade.
+    """The values f(y) (d, s) at the nodes of a panel of length H from the state y, by Picard iteration, and a grade.
 
     The grade is 0 if the iteration failed or the panel is too long, 1 if the panel is short enough, and 2 if the next
     panel may be longer.

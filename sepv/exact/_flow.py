@@ -23,7 +23,7 @@ from sepv.record import EPS, PolynomialMap
 from sepv.schemes import load_problem
 from sepv.simulate import initial_state
 
-# The most times of a solution that is stored between runs (`sepv._kept`).
+# The largest number of times θ of a solution that is stored between runs (`sepv._kept`).
 MOST_KEPT = 1024
 
 
@@ -55,9 +55,9 @@ def exact_flow(
     Returns
     -------
     ExactFlow
-        Its `error` estimates the largest error. For a numerical solution it is four times its largest difference
-        from a second one, of another order and with other panels, plus 8 roundings. For a closed form it is
-        16 eps (|y| + |f(y)| (1 + |θ|)) with the largest |y|, |f(y)| and |θ| (special functions: below 4 eps measured).
+        Its `error` estimates the largest error. For a numerical solution it is four times the largest difference from a
+        second solution, of another order and with other panels, plus 8 roundings. For a closed form it is 16 eps (|y| +
+        |f(y)| (1 + |θ|)) with the largest |y|, |f(y)|, |θ| (special functions: below 4 eps measured).
 
     Raises
     ------

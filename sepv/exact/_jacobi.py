@@ -18,9 +18,9 @@ from sepv.record import EPS
 def jacobi(u: Array, m: float) -> tuple[Array, Array, Array, Array]:
     """Jacobi's sn, cn and dn and the amplitude at arguments u (M,) for the parameter m = k², 0 ≤ m < 1.
 
-    They are computed by the arithmetic-geometric mean (DLMF 22.20(ii)), with means a_n, b_n and c_n =
-    (a_{n−1} − b_{n−1})/2, up to an N for which c_N is below a rounding of a_N. From φ_N = 2^N a_N u the amplitude φ_0
-    follows by 2φ_{n−1} = φ_n + arcsin((c_n/a_n) sin φ_n).
+    The arithmetic-geometric mean (DLMF 22.20(ii)) has means a_n, b_n and c_n = (a_{n−1} − b_{n−1})/2, up to the first N
+    with c_N ≤ eps a_N. The recursion 2φ_{n−1} = φ_n + arcsin((c_n/a_n) sin φ_n) from φ_N = 2^N a_N u gives the
+    amplitude φ_0.
     """
     a, b, shares = 1.0, math.sqrt(1 - m), list[float]()
     c = math.sqrt(m)

@@ -5,10 +5,10 @@ these shifts have mean 0 and variance T|c|²E(ξ − ζ)². With A = A_h, Q(A) =
 
     E(ξ − ζ)² = 2∫_A^∞ (x − A)² φ(x) dx = 2((1 + A²)Q(A) − Aφ(A)) ≈ 4φ(A)/A³ = O(h^k |ln h|^(−3/2)).
 
-So for the field f clipping has an rms error of |f| |c| √(T E(ξ − ζ)²) = O(h^{k/2}|ln h|^(−3/4)). If a scheme has the
+So the rms error of clipping, for the field f, is |f| |c| √(T E(ξ − ζ)²) = O(h^{k/2}|ln h|^(−3/4)). If a scheme has the
 order p and k = 2p, its own error and the error of clipping both have the order p. For collocation with three or more
-stages the error of clipping is larger. If k = 4p, it is O(h^{2p}), at most a few per cent of the scheme's error for
-h ≤ ¼ (`sepv.schemes._scheme.truncation_for`).
+stages the error of clipping is larger. If k = 4p, it is O(h^{2p}), at most a few per cent of the scheme's error for h ≤
+¼ (`sepv.schemes._scheme.truncation_for`).
 
 A path of N steps has a clipped increment with probability 2NQ(A_h), below 10⁻⁶ for k ≥ 4 and N = 64. A sample therefore
 shows the error of unclipped paths. The square of the error of clipping must be added to the square of this error.
@@ -32,7 +32,7 @@ NODES, REACH = 49, 6.0
 def lost_mean_square(A: float) -> float:
     """The mean square E(ξ − clip(ξ, ±A))² that clipping cuts off, for ξ ~ N(0, 1) and A ≥ 0.
 
-    Its terms cancel, so that the relative error is about A⁴ eps.
+    The terms of the formula cancel, so that the relative error is about A⁴ eps.
     """
     from scipy.special import erfcx
 

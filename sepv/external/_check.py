@@ -64,7 +64,7 @@ def check_protocol(
 
 
 def describe(checks: Iterable[Check]) -> str:
-    """Format the checks as text, in order: for each "ok" or "FAIL", the line sent, and the answer or its defect."""
+    """Format the checks as text, in order: each has "ok" or "FAIL", the line sent, and the answer or its defect."""
     lines = []
     for n, check in enumerate(checks, 1):
         shown = check.line if len(check.line) <= 160 else f"{check.line[:160]}… ({len(check.line)} bytes)"

@@ -14,7 +14,7 @@ from contextlib import suppress
 from sepv.external import _errors as errors
 from sepv.external._errors import shown
 
-# The most bytes of an answer, twice those of 1000 steps in 20 dimensions. A child that prints more is ended.
+# The largest answer in bytes, twice that of 1000 steps in 20 dimensions. A child that prints more is ended.
 LINE_LIMIT = 1 << 20
 # Seconds between "stop" and SIGKILL, enough for a program to write a log.
 STOP_GRACE = 2.0

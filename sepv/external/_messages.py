@@ -158,7 +158,7 @@ def _double(text: Any) -> float:
 
 
 def travelling(problem: Problem, greeting: Hello) -> str:
-    """Write a problem as JSON text. Raise Skipped if it is not given as data, or if the program does not take it."""
+    """Write a problem as JSON text. Raise Skipped if it is not given as data or the program does not support it."""
     data = problem.data
     if data is None:
         raise Skipped(f"the problem {problem.name} is made of Python functions, which cannot travel")

@@ -60,7 +60,7 @@ class Program:
             return self.said
 
     def ask(self, body: str) -> tuple[str, Any]:
-        """Send a message with a new id and the JSON text `body`; return the kind of answer ("y_next", …) and value."""
+        """Send a message with a new id and the JSON text `body`; return the answer's kind ("y_next", …) and value."""
         with self.lock:
             child = self._running()
             answer = self._exchange(child, body, self.call_timeout)
@@ -154,14 +154,14 @@ class Program:
         )
 
     def step(self, problem: Problem, y: Array, h: float, dW: Array) -> Array:
-        """Make one step by the program, for y of shape (d,) or (d, M) and dW of shape (m,) or (m, M).
+        """Make one step with the program, for y of shape (d,) or (d, M) and dW of shape (m,) or (m, M).
 
         Raises
         ------
         Skipped
             If the program refuses the problem.
         StepRefused
-            If it reports that the step cannot be made. In a batch the failing state is not known.
+            If the program reports that the step cannot be made. In a batch the failing state is not known.
         WrongShape, NotFinite
             If states break the contract of ``step``.
         ProgramError
@@ -205,7 +205,7 @@ def load_program(
     command : str
         The program and its arguments, split as by a POSIX shell, but no shell is started.
     call_timeout, start_timeout : float
-        Seconds for one message and its answer, and for the first message, because a program may start slowly.
+        Seconds for one message and its answer, and for the first message, which has its own limit for slow starts.
     run_timeout : float, optional
         Seconds for all messages together.
 

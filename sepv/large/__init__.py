@@ -1,4 +1,4 @@
-"""Paths of large systems, d = 10⁴ and more. B is sparse, Newton's matrix banded or sparse, the cost linear in d.
+"""Paths of large systems, d = 10⁴ and more: B is sparse, Newton's matrix banded or sparse, and the cost linear in d.
 
 SciPy's sparse matrices are imported when a step is made, and not before.
 """

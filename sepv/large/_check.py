@@ -1,4 +1,4 @@
-"""Consistency of a large problem's parts: B is skew, and ∇H, H″, B′ and averages belong to H and B."""
+"""Consistency of a large problem's parts: B is skew, ∇H, H″ and averaged ∇H belong to H, and B′ and C belong to B."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from sepv.errors import ProblemError
 from sepv.large._problem import LargeProblem
 from sepv.problem import Array, slope_along
 
-# The largest relative error of a part. Central differences of order six with a width of 2⁻⁷ of the scale have an error
-# of 1e-12 for functions that vary on the scale of y, and a wrong sign, factor or term differs in the first digit.
+# The largest allowed relative error of a part. If a function varies on the scale of y, its central differences of order
+# six, with a width of 2⁻⁷ of this scale, have an error of 1e-12. A wrong sign, factor or term changes the first digit.
 TOLERANCE = 1e-6
 _WIDTH = 2.0**-7
 
@@ -20,7 +20,7 @@ def check_large(problem: LargeProblem, seed: int = 0) -> None:
     Raises
     ------
     ProblemError
-        For a part that contradicts the others. The message has both values.
+        If a part contradicts the others. The message shows the given and the expected value.
     """
     rng = np.random.default_rng(seed)
     y = np.array(problem.initial)
@@ -60,7 +60,7 @@ def check_large(problem: LargeProblem, seed: int = 0) -> None:
 
 
 def _same(name: str, given: Array, expected: Array) -> None:
-    """Raise a ProblemError if the part `name` of a problem differs from its expected value by more than TOLERANCE."""
+    """Raise a ProblemError if the relative error of a problem's part `name` is larger than TOLERANCE."""
     scale = max(float(np.max(np.abs(expected), initial=0.0)), float(np.max(np.abs(given), initial=0.0)), 1.0)
     error = np.abs(np.asarray(given) - expected).reshape(-1)
     if error.size and not np.max(error) <= TOLERANCE * scale:

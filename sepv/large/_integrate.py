@@ -24,15 +24,15 @@ class LargePath:
     ----------
     y : (d,)
     W : (m,)
-        The Wiener paths at the end, W(T), untruncated.
+        W(T), the sums of the untruncated Wiener increments.
     energy_defect : float
         Largest |H(y_n) − H(y_0)| over the steps, with the terms of H summed exactly.
     energy_scale : float
-        Σ|terms of H| at the start, the scale of an energy defect, because H itself may cancel to zero.
+        Σ|terms of H| at y_0, the scale of an energy defect. H(y_0) is no scale: its terms may cancel to zero.
     casimir_defect, other_casimir_defect : float
-        Largest |C(y_n) − C(y_0)| of quadratic and linear Casimirs C, and of other Casimirs.
+        Largest |C(y_n) − C(y_0)|: the first of quadratic and linear Casimirs C, the second of all other Casimirs.
     iterations : int
-        Newton iterations of all steps.
+        The number of Newton iterations in all steps together.
     """
 
     y: Array
@@ -55,7 +55,7 @@ def integrate(
     y0: ArrayLike | None = None,
     truncation: int | None = 2,
 ) -> LargePath:
-    """Run one path of N steps of a large problem from y0, by default the problem's initial state.
+    """Run one path of N steps of a large problem from y0 (by default the problem's initial state).
 
     Parameters
     ----------
@@ -63,14 +63,14 @@ def integrate(
     dW : (N, m), optional
         Untruncated increments, by default those of path 0 of `sepv.simulate.increments(seed, …)`.
     truncation : int or None
-        The k of Remark 2.1, by which the increments are truncated; None for no truncation.
+        The k with which increments are truncated as in Remark 2.1 of Cohen and Dujardin; None for no truncation.
 
     Raises
     ------
     StepFailure
-        At the first step whose implicit equation was not solved.
+        If the implicit equation of a step was not solved; raised at the first such step.
     UsageError
-        For arguments that do not describe a path.
+        If the arguments do not describe a path.
     """
     m, steps = len(problem.noise), step_count(h, None, steps)
     if dW is None:

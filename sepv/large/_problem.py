@@ -1,8 +1,8 @@
 """The class of large problems, with sparse matrices where `sepv.Problem` has dense ones.
 
 `sepv.Problem` returns B(y) as (d, d) and B′ as (d, d, d): at d = 10⁴ that is 0.8 GB and 8 TB. Here B is a sparse
-matrix, and B′ is replaced by its product with a vector, because Newton's matrix needs only this product. There are no
-batches, because one state already fills the processor's vector units.
+matrix, and B′ is replaced by its product with a vector, because Newton's matrix needs only this product. Functions get
+one state and no batch of states, because one state already fills the processor's vector units.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ class LargeProblem:
     gradient, hessian : (d,) -> (d,) and (d,) -> sparse (d, d)
         ∇H and H″.
     degree : int, optional
-        The degree of a polynomial H: Gauss-Legendre quadrature with ⌈degree/2⌉ nodes is then exact.
+        The degree of H if H is a polynomial. Gauss-Legendre quadrature with ⌈degree/2⌉ nodes then averages ∇H exactly.
     mean_gradient : (y0, y1) -> (d,), optional
         ∫₀¹∇H(y0 + τ(y1 − y0))dτ in closed form. Exactly one of `mean_gradient` and `degree` must be given.
     casimirs : (d,) -> (K,), optional
         Quadratic and linear Casimirs, which scheme (2.1) keeps (Proposition 3.2).
     other_casimirs : (d,) -> (K,), optional
-        Other Casimirs, which scheme (2.1) does not keep, and which are measured too.
+        Other Casimirs, which scheme (2.1) does not keep. Their defects are measured too.
     domain : (d,) -> bool, optional
     initial : (d,)
     noise : the c_j ≥ 0, shape (m,)
@@ -91,11 +91,11 @@ class LargeProblem:
         return int(self.initial.size)
 
     def energy(self, y: Array) -> float:
-        """H(y) as the exact sum of its terms, because plain summation of d terms has an error of √d roundings."""
+        """H(y) as the exact sum of its terms; a plain sum of d terms would have an error of about √d roundings."""
         return fsum(self.terms(y).tolist())
 
     def energy_difference(self, y: Array, y0: Array) -> float:
-        """H(y) − H(y0) as one exact sum of the terms of both, so that no rounding is of the size of H."""
+        """H(y) − H(y0) as one exact sum of the terms of both; its rounding is relative to the difference, not to H."""
         return fsum(self.terms(y).tolist() + (-self.terms(y0)).tolist())
 
     def random_step(self, h: float, dW: Array) -> float:

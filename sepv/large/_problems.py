@@ -1,4 +1,4 @@
-"""Large problems: chains whose neighbours interact, of any length."""
+"""Large problems: chains of any length in which neighbours interact."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def _sparse(d: int, rows: Any, cols: Any, data: Array) -> Sparse:
 
 
 def _at_least(name: str, n: int, least: int) -> None:
-    """Raise a ProblemError for a chain whose number n of members is not an integer ≥ `least`."""
+    """Raise a ProblemError if n, the number of members of a chain, is not an integer ≥ `least`."""
     if not isinstance(n, int) or n < least:
         raise ProblemError(
             expected=f"{name}, an integer ≥ {least}", received=repr(n), remedy="a longer chain"
@@ -74,14 +74,14 @@ def volterra_lattice(
 def toda_chain(n: int, *, noise: tuple[float, ...] = (1.0,), seed: int = 0) -> LargeProblem:
     """Toda's chain of n particles with free ends: H = Σ p_i²/2 + Σ exp(q_i − q_{i+1}), d = 2n, y = (q₁, p₁, q₂, …).
 
-    The averaged gradient needs no quadrature: if r = q_i − q_{i+1} grows by δ, the average of eʳ is eʳ(e^δ − 1)/δ.
+    The averaged gradient needs no quadrature: if r = q_i − q_{i+1} grows by δ in a step, eʳ(e^δ − 1)/δ averages eʳ.
     """
     _at_least("n, the number of particles", n, 2)
     d = 2 * n
     q, p = np.arange(0, d, 2), np.arange(1, d, 2)
 
     def forces(pull: Array) -> Array:
-        """The gradient of H by q, from `pull`: the n − 1 numbers exp(q_i − q_{i+1}), or their averages along a step."""
+        """∂H/∂q (n,) if `pull` (n − 1,) is exp(q_i − q_{i+1}); the average along a step if `pull` is averaged."""
         total = np.zeros(n)
         total[:-1] += pull
         total[1:] -= pull
@@ -129,9 +129,9 @@ def nonlinear_schroedinger(
 ) -> LargeProblem:
     """The discrete nonlinear Schrödinger equation on n points, i u_j′ = −(u_{j−1} − 2u_j + u_{j+1})/Δx² − κ|u_j|²u_j.
 
-    Here u = q + ip, y = (q₁, p₁, q₂, …) and d = 2n. H = ½Σ|u_{j+1} − u_j|²/Δx² − ¼κΣ|u_j|⁴ with free ends is quartic:
-    two Gauss nodes are exact. The initial state is a wave with |u_j| = 1, perturbed at random. The flow keeps the
-    mass Σ|u_j|², because H does not depend on the phase of u. The mass is no Casimir; scheme (2.1) does not keep it.
+    Here Δx = `spacing`, κ = `strength`, u = q + ip, y = (q₁, p₁, q₂, …) and d = 2n; the ends are free. Two Gauss nodes
+    are exact: H = ½Σ|u_{j+1} − u_j|²/Δx² − ¼κΣ|u_j|⁴ is quartic. Paths start from a randomly perturbed wave |u_j| = 1.
+    The flow keeps the mass Σ|u_j|², as H does not depend on u's phase. Scheme (2.1) does not: the mass is no Casimir.
     """
     _at_least("n, the number of points", n, 2)
     if not (np.isfinite(spacing) and spacing > 0 and np.isfinite(strength)):
@@ -190,7 +190,7 @@ def spin_chain(
 ) -> LargeProblem:
     """The Landau-Lifshitz chain S_i′ = S_i × ∇_iH of n spins, d = 3n: H = −Σ S_i·S_{i+1} − ¼a Σ (S_i)₃⁴.
 
-    B is block diagonal with B(y)v = S_i × v in block i. Scheme (2.1) keeps all n quadratic Casimirs |S_i|².
+    Here a = `anisotropy`. Block i of B(y)v is S_i × v_i. Scheme (2.1) keeps all n quadratic Casimirs |S_i|².
     """
     _at_least("n, the number of spins", n, 2)
     d = 3 * n
@@ -233,7 +233,7 @@ def spin_chain(
 
 
 def _canonical(n: int) -> Callable[[Array], Sparse]:
-    """The canonical B for y = (q₁, p₁, q₂, …), q_i′ = ∂H/∂p_i and p_i′ = −∂H/∂q_i, as one constant matrix."""
+    """The function B(y) of a canonical system q_i′ = ∂H/∂p_i, p_i′ = −∂H/∂q_i, y = (q₁, p₁, q₂, …); B is constant."""
 
     @cache
     def matrix() -> Sparse:

@@ -1,7 +1,7 @@
 """Steps of scheme (2.1) and of the midpoint rule (3.4) for one large state y (d,) with the random step Δ.
 
-Newton's method is that of `sepv.solve._newton`, with sparse matrices: LAPACK's band solver for narrow bands, else
-SuperLU. The cost of both is linear in d if only neighbours of a chain are coupled.
+Newton's method is that of `sepv.solve._newton`, with sparse matrices. LAPACK's band solver is used for narrow bands,
+and SuperLU for all other matrices. The cost of both is linear in d if only neighbours of a chain are coupled.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ WIDEST_BAND = 64
 
 
 class LargeFields:
-    """The functions B(y)v, ∇H and averaged ∇H of a large problem, by which formulas state a step from y0 to y0 + z.
+    """The functions B(y)v, ∇H and averaged ∇H of a large problem, with which a formula states a step y0 → y0 + z.
 
-    `structures` lists the matrices B(y) used so far. Newton's matrix reuses them, and the averaged gradient `mean`.
+    `structures` lists the matrices B(y) used so far. Newton's matrix reuses these and averaged ∇H (`mean`).
     """
 
     def __init__(self, problem: LargeProblem, y0: Array, z: Array) -> None:
@@ -82,7 +82,7 @@ class LargeSlopes:
         return self.apply(y, self.gradient(y))
 
     def mean_gradient(self, y: Array, z: Tangent) -> Tangent:  # noqa: ARG002 - y0 and z
-        """The averaged gradient, and its derivative ∫₀¹τH″dτ by z with few nodes, which suffice for Newton's matrix."""
+        """The averaged gradient, and its derivative by z: ∫₀¹τH″dτ with few nodes, enough for Newton's matrix."""
         fields, degree = self.fields, self.problem.degree
         points, weights = gauss_legendre(3 if degree is None else mean_nodes(degree))
         first, *others = (
@@ -94,7 +94,7 @@ class LargeSlopes:
 
 @dataclass(frozen=True)
 class LargeSolution:
-    """The result of one step: y1 (d,) if converged, else the last iterate; the largest residual, iterations, status."""
+    """The result of a step: `value` (d,) is y1, or the last iterate if not converged; `residual` is a maximum norm."""
 
     value: Array
     residual: float
@@ -128,7 +128,7 @@ def solve(problem: LargeProblem, y0: Array, formula: Formula, delta: float) -> L
 
 
 def newton_correction(K: Sparse, F: Array) -> Array:
-    """Newton's correction (I − K)⁻¹F, (d, 1), for z = R(z), F = R − z, K = ∂R/∂z sparse; NaN if I − K is singular."""
+    """Newton's correction (I − K)⁻¹F (d, 1) for z = R(z), with F = R(z) − z and sparse K = ∂R/∂z; NaN if singular."""
     entries = K.tocoo()
     lower = int(max((entries.row - entries.col).max(initial=0), 0))
     upper = int(max((entries.col - entries.row).max(initial=0), 0))
@@ -157,7 +157,7 @@ def newton_correction(K: Sparse, F: Array) -> Array:
         return np.full_like(F, np.nan)
 
 
-# The operations of Newton's iteration for a sparse matrix K of one state.
+# The linear algebra of Newton's iteration for one state, with a sparse matrix K.
 SPARSE = Algebra(newton_correction, lambda K: np.isfinite(K.data).all(), lambda K, size: abs(K) @ size)
 
 LargeStep = Callable[[LargeProblem, Array, float], LargeSolution]

@@ -34,13 +34,13 @@ _STYLE = {
     "xtick.color": TEXT, "ytick.color": TEXT, "xtick.major.pad": 5, "ytick.major.pad": 6, "lines.linewidth": 1.5,
     "grid.linewidth": 1, "path.simplify_threshold": NEAR,
 }  # fmt: skip
-# Properties that the style sheet or enclosing elements set, and that are dropped from each element.
+# Properties that are dropped from each element, because the style sheet or enclosing elements set them.
 _DROPPED = re.compile("font|stroke-linejoin|stroke-linecap|stroke-dashoffset")
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A drawing as SVG elements without the tag `svg`; `samples` are the (name, piece of a curve) of its legend."""
+    """A drawing as SVG elements without the tag `svg`; `samples` has pairs (name, piece of a curve) for its legend."""
 
     inside: Any
     samples: list[tuple[str, Any]]

@@ -10,7 +10,7 @@ from typing import Any
 from sepv.errors import UsageError
 from sepv.files import read_json, require_schema
 
-# The commands that write files for the page, by a key that only the files of this command have; and their schemas.
+# The commands that write files for the page, by a key that only the command's files have; and the files' schemas.
 KINDS = {"suite": "verify", "reproduction": "reproduce", "times_to_error": "compare", "records": "bench"}
 SCHEMA_OF = {"verify": "report", "compare": "comparison", "reproduce": "reproduction", "bench": "bench"}
 

@@ -201,7 +201,7 @@ def _course(course: View) -> View | None:
 
 
 def _panel(curve: list[Any], beside: list[Any], names: list[str], least: float) -> View | None:
-    """Return the view of a panel: `curve`, the dashed curve `beside`, as SVG paths, and words for the axes' ends.
+    """Return the view of a panel: SVG paths of `curve` and of the dashed curve `beside`, and texts for the axes' ends.
 
     The result is None if `curve` has fewer than two points. Values above 1e300, whose range may overflow, are left out.
     """
@@ -237,7 +237,7 @@ def _panel(curve: list[Any], beside: list[Any], names: list[str], least: float) 
 
 
 def _unsettled(laws: list[View]) -> list[str]:
-    """Return a sentence for each inconclusive law: its message, and whether a few paths make up the error."""
+    """Return a sentence for each inconclusive law: its message, and a remark if a few paths make up the error."""
     unsettled = []
     for law in laws:
         if law["verdict"] == "inconclusive":
@@ -255,7 +255,7 @@ _RMS = re.compile(r"rms error ([\d.e+-]+), ([\d.e+-]+), ([\d.e+-]+)")
 
 
 def _runs_away(*errors: str) -> bool:
-    """True if the first of three errors exceeds 4 second²/third: in a geometric sequence it is second²/third."""
+    """True if the first of three errors exceeds 4 second²/third; in a geometric sequence the first is second²/third."""
     try:
         first, second, third = map(float, errors)
     except ValueError:  # the file has other text

@@ -1,10 +1,10 @@
 """Problems: a structure matrix B, a Hamiltonian H, noise coefficients c, and everything derived from them.
 
 Read `_problem` first (a problem as data, and the classes of systems). `_derived` derives gradient, Hessian, B′ and
-averages from recorded operations of B and H, `_checks` compares the parts, and `_averaged_gradient` and `_fields` have
-formulas of B and H for batches. Wider classes than dy = B∇H(dt + Σ c_j∘dW_j), equation (1.1), are in `_structures` (a
-structure for each noise) and `_hamiltonians` (a Hamiltonian for each noise), narrower ones in `_nambu`, `_mechanics`.
-`_poisson` computes the defect of Jacobi's identity, and `_json` reads and writes problems as JSON.
+averages from recorded operations of B and H, and `_checks` compares the parts. `_averaged_gradient` and `_fields`
+evaluate formulas of B and H for batches. Equation (1.1) is dy = B∇H(dt + Σ c_j∘dW_j). Wider classes are in
+`_structures` (a structure for each noise) and `_hamiltonians` (a Hamiltonian for each noise), narrower ones in `_nambu`
+and `_mechanics`. `_poisson` computes the defect of Jacobi's identity. `_json` reads and writes problems as JSON.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""The averaged gradient ∫₀¹ ∇H(y0 + τ(y1 − y0)) dτ of (2.1), exact to rounding.
+"""The averaged gradient ∫₀¹ ∇H(y0 + τ(y1 − y0)) dτ of the energy-preserving scheme (2.1), exact to rounding.
 
-The first of three ways that applies is taken: the problem's closed form; Gauss-Legendre quadrature with ⌈ν/2⌉ nodes for
-a polynomial H of degree ν (the integrand has degree ν − 1 in τ); adaptive quadrature with an estimate of its error.
-No fixed number of nodes would do for all H: with eight Gauss nodes, the energy of a logarithmic H has an error of 8e-5.
+A closed form is used if the problem gives one. For a polynomial H of degree ν, Gauss-Legendre quadrature with ⌈ν/2⌉
+nodes is exact, because the integrand has degree ν − 1 in τ. For any other H, adaptive quadrature estimates its error.
+No fixed number of nodes suffices for all H: with eight Gauss nodes, the energy of a logarithmic H has an error of 8e-5.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from sepv.record import EPS, gauss_legendre, mean_nodes
 # Numbers of nodes of the adaptive quadrature: the next is tried until two results agree. 128 nodes resolve integrands
 # that are analytic within about a tenth of the segment's length. The error of rougher integrands is reported.
 _LADDER = (4, 8, 16, 32, 64, 128)
-# The largest y.size for which one call evaluates H″ at all nodes. For more states that takes memory and saves no time.
+# The largest y.size for which one call evaluates H″ at all nodes. For larger y one call needs memory and is no faster.
 FEW = 512
 
 
 class Average(NamedTuple):
     """An averaged gradient, `value` (d, M), with the number of evaluations of ∇H and an estimate of its error.
 
-    `error` (M,) is 0 for a closed form or a polynomial H, else the difference of the last two quadrature rules.
+    `error` (M,) is 0 for a closed form or a polynomial H, else the difference between the last two quadrature results.
     `reliable` (M,) is True where the error is of the size of rounding.
     """
 
@@ -50,10 +50,10 @@ def average_gradient(problem: Problem, y0: Array, y1: Array) -> Average:
 
 
 def average_hessian(problem: Problem, y0: Array, y1: Array) -> Array | None:
-    """The derivative of the averaged gradient by y1, ∫₀¹ τ H″(y0 + τ(y1 − y0)) dτ, (d, d, ...); None without H″.
+    """The derivative (d, d, ...) of the averaged gradient by y1, ∫₀¹ τ H″(y0 + τ(y1 − y0)) dτ; None without H″.
 
-    Only Newton's Jacobian uses the result. If H is not a polynomial, three nodes therefore suffice: their error changes
-    the speed of Newton's iteration and not its limit.
+    Only Newton's Jacobian uses the result. Three nodes therefore suffice if H is not a polynomial: the quadrature error
+    changes the speed of Newton's iteration, but not its limit.
     """
     if problem.hessian is None:
         return None
@@ -71,14 +71,14 @@ def average_hessian(problem: Problem, y0: Array, y1: Array) -> Array | None:
 
 
 def _on_segment(y0: Array, y1: Array, points: Array) -> Array:
-    """The points y0 + τ(y1 − y0) of a segment for each τ in `points`, (d, nodes, ...)."""
+    """The points y0 + τ(y1 − y0) for all τ in `points`, as an array (d, nodes, ...)."""
     return y0[:, None] + points.reshape(1, -1, *(1,) * (y0.ndim - 1)) * (y1 - y0)[:, None]
 
 
 def _quadratures(problem: Problem, y0: Array, y1: Array, *rules: int) -> list[tuple[Array, Array]]:
-    """The average of ∇H from y0 to y1 by Gauss rules: for each, its value (d, ...) and summands (d, nodes, ...).
+    """The average of ∇H from y0 to y1 by several Gauss rules, given by their numbers of nodes, `rules`.
 
-    `rules` are the numbers of nodes. One call evaluates ∇H at the nodes of all rules.
+    For each rule the list has the value (d, ...) and its summands (d, nodes, ...). One call evaluates ∇H at all nodes.
     """
     tabulated = [gauss_legendre(nodes) for nodes in rules]
     all_points = tabulated[0][0] if len(rules) == 1 else np.concatenate([points for points, _ in tabulated])
@@ -92,12 +92,12 @@ def _quadratures(problem: Problem, y0: Array, y1: Array, *rules: int) -> list[tu
 
 
 def _size(terms: Array) -> Array:
-    """The scale of the rounding of quadrature sums, (...): Σ|terms| over the nodes, the largest of its d components."""
+    """The scale (...) of rounding errors in quadrature sums: Σ|terms| over the nodes, the largest of d components."""
     return np.asarray(np.max(summed(np.abs(terms)), axis=0))
 
 
 def argument_rounding(problem: Problem, *states: Array) -> Array:
-    """The change of ∇H(y) by one rounding of y, about eps |H″(y) y|, maximised over the given `states` y, (M,).
+    """The change (M,) of ∇H(y) by one rounding of y, about eps |H″(y) y|, maximised over the given `states` y.
 
     If ∇H varies over lengths far below |y|, as sin q does at q = 10⁸, two quadrature rules differ by a few such
     changes, because their nodes are rounded differently.
@@ -137,6 +137,6 @@ def _adaptive(problem: Problem, y0: Array, y1: Array) -> Average:
 
 
 def _agree(difference: Array, terms: Array) -> NDArray[np.bool_]:
-    """True for each path for which the `difference` of two quadrature rules is within the rounding of their `terms`."""
+    """True for each path on which two quadrature results have a `difference` within the rounding of their `terms`."""
     agree: NDArray[np.bool_] = difference <= terms.shape[1] * EPS * _size(terms)
     return agree

@@ -15,8 +15,8 @@ from sepv.record import EPS, TINY, gauss_legendre, mean_nodes
 if TYPE_CHECKING:
     from sepv.problem._problem import Problem
 
-# A right gradient differs from the complex-step derivative by rounding alone: eps times the cancellation inside H. 1e-9
-# is a heuristic: it allows for a loss of seven digits and still detects any wrong term.
+# A correct gradient differs from the complex-step derivative only by rounding: eps times the cancellation inside H. The
+# bound 1e-9 is heuristic: it allows for a loss of seven digits, and still detects any wrong term.
 GRADIENT_TOLERANCE = 1e-9
 # A defect of skewness enters the energy at its full size, so only a few eps are allowed.
 SKEW_TOLERANCE = 8 * EPS
@@ -45,7 +45,7 @@ def check_problem(problem: Problem) -> None:
 def sample_states(problem: Problem, length: float = 1.0) -> Iterator[Array]:
     """A few states of the domain around the problem's initial state, the same in every run.
 
-    Component i of a state differs from that of the initial state by at most a quarter of |y_i| + `length`.
+    Component i of a state differs from y_i, that of the initial state, by at most (|y_i| + `length`)/4.
     """
     rng = np.random.default_rng(20140203)
     d = problem.dimension
@@ -108,7 +108,7 @@ def _check_gradient(problem: Problem, y: Array) -> None:
 def _mistaken(
     given: Any, of: Callable[[Any], Any], y: Array
 ) -> Iterator[tuple[tuple[int, ...], float, float]]:
-    """The wrong entries (index, value, right value) of `given`, which a problem gives as derivative of `of` at y."""
+    """The wrong entries (index, value, right value) of the array `given`, the claimed derivative of `of` at y."""
     scale = max(float(np.abs(given).max()), 1e-3)
     for index in np.ndindex(*np.shape(given)):
         value = float(given[index])
@@ -118,10 +118,10 @@ def _mistaken(
 
 
 def _check_mean_gradient(problem: Problem, y: Array) -> None:
-    """Check that the averaged gradient ∇̄H by `mean_gradient` or `degree` has (y1 − y0)ᵀ∇̄H = H(y1) − H(y0).
+    """Check that (y1 − y0)ᵀ∇̄H = H(y1) − H(y0) for the averaged gradient ∇̄H that `mean_gradient` or `degree` gives.
 
-    Energy preservation needs this equation. The tolerance is GRADIENT_TOLERANCE relative to its terms. Another average,
-    such as ∇H at the midpoint, has an error of the order of |y1 − y0|³, about 1e-5 here.
+    Energy preservation needs this equation. The tolerance is GRADIENT_TOLERANCE relative to the terms of the left side.
+    A wrong average, such as ∇H at the midpoint, violates the equation by about |y1 − y0|³, which is 1e-5 here.
     """
     end = y * (1 + 2.0**-4) + 2.0**-6
     if (problem.mean_gradient is None and problem.degree is None) or not inside(problem, end):
@@ -133,7 +133,7 @@ def _check_mean_gradient(problem: Problem, y: Array) -> None:
         average = problem.gradient(y[:, None] + points * (end - y)[:, None]) @ weights
     terms = (end - y) * np.asarray(average, dtype=np.float64)
     difference = float(problem.hamiltonian(end) - problem.hamiltonian(y))
-    # Each of the two energies rounds once, and each term ten times.
+    # Each energy may have a rounding error of 4 eps of its size. GRADIENT_TOLERANCE covers the roundings of the terms.
     rounding = 2.0**-50 * (abs(float(problem.hamiltonian(end))) + abs(float(problem.hamiltonian(y))))
     if not abs(terms.sum() - difference) <= GRADIENT_TOLERANCE * np.abs(terms).sum() + rounding:
         if problem.mean_gradient is None:
@@ -212,7 +212,7 @@ def _complex_step(function: Callable[[Any], Any], y: Array, k: int) -> float:
 
 
 def _extended_difference(function: Callable[[Any], Any], y: Array, k: int) -> float:
-    """The derivative by y_k as a central difference of order six in the longest float, with error h⁶ + eps_long/h."""
+    """The derivative by y_k as a central difference of order six in long double, with an error of h⁶ + eps_long/h."""
     z = y.astype(np.longdouble)
     h = np.longdouble(2.0**-8) * (1 + abs(z[k]))
     total = np.longdouble(0)
@@ -225,7 +225,7 @@ def _extended_difference(function: Callable[[Any], Any], y: Array, k: int) -> fl
 
 
 def _call(problem: Problem, key: str, y: Array) -> Any:
-    """The value of the problem's function `key` at a copy of y; ProblemError if it raises or changes its argument."""
+    """The value of the problem's function `key` at a copy of y. ProblemError if the function raises or changes y."""
     copied = y.copy()
     try:
         value = getattr(problem, key)(copied)

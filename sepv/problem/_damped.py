@@ -1,11 +1,11 @@
 """Linear damping, dy = (B(y)∇H − γy) dt + Σ_j c_j B(y)∇H ∘dW_j: systems of arXiv 2503.01540 with all H_j equal to H.
 
-In Stratonovich's form the chain rule holds, and the terms with B∇H change neither H nor a Casimir C. Each path has
+In Stratonovich's form the chain rule holds, and the terms with B∇H change neither H nor a Casimir C. So on each path
 
     dH = −γ yᵀ∇H dt,    dC = −γ yᵀ∇C dt.
 
-If F = H or F = C is homogeneous of degree p, yᵀ∇F = pF, and F decays as e^{−pγt}. If B is homogeneous of degree β, H
-of degree p and κ = β + p − 2, then u = e^{γt}y has du = e^{−κγt}f(u)(dt + Σ c_j ∘dW_j), so that
+If F = H or F = C is homogeneous of degree p, yᵀ∇F = pF, and F decays as e^{−pγt}. Let B be homogeneous of degree β, H
+of degree p, and κ = β + p − 2. Then u = e^{γt}y satisfies du = e^{−κγt}f(u)(dt + Σ c_j ∘dW_j), so that
 
     y(t) = e^{−γt} φ_{θ(t)}(y(0)),    θ(t) = ∫₀ᵗ e^{−κγs}(ds + Σ_j c_j dW_j(s)),
 

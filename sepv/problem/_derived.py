@@ -30,13 +30,13 @@ Function = Callable[[Array], Array]
 
 
 def to_be_derived(y: Array) -> Array:
-    """The default of `Problem.gradient`, a mark that the gradient is to be derived; it is never called."""
+    """The default of `Problem.gradient`: it marks that the gradient is to be derived, and is never called."""
     raise NotImplementedError("a mark for what was not given")
 
 
 @dataclass(frozen=True)
 class MeanGradient:
-    """The averaged gradient (y0, y1) -> ∫₀¹∇H(y0 + τ(y1 − y0))dτ of H, by a closed form derived from H's operations."""
+    """The function (y0, y1) -> ∫₀¹∇H(y0 + τ(y1 − y0))dτ in a closed form, derived from the recorded operations of H."""
 
     of_segment: Evaluator
 
@@ -46,9 +46,9 @@ class MeanGradient:
 
 @dataclass(frozen=True)
 class Derivatives:
-    """The derivatives of H as functions of arrays with the shapes of `sepv.Problem`, and the degree of a polynomial H.
+    """The derivatives of H, as functions like those of `sepv.Problem`, and the degree of H if H is a polynomial.
 
-    `mean_gradient` is None for a polynomial H, for which `degree` is enough, or if the average has no closed form.
+    `mean_gradient` is None if H is a polynomial, because `degree` is then enough, or if the average has no closed form.
     """
 
     gradient: Evaluator
@@ -65,7 +65,7 @@ class Derived(Derivatives):
 
 
 def derive(dimension: int, structure: Function, hamiltonian: Function) -> Derived:
-    """Derive all parts of a problem from B and H; a ProblemError gives the reason if B or H cannot be recorded."""
+    """Derive all parts of a problem from B and H. Raises ProblemError, with the reason, if one cannot be recorded."""
     tape = Tape()
     y = tape.vector(dimension)
     B = _recorded(tape, "structure", structure, y, (dimension, dimension))
@@ -95,7 +95,7 @@ def derivatives(dimension: int, hamiltonian: Function, name: str = "hamiltonian"
 
 @dataclass(frozen=True)
 class PartFlow:
-    """The exact flow of B∇H_k for a part H_k of H, as a function (y, t) -> (d, ...) of states and times t (...).
+    """The exact flow of B∇H_k for a part H_k of H: a function (y, t) -> (d, ...) of states y and times t (...).
 
     A call raises NoClosedForm if the flow has no closed form (`sepv.record._flows`), and ProblemError if B∇H_k cannot
     be recorded.
@@ -118,9 +118,9 @@ class PartFlow:
 
 
 def _recorded(tape: Tape, key: str, function: Function, y: Any, shape: tuple[int, ...]) -> Any:
-    """The result of a function of the symbols y, as symbols.
+    """The result, in symbols, of calling `function` with the symbols y; messages call the function `key`.
 
-    Raises ProblemError, with the reason, if the function cannot be recorded, or its result has not the given shape.
+    Raises ProblemError, with the reason, if the function cannot be recorded or its result does not have this shape.
     """
     try:
         symbols = tape.symbols(function(y))

@@ -1,4 +1,4 @@
-"""Vectors along which a projection moves a state, so that its invariants keep their values; for arrays and symbols."""
+"""Vectors along which a projection moves a state to correct its invariants, for arrays and for symbols."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ DEPENDENT = 2.0**-40
 class Directions(NamedTuple):
     """Orthogonal vectors q_k (d, ...), one for the gradient N_k of each invariant, with N_jᵀq_k = 0 for j < k.
 
-    `inverse` lists 1/(N_kᵀq_k), (...), with 0 where a move along q_k does not change invariant k. `products` lists,
-    for each k, the numbers q_jᵀN_k with j < k.
+    `inverse` lists the numbers 1/(N_kᵀq_k), each (...); they are 0 where a move along q_k does not change invariant k.
+    `products` lists, for each k, the numbers q_jᵀN_k with j < k.
     """
 
     q: list[Any]
@@ -27,7 +27,7 @@ class Directions(NamedTuple):
     def without(self, w: Any) -> Any:
         """The part of w (d, ...) that is orthogonal to all gradients.
 
-        The parts along the q_k are subtracted twice, because the first subtraction leaves a rounding of w in them.
+        The parts along the q_k are subtracted twice: after the first time rounding errors of w remain in them.
         """
         for _ in range(2):
             for b, inverse in zip(self.q, self.inverse, strict=True):
@@ -35,7 +35,7 @@ class Directions(NamedTuple):
         return w
 
     def correction(self, r: Sequence[Any]) -> Any:
-        """The combination u of the q_k with N_kᵀu = r_k for all k, (d, ...); a q_k whose `inverse` is 0 is left out."""
+        """The combination u (d, ...) of the q_k with N_kᵀu = r_k for all k; a q_k whose `inverse` is 0 is left out."""
         weights: list[Any] = []
         for value, products, inverse in zip(r, self.products, self.inverse, strict=True):
             for w, product in zip(weights, products, strict=True):
@@ -51,7 +51,7 @@ class Directions(NamedTuple):
 
 
 def directions(gradients: Sequence[Any]) -> Directions:
-    """The `Directions` of some gradients, (d, ...) each: every gradient is made orthogonal to those before it."""
+    """The `Directions` of gradients (d, ...): each gradient is made orthogonal to the gradients before it."""
     basis = Directions([], [], [])
     for N in gradients:
         _append(basis, basis.without(N), N, dot(N, N))
@@ -59,10 +59,10 @@ def directions(gradients: Sequence[Any]) -> Directions:
 
 
 def projections(B: Any, gradient: Any, casimirs: Sequence[Any]) -> Directions:
-    """Make the directions in which a projection corrects Casimirs, given their gradients `casimirs`, and then H.
+    """The `Directions` along which a projection corrects the Casimirs, whose gradients are `casimirs`, and then H.
 
-    A Casimir is corrected along its gradient, and H along v = BᵀB∇H, for which ∇Hᵀv = |B∇H|². v is orthogonal to all
-    gradients of Casimirs. At a y with Ay = 0 the derivative of BAy = 0 gives BA = 0: moves along v keep yᵀAy exactly.
+    A Casimir is corrected along its gradient, and H along v = BᵀB∇H, which has ∇Hᵀv = |B∇H|² and is orthogonal to the
+    gradients of Casimirs. If Ay = 0 for a Casimir yᵀAy, differentiating BAy = 0 gives BA = 0: moves along v keep yᵀAy.
     """
     basis, size = directions(casimirs), dot(B, B).sum(axis=0) * dot(gradient, gradient)
     _append(basis, basis.without(-matvec(B, matvec(B, gradient))), gradient, size)

@@ -1,6 +1,6 @@
 """The Poisson vector field f = B∇H, its derivative, and the small dense algebra of batches.
 
-Sums over components run in a fixed order, one vectorised operation for each component and never through BLAS, so that
+Sums over components are added in a fixed order, by one vectorised operation for each component and never by BLAS. So
 the bits of one path do not depend on the number of paths computed in the same batch.
 """
 
@@ -28,12 +28,12 @@ FEW = 96
 
 
 def _is_small(A: Array, products: int) -> bool:
-    """True if A has numbers (not symbols), and one NumPy call for all `products` is faster than a loop over columns."""
+    """True if A holds numbers (not symbols), and so few `products` are needed that one NumPy call beats a loop."""
     return products <= FEW * A.shape[1] and isinstance(A, np.ndarray) and A.dtype != object
 
 
 def summed(terms: Array) -> Array:
-    """The sum Σ_j terms[:, j], (n, ...), of terms (n, d, ...) over their second axis, added in the order of j."""
+    """The sum Σ_j terms[:, j], (n, ...), over the second axis of terms (n, d, ...), added in the order of j."""
     if _is_small(terms, terms.size):
         totals: Array = np.add.accumulate(terms, axis=1)
         return totals[:, -1]
@@ -57,7 +57,7 @@ def matvec(A: Array, v: Array) -> Array:
 
 
 def dot(u: Array, v: Array) -> Array:
-    """The product uᵀv of vectors (d, ...), summed in the order of the components for one state and for a batch.
+    """The product uᵀv of vectors (d, ...), summed in the order of the components, for one state as for a batch.
 
     `np.sum` would add eight or more components of a single state in another order than those of a batch.
     """
@@ -114,7 +114,7 @@ def turned_along(D: Array, w: Array) -> Array:
 
 
 def field_jacobian(problem: Problem, y: Array) -> Array | None:
-    """The derivative f′(y) of the field f = B∇H, (d, d, ...); None if the problem does not give B′ and H″."""
+    """The derivative f′(y) of the field f = B∇H, (d, d, ...); None unless the problem gives both B′ and H″."""
     if problem.hessian is None or problem.structure_derivative is None:
         return None
     g = problem.gradient(y)
@@ -122,7 +122,7 @@ def field_jacobian(problem: Problem, y: Array) -> Array | None:
 
 
 def structure_slope(problem: Problem, y: Array, v: Array) -> Array:
-    """The derivative of B(y)v by y for fixed v, (d, d, ...): analytic, or by rough differences for Newton's matrix."""
+    """The derivative of B(y)v by y for fixed v, (d, d, ...): from B′ if it is given, else by forward differences."""
     if problem.structure_derivative is not None:
         return matvec(problem.structure_derivative(y), v)
     flat = v.reshape(len(v), -1)
@@ -130,16 +130,16 @@ def structure_slope(problem: Problem, y: Array, v: Array) -> Array:
 
 
 def hessian(problem: Problem, y: Array) -> Array:
-    """The second derivatives H″(y), (d, d, ...): analytic, else by forward differences, enough for Newton's matrix."""
+    """The second derivatives H″(y), (d, d, ...): as given, else by forward differences, enough for Newton's matrix."""
     if problem.hessian is not None:
         return problem.hessian(y)
     return differences(problem, lambda at, _: problem.gradient(at), y)
 
 
 def differences(problem: Problem, function: OfLanes, y: Array) -> Array:
-    """The derivative by y, (n, d, ...), of a function of a problem's states, by forward differences at y (d, ...).
+    """The derivative (n, d, ...) by y of a function of a problem's states, by forward differences at y (d, ...).
 
-    `function` gets shifted states (d, M), and M integers: the index, in the flattened batch y, of each unshifted state.
+    `function` gets shifted states (d, M) and M integers: the number of each state's path in the flattened batch y.
     """
     flat, domain = y.reshape(len(y), -1), problem.domain
     inside = None if domain is None else lambda at, _: domain(at)
@@ -152,7 +152,7 @@ def forward_differences(R: OfLanes, inside: OfLanes | None, z: Array, base: Arra
     """The derivative ∂R/∂z (n, d, M) by forward differences at z (d, M), at which R has the value `base` (n, M).
 
     Where `inside` is False at z + width, the difference is backward. The width is proportional to `reach` (M,), the
-    size of z. One call shifts several components, so R and `inside` also get the number of the path of each shifted z.
+    size of z. One call has several shifted copies of a path, so R and `inside` also get the path number of each copy.
     """
     n, M = z.shape
     width = _ROOT * np.maximum(reach, TINY)
@@ -179,11 +179,11 @@ _SCALES = (1.0, 2 / 3, 1 / 3, 0.0)
 def derivative_along(problem: Problem, y: Array, v: Array) -> Array:
     """The derivative of the field f = B∇H in the direction v, f′(y)v, (d, ...): analytic, else by differences.
 
-    The differences are central and of order six. Of several widths each state takes the one with the smallest estimated
-    error: the distance to a difference of order four, plus the rounding of f. If f returns long double for a y in long
-    double, it is differenced in long double, and with 64 bits of mantissa the error is below a rounding of f. Any other
-    f is differenced in binary64, with an error of about 1e-13 of the scale of f. That error can show in y1, because the
-    Itô correction and Milstein's term can be larger than f times the step.
+    The differences are central and of order six. Each state has the width with the smallest estimate of the error: the
+    distance to a difference of order four, plus the rounding of f. If f returns long double for a y in long double, the
+    differences are in long double; with 64 bits of mantissa their error is below a rounding of f. For any other f they
+    are in binary64, with an error of about 1e-13 of the scale of f. This second error can show in y1, because the Itô
+    correction and Milstein's term can be larger than f times the step.
     """
     jacobian = field_jacobian(problem, y)
     if jacobian is not None:
@@ -228,7 +228,7 @@ def linear_solve(A: Array, b: Array) -> Array:
     """The solutions x (d, M) of A x = b for M matrices A (d, d, M) and b (d, M); not finite where A is singular.
 
     For d ≤ 3 Cramer's rule is used elementwise, because it is several times faster than a LAPACK call for each matrix.
-    Cramer's rule is not backward stable. Newton's iteration does not need that: it computes each residual afresh.
+    It is not backward stable, which Newton's iteration does not need, because it computes each residual afresh.
     """
     if len(b) <= 3:
         if b.shape[1] == 1:  # Python's numbers: NumPy would take ten times as long for a few elements
@@ -257,7 +257,7 @@ def cramer(A: Any, b: Any) -> tuple[list[Any], Any]:
 
 
 class Algebra(NamedTuple):
-    """The linear algebra of Newton's iteration for z = R(z), for one format (dense or sparse) of its K = ∂R/∂z."""
+    """The linear algebra of Newton's iteration for z = R(z), for either dense or sparse matrices K = ∂R/∂z."""
 
     # The function (K, F) -> (1 − K)⁻¹F, (n, M), not finite where 1 − K is singular.
     correction: Callable[[Any, Array], Array]

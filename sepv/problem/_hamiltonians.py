@@ -1,24 +1,24 @@
 """Systems with several Hamiltonians, dy = B(y)(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j), for any brackets {H_0, H_j}.
 
-Every f_j = B∇H_j is a Hamiltonian vector field of one structure. The exact flow keeps the Casimirs of B and, if B
-satisfies Jacobi's identity, is a Poisson map (J. Hong, J. Ruan, L. Sun and L. Wang, Structure-preserving numerical
-methods for stochastic Poisson systems, Commun. Comput. Phys. 29, 2021). H_0 is not kept: with the Itô form
+All f_j = B∇H_j are Hamiltonian vector fields of the same structure B. The exact flow keeps the Casimirs of B. If B
+satisfies Jacobi's identity, it is a Poisson map (J. Hong, J. Ruan, L. Sun and L. Wang, Structure-preserving numerical
+methods for stochastic Poisson systems, Commun. Comput. Phys. 29, 2021). H_0 is not kept in general. By the Itô form
 
     dy = (f_0 + ½ Σ_j c_j² f_j′f_j) dt + Σ_j c_j f_j dW_j,
 
-the mean of H_0 changes at the rate LH_0 = ½ Σ_j c_j² {{H_0, H_j}, H_j}, {F, G} = ∇FᵀB∇G. If all {H_0, H_j} = 0, H_0 is
-kept, and the system can also be written with several structures (`sepv.problem._structures`).
+the mean of H_0 changes at the rate LH_0 = ½ Σ_j c_j² {{H_0, H_j}, H_j} with {F, G} = ∇FᵀB∇G. If all {H_0, H_j} = 0,
+H_0 is kept, and the system can also be written with several structures (`sepv.problem._structures`).
 
-Additive noise may leave the image of B: dy = B(y)∇H_0 dt + Σ_j c_j g_j dW_j with any constant vectors g_j (D. Cohen and
-G. Vilmart, Drift-preserving numerical integrators for stochastic Poisson systems, arXiv 2005.13991). No Casimir is kept
-then. Because ∇FᵀB∇H_0 = 0 for F = H_0 and for every Casimir F of B, the generator L of the system reduces to
+Additive noise need not be in the image of B: in dy = B(y)∇H_0 dt + Σ_j c_j g_j dW_j the g_j are any constant vectors
+(D. Cohen and G. Vilmart, Drift-preserving numerical integrators for stochastic Poisson systems, arXiv 2005.13991). Then
+no Casimir is kept. Let F be H_0 or a Casimir of B. Because ∇FᵀB∇H_0 = 0, the generator L of the system gives
 
     LF = ½ Σ_j c_j² g_jᵀF″g_j.
 
 If F is quadratic along the g_j, LF is a constant, and E[F] grows linearly in time (trace formula).
 
-If a scheme uses no random numbers but the increments ΔW_j, its order depends on the brackets of the noises (`column`):
-order ½ in general, order 1 if [f_i, f_j] = f_j′f_i − f_i′f_j = 0 for all noises i, j, as for one noise.
+The order of a scheme that uses no random numbers but the increments ΔW_j depends on the brackets of the noises,
+[f_i, f_j] = f_j′f_i − f_i′f_j (`column`). It is 1 if all brackets vanish, as for one noise, and ½ in general.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ from sepv.problem._fields import differences, hessian, matmul, matvec, structure
 from sepv.problem._problem import Array, Flow, Function, Problem, constant, require_one_for_each_noise
 from sepv.problem._structures import ClosedForm, CommutingStructure, StructuresProblem
 
-# The largest bracket that counts as zero, relative to its factors. Differences may have an error of 1e-8 of a slope,
-# and a bracket that does not vanish is far larger at some sample state.
+# The largest bracket that counts as zero, relative to its factors. Slopes by differences may have a relative error of
+# 1e-8, and a bracket that does not vanish is far larger at some sample state.
 VANISHES = 1e-6
 
 
@@ -60,7 +60,7 @@ class HamiltoniansProblem(Problem):
     closed_form : callable (y0, T, W) -> (d, M), optional
         The exact solution y(T) from y0 with W = W(T), (m, M), if the flows commute.
     noise_vectors : sequence of (d,) vectors, optional
-        g_1, …, g_m of additive noise Σ c_j g_j dW_j, in the place of all B∇H_j. `casimirs` are then those of B.
+        g_1, …, g_m of additive noise Σ c_j g_j dW_j, in the place of the B∇H_j. `casimirs` are still those of B.
 
     Raises
     ------
@@ -142,7 +142,7 @@ def noise_vectors(problem: Problem) -> Array:
 def noise_gradients(problem: Problem) -> Sequence[Function]:
     """The gradients ∇H_1, …, ∇H_m of the noise Hamiltonians; for dy = B∇H(dt + Σ c_j∘dW_j) each of them is ∇H.
 
-    Raises Skipped if the noises have no Hamiltonians: they are vectors, or structures that come from no Hamiltonians.
+    Raises Skipped if the noises are given by vectors, or by structures that do not come from Hamiltonians.
     """
     if len(noise_vectors(problem)):
         raise Skipped(f"the noise of {problem.name} has vectors, and no Hamiltonians")
@@ -187,7 +187,7 @@ def combined_hessian(problem: Problem, y: Array, parts: Array) -> Array:
 def noise_hessian(problem: Problem, j: int, y: Array) -> Array:
     """The second derivatives of the Hamiltonian of noise number j = 0, …, m − 1 at y, (d, d, ...).
 
-    The problem's own function computes them, or else differences of the gradient. For noise vectors they are 0.
+    If the problem does not give them, they are differences of the gradient. For noise vectors they are 0.
     """
     if len(noise_vectors(problem)):
         return np.zeros((problem.dimension, *y.shape))
@@ -242,10 +242,10 @@ def ito_drift(problem: Problem, y: Array) -> Array:
 
 
 def column(problem: Problem) -> str:
-    """The kind of a noise, for claims of order: "additive" (constant fields), "one", "commutative" or "general".
+    """The kind of a problem's noise, on which claims of order depend: "additive", "one", "commutative" or "general".
 
-    "one" also stands for several noises of one H, dy = B∇H(dt + Σ c_j∘dW_j). "commutative" means that all brackets of
-    noise fields are 0. Derivatives and brackets of fields are tested at sample states only, and may be ≠ 0 elsewhere.
+    In "additive" noise all fields are constant. "one" is one noise, or several noises of one H, as in (1.1). For
+    "commutative" noise all brackets of fields are 0. Fields are tested at sample states only, and may differ elsewhere.
     """
     if not is_several(problem):
         return "one"
@@ -263,7 +263,7 @@ def column(problem: Problem) -> str:
 
 
 def commutes(problem: Problem) -> bool:
-    """True if all fields commute, also with the drift: y(T) is then the flow of T f_0 + Σ c_j W_j(T) f_j at time 1."""
+    """True if the drift and all noise fields commute: y(T) is then the flow of T f_0 + Σ c_j W_j(T) f_j at time 1."""
 
     def brackets(y: Array) -> list[Array]:
         return [drift_bracket(problem, int(j), y) for j in np.flatnonzero(problem.c)]
@@ -274,8 +274,7 @@ def commutes(problem: Problem) -> bool:
 def _vanish(problem: Problem, values: Callable[[Array], list[Any]], *, per_field: bool = False) -> bool:
     """True if all vectors or matrices `values(y)` are at most VANISHES times a scale, at every sample state y.
 
-    For the noise fields f_j at y, the scale is about max|f_j| · max|f_j′|; with `per_field` it is max|f_j|, divided by
-    the size of y if that is above 1.
+    The scale is about max|f_j| · max|f_j′| for the noise fields f_j at y. With `per_field` it is max|f_j|/max(1, |y|).
     """
     acting = [int(j) for j in np.flatnonzero(problem.c)]
     for y in sample_states(problem):

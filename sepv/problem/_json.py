@@ -23,7 +23,7 @@ from sepv.record import poly
 
 
 def to_json(problem: Problem | PolynomialSystem | NamedProblem) -> dict[str, Any]:
-    """The JSON object of a problem file, with hex floats; the object of a `Problem` includes its initial state.
+    """The JSON object that describes a problem, with hex floats; for a `Problem` it includes the initial state.
 
     Raises
     ------

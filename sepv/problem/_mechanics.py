@@ -21,7 +21,7 @@ from sepv.record import EPS
 
 @dataclass(frozen=True, eq=False)
 class Mechanics:
-    """The parts of a mechanical system of n degrees of freedom, for states (2n,) or (2n, M) and q, p, v (n,) or (n, M).
+    """The parts of a mechanical system of n degrees of freedom, for states (2n, ...) and q, p, v of shape (n, ...).
 
     Attributes
     ----------
@@ -67,7 +67,7 @@ class Mechanics:
         return np.concatenate([q, p] if self.positions_first else [p, q])
 
     def potential(self, q: Array) -> Array:
-        """The potential V(q), with the constant term of H, (...)."""
+        """The potential V(q), (...); it includes the constant term of H."""
         return self.problem.hamiltonian(self.join(q, np.zeros_like(q)))
 
     def force(self, q: Array) -> Array:
@@ -90,15 +90,15 @@ def _product(A: Array, v: Array) -> Array:
 
 @lru_cache(maxsize=1024)
 def mechanics(problem: Problem) -> Mechanics:
-    """The mass matrix M, the potential V and its derivatives of a mechanical problem, computed once for each problem.
+    """The `Mechanics` of a mechanical problem: mass matrix, potential and force, computed once for each problem.
 
-    Noises c_j do not matter here: they act through the step Δ = h + Σ c_jΔW_j (`Problem.random_step`).
+    The noises do not matter here: they act through the step Δ = h + Σ c_jΔW_j (`Problem.random_step`).
 
     Raises
     ------
     UsageError
-        If B is neither J nor −J, or H is not ½ pᵀM⁻¹p + V(q). For polynomial data the terms of H are read; all problems
-        are compared with this form at a few states.
+        If B is neither J nor −J, or H is not ½ pᵀM⁻¹p + V(q). The form of H is tested at a few states, and for
+        polynomial data term by term too.
     """
     d = problem.dimension
     n, states = d // 2, [np.asarray(y, dtype=np.float64) for y in sample_states(problem)]

@@ -1,7 +1,7 @@
 """Systems in three dimensions given by two invariants: B(y)v = g(y) (v × ∇C(y)), so that f = g ∇H × ∇C.
 
-Every Poisson structure in dimension three has this form (Nambu's form) near a point where it does not vanish, and C is
-its Casimir. The functions C and g may be any functions, quadratic or not.
+Near a point where it does not vanish, every Poisson structure in dimension three has this form (Nambu's form), and C is
+its Casimir. C and g may be any functions, quadratic or not.
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
-"""Poisson structure: Jacobi's identity for B, and the distance of a step from a Poisson map.
+"""Jacobi's identity for a structure B, and the derivative of a step Φ, which shows whether Φ is a Poisson map.
 
 B(y) is a Poisson structure if it is skew and satisfies Jacobi's identity. The flow φ of B∇H is then a Poisson map,
 
     φ′(y) B(y) φ′(y)ᵀ = B(φ(y))                                                                          (P)
 
-(Hairer, Lubich and Wanner, *Geometric Numerical Integration*, VII.2, Theorem 4.3), for every H, and so is the flow of a
-stochastic system (1.1), whose noises are Hamiltonian vector fields too. For the canonical B, (P) is symplecticity.
+for every H (Hairer, Lubich and Wanner, *Geometric Numerical Integration*, VII.2, Theorem 4.3). So is the flow of a
+stochastic system (1.1), because its noises are Hamiltonian vector fields too. For canonical B, (P) is symplecticity.
 
-**The derivative of a step** is taken by central differences of order six: with Δ and the increments held fixed,
+**The derivative of a step** is computed by central differences of order six: with Δ and the increments held fixed,
 
     D_j = Σ_k a_k (Φ(y + k w e_j) − Φ(y − k w e_j))/w,      a = (3/4, −3/20, 1/60).
 
@@ -26,7 +26,7 @@ import numpy as np
 from sepv.problem._problem import Array, Problem
 
 _WEIGHTS = (3 / 4, -3 / 20, 1 / 60)
-# Weights of order four for the same points. The distance of the two results bounds the error of order six.
+# Weights of order four for the same points. The distance between the two results bounds the error of the sixth order.
 _FOURTH = (2 / 3, -1 / 12, 0.0)
 POINTS = len(_WEIGHTS)
 TRUNCATION, ROUNDING = 37.0, 2 * sum(abs(a) for a in _WEIGHTS)
@@ -37,7 +37,7 @@ BLIND_WIDTH = 2.0**-9
 
 
 def shifted(y: Array, widths: Array) -> Array:
-    """The states (d, 1 + 2·POINTS·d) at which `derivative` needs Φ: y, and y ± k w_j e_j, k ≤ POINTS, w = `widths`."""
+    """The states (d, 1 + 2·POINTS·d) at which `derivative` needs Φ: y, and y ± k·widths_j·e_j for k = 1 … POINTS."""
     states = [y]
     for j in range(y.size):
         for k in range(1, POINTS + 1):
@@ -49,7 +49,7 @@ def shifted(y: Array, widths: Array) -> Array:
 
 
 def derivative(answers: Array, widths: Array) -> tuple[Array, Array]:
-    """The derivative ∂Φ/∂y (n, d) by differences of order six, and how far differences of order four are from it.
+    """The derivative ∂Φ/∂y (n, d) by differences of order six, and its distance from differences of order four.
 
     `answers` (n, …) are the values of Φ at the states that `shifted` returns.
     """
@@ -73,7 +73,7 @@ def derivative_of_structure(problem: Problem, y: Array) -> Array:
 def scales(problem: Problem, y: Array) -> Array:
     """The lengths (d,) over which B and H change at y, for the widths of differences.
 
-    They are |y_j| if the problem has a domain, because a larger width might leave the domain; else all are max |y_j|.
+    They are max |y_i|. If the problem has a domain, they are |y_j| where y_j ≠ 0, so that differences do not leave it.
     """
     largest = max(float(np.max(np.abs(y))), 2.0**-40)
     if problem.domain is None:

@@ -1,7 +1,7 @@
 """The problem record: dy = B(y)∇H(y)(dt + Σ_j c_j ∘dW_j), equation (1.1) with m noises (§1).
 
 The first axis of every array is that of components: a state is an array `(d,)`, a batch of M states `(d, M)`, and B(y)
-is `(d, d)` or `(d, d, M)`. A function that consists of indexing and NumPy's elementwise functions takes both.
+is `(d, d)` or `(d, d, M)`. A function of indexing and NumPy's elementwise functions accepts a state and a batch alike.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ Matrix = tuple[tuple[float, ...], ...]
 
 
 class Systems(StrEnum):
-    """The classes of systems for which schemes are made; users may type the text of a class in its place.
+    """The classes of systems for which schemes are made; a text such as "single" may stand for a class.
 
     single
         (1.1): dy = B(y)∇H(y)(dt + Σ c_j∘dW_j).
     nambu
-        (1.1) in dimension three with a Casimir and a factor, B(y)v = g(y)(v × ∇C(y)): `Problem.nambu`.
+        (1.1) in dimension three with B(y)v = g(y)(v × ∇C(y)) for a Casimir C and a factor g: `Problem.nambu`.
     several
         A structure G_j for each noise, or Hamiltonians H_j with {H_0, H_j} = ∇H_0ᵀB∇H_j = 0. The flow keeps H.
     hamiltonians
@@ -81,12 +81,12 @@ class Systems(StrEnum):
 
 @dataclass(frozen=True)
 class PolynomialSystem:
-    """A problem as data: polynomial H, polynomial B above the diagonal, its noise and its Casimirs.
+    """A problem as data: the polynomials H and B_ij with i < j, the coefficients of the noise, and Casimirs.
 
     Attributes
     ----------
     structure : tuple of (i, j, Polynomial) with i < j
-        B_ij; B_ji = −B_ij, so that B is skew by construction.
+        The entries B_ij. The others follow from B_ji = −B_ij, so that B is skew.
     casimirs : tuple of symmetric d × d matrices A, row by row
         C(y) = yᵀAy is a Casimir.
     linear_casimirs : tuple of vectors b
@@ -94,9 +94,9 @@ class PolynomialSystem:
     polynomial_casimirs : tuple of polynomials
         Casimirs of B of any degree. A Casimir in `casimirs` or `linear_casimirs` need not be listed here again.
     nambu : (g, C), optional
-        For d = 3, B(y)v = g(y)(v × ∇C(y)); `structure` must say the same. See `sepv.problems.nambu_system`.
+        For d = 3: g and C with B(y)v = g(y)(v × ∇C(y)). `structure` must be this B (`sepv.problems.nambu_system`).
     noise_structures : tuple of structures, optional
-        G_1, …, G_m, one for each noise, each like `structure`. Casimirs are then those common to B and all G_j.
+        G_1, …, G_m, one for each noise, each like `structure`. All Casimirs must then be common to B and all G_j.
     noise_hamiltonians : tuple of polynomials, optional
         H_1, …, H_m: several Hamiltonians (`sepv.problem._hamiltonians`), whether or not {H, H_j} = 0.
     noise_vectors : tuple of d numbers each, optional
@@ -121,7 +121,7 @@ class PolynomialSystem:
 
 @dataclass(frozen=True)
 class NamedProblem:
-    """A built-in problem given by its name and parameters, such as each of the paper's four."""
+    """A built-in problem, such as the four problems of the paper, given by its name and its parameters."""
 
     name: str
     parameters: tuple[tuple[str, tuple[float, ...]], ...] = ()
@@ -141,7 +141,7 @@ class Problem:
         H. If H and B consist of arithmetic, indexing and NumPy's elementwise functions, nothing else is needed: both
         are called once with symbols, and ∇H and other parts not given below are derived (`sepv.problem._derived`).
     gradient : callable, (d, ...) -> (d, ...), optional
-        ∇H. If it is given, no part is derived, and it is compared with H.
+        ∇H. If it is given, it is compared with H, and no other part is derived.
     noise : array_like, shape (m,)
         The coefficients c_j ≥ 0 of the m noises; m = 0 is the deterministic problem.
     casimirs : sequence of (d, d) symmetric matrices A
@@ -163,12 +163,12 @@ class Problem:
     name : str
         The name in tables and messages.
     data : PolynomialSystem or NamedProblem, optional
-        The same problem as numbers instead of functions. `sepv.problems` makes it; do not make it by hand.
+        The same problem as numbers instead of functions. `sepv.problems` sets it; do not set it by hand.
     nambu : Nambu, optional
         For d = 3: the Casimir C and the factor g with B(y)v = g(y)(v × ∇C(y)).
     longest_step : float, optional
         The largest |h| + Σ|c_jΔW_j| for which every scheme is known to have a solution, from states near the initial
-        one. If it is given, studies choose their steps by it, and laws take no longer steps.
+        one. If it is given, studies choose their steps by this bound, and the steps of laws do not exceed it.
     flows : sequence of callables (y, t) -> (d, ...), optional
         Exact flows of B∇H_k at times t (...), for parts H_k with H = ΣH_k: splitting methods need them.
     check : bool
@@ -178,7 +178,7 @@ class Problem:
     Raises
     ------
     ProblemError
-        B not skew, a gradient that is not that of H, a matrix A that is not a Casimir, wrong shapes.
+        If B is not skew, `gradient` is not that of H, a yᵀAy or bᵀy is not a Casimir, or a shape is wrong.
         The message names the component and both values.
 
     Examples
@@ -324,7 +324,7 @@ def _check_kinds(problem: Problem) -> None:
 
 
 def coefficients(noise: ArrayLike) -> Array:
-    """Convert `noise` to an array (m,). Raises ProblemError unless it is one or several finite numbers c_j ≥ 0."""
+    """Convert `noise` to an array (m,). Raises ProblemError unless all its entries are finite numbers c_j ≥ 0."""
     c = _numbers("noise", noise)
     for right, expected, remedy in (
         (np.all(np.isfinite(c)), "finite coefficients c_j", "give a number for each noise, or () for none"),
@@ -349,7 +349,7 @@ def coefficients(noise: ArrayLike) -> Array:
 
 
 def _numbers(key: str, value: ArrayLike) -> Array:
-    """Copy the value of the attribute `key` as an array of numbers; ProblemError if it has other entries."""
+    """Copy a value to an array of numbers. Raises ProblemError, which names the attribute `key`, for other entries."""
     try:
         return floats(key, value).copy()
     except UsageError as error:
@@ -357,7 +357,7 @@ def _numbers(key: str, value: ArrayLike) -> Array:
 
 
 def constant(key: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
-    """The value of the attribute `key` as a read-only array; ProblemError if it is not finite or of another shape."""
+    """The value of the attribute `key` as a read-only array; ProblemError unless it is finite and has this `shape`."""
     array = _numbers(key, value)
     if array.shape == shape and not np.all(np.isfinite(array)):
         raise ProblemError(

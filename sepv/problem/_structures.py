@@ -1,15 +1,15 @@
-"""Systems with a skew structure for each noise, dy = B(y)∇H dt + Σ_j c_j G_j(y)∇H ∘dW_j (§1 of the paper on (2.1)).
+"""Systems with a skew structure for each noise, dy = B(y)∇H dt + Σ_j c_j G_j(y)∇H ∘dW_j (Cohen and Dujardin, §1).
 
 The flow keeps H and every Casimir common to B and all G_j. A scheme holds the increments of a step fixed, and solves
 dy = A(y)∇H dt over the time 1 with the structure A = h B + Σ_j c_j ΔW_j G_j.
 
-A system with several Hamiltonians, dy = B∇H_0 dt + Σ_j c_j B∇H_j ∘dW_j, has this form if all {H_0, H_j} = 0, because
-B∇H_j = S_j∇H_0 for S_j = (v wᵀ − w vᵀ)/|w|² with v = B∇H_j, w = ∇H_0 and vᵀw = {H_0, H_j} = 0. If w is only the part of
-∇H_0 orthogonal to the gradients of the Casimirs C of B, S_j∇H_0 is still v, and S_j∇C = 0: C is a Casimir of S_j too.
+A system with several Hamiltonians, dy = B∇H_0 dt + Σ_j c_j B∇H_j ∘dW_j, has this form if all {H_0, H_j} = 0. Let
+v = B∇H_j and w = ∇H_0, so that vᵀw = {H_0, H_j} = 0. Then S_j = (v wᵀ − w vᵀ)/|w|² has S_j∇H_0 = B∇H_j. If w is only
+the part of ∇H_0 orthogonal to the gradients of all Casimirs C of B, S_j∇H_0 is still v, and each C is a Casimir of S_j.
 
 **Critical points of H_0.** At a state with w = 0 and v ≠ 0 no such S_j exists. The exact flows of the H_j keep the set
 {w = 0}, and move a solution inside this set. A scheme that multiplies S_j by an average m of ∇H_0 cannot follow that
-motion. If v, w and S_j are taken at the midpoint ȳ of the step, m = w + e and vᵀw = 0 give
+motion. Let v, w and S_j be evaluated at the midpoint ȳ of the step, and m = w + e. Then vᵀw = 0 gives
 
     S_j m − v = (v (wᵀe) − w (vᵀe))/|w|²,      |S_j m − v| ≤ |v| |e|/|w|.
 
@@ -17,8 +17,8 @@ For smooth H_0, |e| ≤ |H_0‴| |y1 − y0|²/24; for quadratic H_0, |e| is a r
 only if |e| is far below |w|. Near a curved set of critical points |e| and |w| have the same size, however small the
 step. An example in the plane is H_0 = ½(I − 1)², H_1 = I with I = ½|y|²: for y0 and y1 with the same I = I_0,
 m = (I_0 − 1 − |y1 − y0|²/12)ȳ and w = (I_0 − 1 − |y1 − y0|²/8)ȳ. With I_0 = 1, m = ⅔w, so that a step turns by two
-thirds of the exact angle for every h. Therefore each solved step measures |S_j m − v| (`CommutingStructure.missed`),
-and fails if the distance is a quarter of |v| or more.
+thirds of the exact angle for every h. Therefore |S_j m − v| is computed for each solved step
+(`CommutingStructure.missed`), and the step fails if this distance exceeds a quarter of |v|.
 """
 
 from __future__ import annotations
@@ -42,10 +42,10 @@ ClosedForm = Callable[[Array, float, Array], Array]
 # The largest {H_0, H_j} relative to |∇H_0||B∇H_j| that counts as zero: a few hundred roundings.
 BRACKET_TOLERANCE = 1e-12
 # The largest error |S_j∇̄H_0 − B∇H_j| that a step may have, relative to |B∇H_j|. Next to a curved set of nondegenerate
-# critical points it is a third for every h: over a chord ∇̄H_0 is the mean of a parabola, 1/12, and w is its value in
-# the middle, 1/8. Elsewhere it is of the order of |y1 − y0|², and a step with a quarter is useless anyway.
+# critical points this error is 1/3 for every h: over a chord ∇̄H_0 is the mean of a parabola, 1/12, and w is its value
+# in the middle, 1/8. Elsewhere it is of the order of |y1 − y0|², and a step with an error of 1/4 is useless anyway.
 MISSED = 0.25
-# S_j counts as undefined if w is below the first factor times the terms of w, its rounding, and v is above the second
+# S_j counts as undefined if w is below its rounding, the first factor times the terms of w, but v is above the second
 # factor times the terms of v. The margin is wide because both w and v vanish next to an isolated critical point.
 ROUNDING_OF_W, ROUNDING_OF_V = 16 * EPS, 1024 * EPS
 
@@ -88,7 +88,7 @@ class StructuresProblem(Problem):
 
     @property
     def noise_gradients(self) -> tuple[Function, ...]:
-        """The ∇H_1, …, ∇H_m if every G_j comes from a Hamiltonian (`commuting_hamiltonians`); else AttributeError."""
+        """The gradients ∇H_1, …, ∇H_m. AttributeError unless each G_j comes from an H_j (`commuting_hamiltonians`)."""
         gradients = [G.noise_gradient for G in self.noise_structures if isinstance(G, CommutingStructure)]
         if len(gradients) < self.noises:
             raise AttributeError(f"{self.name} has several structures, and not several Hamiltonians")
@@ -200,7 +200,7 @@ class CommutingStructure:
         return matvec(self.structure(y), self.noise_gradient(y))
 
     def missed(self, y: Array, mean: Array) -> tuple[Array, Array, Array]:
-        """The error |S_j(y) mean − v|, |v| and the rounding of v = B∇H_j at y, in the maximum norm, (M,) each."""
+        """Three maximum norms (M,) at y, for v = B∇H_j: the error |S_j(y) mean − v|, |v|, and the rounding of v."""
         v = self.field(y)
         apart = np.abs(matvec(self(y), mean) - v).max(axis=0)
         return apart, np.abs(v).max(axis=0), ROUNDING_OF_V * self._terms(y).max(axis=0)
@@ -215,7 +215,7 @@ class CommutingStructure:
         return tangent
 
     def majorant(self, y: Array) -> Array:
-        """The scale 2 M_v M_w/|w|² of rounding errors of S_j, (d, d); M_v and M_w sum the |terms| of v and ∇H_0."""
+        """The scale 2(M_v M_wᵀ + M_w M_vᵀ)/|w|² of roundings of S_j, where M_v, M_w sum the |terms| of v and ∇H_0."""
         B, g, G = (majorant(f, y) for f in (self.structure, self.gradient, self.noise_gradient))
         w = self.tangent(y, self.gradient(y))
         square, v = dot(w, w), matvec(B, G)

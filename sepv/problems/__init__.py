@@ -98,7 +98,7 @@ def build(data: Description) -> Problem:
 
 @lru_cache(maxsize=128)
 def _named(data: NamedProblem) -> Problem:
-    """A named problem, built once for each name and parameters, because recording takes as long as a few steps."""
+    """A named problem, built once for each name and parameters: to record H and B takes as long as a few steps."""
     factories = PAPER | EXTENSIONS | HAMILTONIANS
     require_one_of(
         "a problem's name", data.name, factories, "correct the name, or give the problem as polynomial data"

@@ -31,7 +31,7 @@ def skew(y: Array, entries: Iterable[tuple[int, int, Any]]) -> Array:
 
 
 def structure(y: Array) -> Array:
-    """The canonical B = ((0, −I), (I, 0)) at states y = (p, q), (d, d, ...)."""
+    """The canonical structure B = ((0, −I), (I, 0)) for states y = (p, q), with a copy for each state: (d, d, ...)."""
     n = len(y) // 2
     return skew(y, ((i, n + i, -1.0) for i in range(n)))
 
@@ -50,7 +50,7 @@ def planes(dimension: int) -> Structure:
 def hat(factor: poly.Polynomial | None = None, spins: int = 1) -> Structure:
     """The structure B(y)v = g(y) (y × v) in each of `spins` blocks of three components, as polynomials; g is `factor`.
 
-    Without `factor`, g = 1. In each block, y and v stand for its three components, and |y|² is a Casimir.
+    Without `factor`, g = 1. Here y and v are the three components of one block, whose |y|² is a Casimir.
     """
     d = 3 * spins
     entries = [(n + i, n + j, n + k, s) for n in range(0, d, 3) for i, j, k, s in HAT]
@@ -59,7 +59,7 @@ def hat(factor: poly.Polynomial | None = None, spins: int = 1) -> Structure:
 
 
 def named(name: str, noise: ArrayLike, parameters: dict[str, Sequence[float]], **parts: Any) -> Problem:
-    """A built-in problem with `parts` as the arguments of `Problem`, and its name and parameters as its data."""
+    """A built-in problem whose data are its name and its parameters; `parts` are further arguments of `Problem`."""
     c = tuple(coefficients(noise).tolist())
     given = tuple((key, tuple(map(float, values))) for key, values in {**parameters, "noise": c}.items())
     return Problem(**parts, noise=c, name=name, data=NamedProblem(name, given), check=False)

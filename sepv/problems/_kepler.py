@@ -12,11 +12,11 @@ from sepv.problems._common import named, structure
 
 
 def kepler(eccentricity: float = 0.6, noise: ArrayLike = 1.0) -> Problem:
-    """The planar Kepler problem, y = (p1, p2, q1, q2), from the pericentre of an orbit with semi-major axis 1; |q| > 0.
+    """The planar Kepler problem for y = (p1, p2, q1, q2), q ≠ 0, from the pericentre of an orbit of semi-major axis 1.
 
-    The averaged gradient ∫₀¹ q/|q|³ dτ is, up to its sign, the field at the origin of a uniformly charged segment from
-    q0 to q1. It is 2u/(|q0||q1||u|²) with u = q0/|q0| + q1/|q1|, and no digits cancel as q1 → q0. For a segment near
-    the origin it grows like 1/|u|; only its part along the segment enters the change of H, not the part across.
+    The average of ∂H/∂q = q/|q|³ over a segment from q0 to q1 is, up to its sign, the field at the origin of a uniform
+    charge on this segment. It equals 2u/(|q0||q1||u|²) with u = q0/|q0| + q1/|q1|, so that no digits cancel as q1 → q0.
+    For a segment near the origin it grows like 1/|u|. Only its component along the segment enters the change of H.
     """
     if not is_number(eccentricity) or not 0 <= eccentricity < 1:
         raise ProblemError(

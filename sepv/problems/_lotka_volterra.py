@@ -53,7 +53,7 @@ def lotka_volterra(
         domain=lambda y: np.all(y > 0, axis=0),
         initial=(1.0, 1.9, 0.5),
         flows=flows(3, structure, parts),
-        # At some states of the orbit a step beyond Δ = 0.267 has no solution (`sepv solvability`); this is an eighth.
+        # At some states of the orbit a step beyond Δ = 0.267 has no solution (`sepv solvability`); 2⁻⁵ is an eighth.
         longest_step=2.0**-5,
         # B(y)v = −y1y2y3 (v × ∇C).
         nambu=Nambu(

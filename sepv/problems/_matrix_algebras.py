@@ -1,6 +1,6 @@
-"""Lie algebras of matrices, so(n) and su(n), with coordinates in which B is linear with whole numbers.
+"""Lie algebras of matrices, so(n) and su(n), with coordinates in which B is linear with whole coefficients.
 
-A state y is the matrix W = Σ y_a E_a with a basis E_a, its dual basis E*_a for ⟨A, B⟩ = −½ tr AB, and y_a = ⟨E*_a, W⟩.
+A state y stands for W = Σ y_a E_a, with a basis E_a. So y_a = ⟨E*_a, W⟩ for its dual basis E*_a and ⟨A, B⟩ = −½ tr AB.
 With M = Σ ∂H/∂y_b E*_b and B_ab(y) = ⟨E*_a, [W, E*_b]⟩, the system y′ = B(y)∇H is W′ = [W, M]. Its flow keeps the
 eigenvalues of W, so that every tr Wᵏ is a Casimir. All Casimirs of so(3) and so(4) are functions of quadratic ones
 (|y|², and the Pfaffian of so(4)). The n − 1 Casimirs of su(n) are tr W², …, tr Wⁿ.
@@ -27,7 +27,7 @@ from sepv.record import EPS, Polynomial, poly
 class MatrixAlgebra(NamedTuple):
     """A Lie algebra of n × n matrices, or the product of several `copies` of it.
 
-    `basis` holds the basis E_a of one copy, `dual` its dual basis E*_a with −½ tr E*_aE_b = δ_ab, (d, n, n) each.
+    `basis` (d, n, n) holds the basis E_a of one copy, and `dual` (d, n, n) its dual basis: −½ tr E*_aE_b = δ_ab.
     """
 
     name: str
@@ -36,11 +36,11 @@ class MatrixAlgebra(NamedTuple):
     copies: int = 1
 
     def matrix(self, y: Array) -> Any:
-        """The matrices W of states y (copies·d, M), of shape (M·copies, n, n)."""
+        """The matrices W = Σ y_a E_a, (M·copies, n, n), of states y (copies·d, M)."""
         return _combined(self._lanes(y), self.basis)
 
     def dual_matrix(self, m: Array) -> Any:
-        """The matrices Σ_b m_b E*_b of gradients m (copies·d, M) in the dual basis, of shape (M·copies, n, n)."""
+        """The matrices Σ_b m_b E*_b in the dual basis, (M·copies, n, n), for gradients m (copies·d, M)."""
         return _combined(self._lanes(m), self.dual)
 
     def coordinates(self, W: Any) -> Array:
@@ -50,12 +50,12 @@ class MatrixAlgebra(NamedTuple):
         return np.ascontiguousarray(-0.5 * traces.real.reshape(-1, self.copies * d).T)
 
     def _lanes(self, y: Array) -> Array:
-        """The coordinates of the matrices of states y (copies·d, M), one row for each matrix, (M·copies, d)."""
+        """The coordinates (M·copies, d) of the matrices of states y (copies·d, M): one row for each matrix."""
         return y.T.reshape(-1, len(self.basis))
 
 
 def product(X: Any, M: Any) -> Any:
-    """The products X M of two stacks of matrices (k, n, n), summed in the same order for every k, unlike BLAS."""
+    """The k products X M of matrices in two stacks (k, n, n), summed in the same order for every k, unlike by BLAS."""
     return sum(X[:, :, k, None] * M[:, k, None, :] for k in range(X.shape[1]))
 
 
@@ -132,7 +132,7 @@ def algebra_of(problem: Problem, y: Array) -> MatrixAlgebra:
     B = problem.structure(y)
     for name in candidates(len(y)):
         c = constants(name)
-        # Both agree to a few roundings of terms, because a problem may sum B in any order.
+        # The two matrices may differ by a few roundings of terms, because a problem may add the terms in any order.
         if np.all(np.abs(np.tensordot(c, y, 1) - B) <= 8 * EPS * np.tensordot(np.abs(c), np.abs(y), 1)):
             return named(name)
     raise Skipped(
@@ -153,7 +153,7 @@ def structure(name: str) -> Structure:
 def casimirs(name: str) -> tuple[tuple[Matrix, ...], tuple[Polynomial, ...]]:
     """The Casimirs of an algebra: the quadratic ones as matrices, and the others as polynomials.
 
-    They are −½ tr W² (for each block of so(3)), the Pfaffian for so(4), and tr Pᵏ, k = 3 … n, for su(n), W = iP.
+    They are −½ tr W² (of each block for so(3)). so(4) also has the Pfaffian, and su(n) tr Pᵏ for k = 3 … n, W = iP.
     """
     _, E, _, count = named(name)
     n = E.shape[1]

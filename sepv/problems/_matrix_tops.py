@@ -4,7 +4,7 @@
 
 - Manakov's top on so(4)*: H_0 = ½ Σ_{j<k} y_jk²/(I_j + I_k), the free rigid body in dimension four. Its Casimirs are
   quadratic: ½|W|² and the Pfaffian.
-- A top on su(3)*, H_0 = ½ Σ w_a y_a², for W = iP with the Casimirs C_2 = −½ tr W², quadratic, and C_3 = tr P³, cubic.
+- A top on su(3)*, H_0 = ½ Σ w_a y_a², with W = iP, a quadratic Casimir C_2 = −½ tr W² and a cubic one, C_3 = tr P³.
 - Euler's equations on the sphere after V. Zeitlin (Physica D 49, 1991; Phys. Rev. Lett. 93, 2004). The vorticity is a
   matrix P with W = iP in su(N), the stream function is Δ_N⁻¹P, and H_0 = ½⟨W, Δ_N⁻¹W⟩. The Laplacian of J. Hoppe and
   S.-T. Yau, Δ_N P = Σ_a [S_a, [S_a, P]] with the spin matrices S_1, S_2, S_3 of size N, has the sphere's eigenvalues
@@ -12,7 +12,7 @@
 
 The noises have linear Hamiltonians, which describe transport by a fixed velocity and do not commute with H_0. S.
 Ephrati, E. Jansson, A. Lang and E. Luesink (arXiv 2408.16701) treat the rigid body, its generalisation, and Euler's
-equations on the sphere. Of their paper the abstract and the introduction were read, so the numbers here are not theirs.
+equations on the sphere. Only the abstract and introduction of their paper were read: the numbers here are not theirs.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def zeitlin(size: float = 4, noise: Sequence[float] = (0.25, 0.25)) -> Problem:
 
 
 def _inverse_laplacian(n: int) -> Array:
-    """The matrix A (d, d) with ½yᵀAy = ½⟨W, Δ_N⁻¹W⟩, Zeitlin's Hamiltonian of the matrix W in su(N), for N = n.
+    """The matrix A (d, d) for which ½yᵀAy is Zeitlin's Hamiltonian ½⟨W, Δ_N⁻¹W⟩ of the matrix W in su(N), N = n.
 
     Entries are rounded to multiples of 2⁻⁴⁰, so that they are the same numbers on every machine.
     """

@@ -27,7 +27,7 @@ def positions_first(y: Array) -> Array:
 def henon_heiles(coupling: float = 1.0, noise: ArrayLike = 1.0) -> Problem:
     """The system of Hénon and Heiles, H = ½|p|² + ½|q|² + κ(q_1²q_2 − q_2³/3), from q = (0, 0.2), p = (0.4, −0.1).
 
-    The `coupling` κ = 1 has bounded orbits below H = 1/6, chaotic ones from H = 1/12 on (Astron. J. 69, 1964).
+    For `coupling` κ = 1, orbits are bounded below H = 1/6, and chaos begins at about H = 1/12 (Astron. J. 69, 1964).
     """
     cubic = poly.polynomial(4, {(2, 1, 0, 0): coupling, (0, 3, 0, 0): -coupling / 3})
     parts = [poly.squares((0, 0, 1, 1)), poly.add(poly.squares((1, 1, 0, 0)), cubic)]

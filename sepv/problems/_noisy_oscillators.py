@@ -29,7 +29,7 @@ def pushed_henon_heiles(coupling: float = 0.5, noise: Sequence[float] = (0.5, 0.
 
     The noise Hamiltonians are H_1 = p_1 − ½q_1 and H_2 = ½p_2 − q_2. With noise in the momenta alone, f″(g, g) = 0 for
     the drift f and every noise field g, and the explicit midpoint rule would seem to have the weak order 2. Here
-    f″(g, g) ≠ 0, so that such errors of methods show.
+    f″(g, g) ≠ 0, so that error terms with this factor can be measured.
     """
     others = [poly.linear((1, 0, -0.5, 0)), poly.linear((0, 0.5, 0, -1))]
     return _oscillators(coupling, noise, others, "pushed-henon-heiles")

@@ -39,6 +39,6 @@ def _of_parts(
     return named(
         name, noise, {}, dimension=2, structure=structure, hamiltonian=total(parts), initial=initial,
         flows=flows(2, structure, parts),
-        # Steps Δ of this size were solved from 10⁵ states near the initial one, and steps −Δ led back.
+        # Steps Δ of this size were solved from 10⁵ states near the initial one, and steps −Δ led back to these states.
         longest_step=0.5,
     )  # fmt: skip

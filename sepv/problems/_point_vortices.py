@@ -18,7 +18,7 @@ from sepv.problems._common import skew
 def point_vortices(
     strengths: Sequence[float] = (1.0, 0.5, -0.75), noise: Sequence[float] = (0.25, 0.25)
 ) -> Problem:
-    """Vortices with the strengths Γ_k, which start at (0, 0), (1, 0.25) and (0.25, 1); y = (x_1, y_1, x_2, …)."""
+    """Vortices of `strengths` Γ_k with the state y = (x_1, y_1, x_2, …), from (0, 0), (1, 0.25) and (0.25, 1)."""
     G = [float(g) for g in strengths]
     n = len(G)
 

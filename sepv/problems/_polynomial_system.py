@@ -30,12 +30,12 @@ MAX_DIMENSION = 64
 
 @lru_cache(maxsize=512)
 def polynomial_problem(data: PolynomialSystem) -> Problem:
-    """The problem of polynomial data, with analytic derivatives, and exact averages of ∇H by the degree of H.
+    """The problem that polynomial data describe, with analytic derivatives; the degree of H makes averages of ∇H exact.
 
     Raises
     ------
     ProblemError
-        If a Casimir C among the data is not one of B: some coefficient of ∇CᵀB is then not zero.
+        If parts of the data do not fit together. For example, ∇CᵀB has a coefficient ≠ 0 for one of the Casimirs C.
     """
     d = data.dimension
     if d > MAX_DIMENSION:
@@ -80,7 +80,7 @@ def polynomial_problem(data: PolynomialSystem) -> Problem:
 
 
 def started(data: PolynomialSystem, name: str, initial: Sequence[float], **more: Any) -> Any:
-    """The problem of polynomial data with this name and initial state; `more` are other attributes of its class."""
+    """The problem of polynomial data with this name and initial state; `more` sets other attributes of the problem."""
     return replace(polynomial_problem(data), name=name, initial=tuple(initial), check=False, **more)
 
 
@@ -193,7 +193,7 @@ def structure_entries(data: PolynomialSystem) -> list[list[Polynomial]]:
 
 
 def _check_indices(data: PolynomialSystem) -> None:
-    """Raise a ProblemError unless the structure has each entry above the diagonal at most once."""
+    """Raise a ProblemError unless all entries of the structure lie above the diagonal, each at most once."""
     seen = set()
     for i, j, entry in data.structure:
         if not 0 <= i < j < data.dimension or (i, j) in seen or entry.dimension != data.dimension:
@@ -229,7 +229,7 @@ def _check_casimirs(
     d: int, structure: Structure, casimirs: tuple[Matrix, ...], linear_casimirs: Matrix,
     polynomial_casimirs: tuple[Polynomial, ...],
 ) -> None:  # fmt: skip
-    """Raise a ProblemError unless ∇CᵀB = 0 for each Casimir C: all its coefficients must be zero to rounding.
+    """Raise a ProblemError unless all coefficients of ∇CᵀB are zero to rounding, for each Casimir C.
 
     The result depends on B and the Casimirs alone. It is cached, so that systems that differ only in H share it.
     """

@@ -14,7 +14,7 @@ from sepv.problems._common import HAT, flows, named, skew, total
 
 
 def rigid_body(inertia: ArrayLike = (0.345, 0.653, 1.0), noise: ArrayLike = 1.0) -> Problem:
-    """The rigid body: B(y)v = y × v, H = ½ Σ y_i²/I_i, Casimir |y|², with the initial state (0.8, 0.6, 0).
+    """The rigid body with B(y)v = y × v, H = ½ Σ y_i²/I_i and the Casimir |y|², from the state (0.8, 0.6, 0).
 
     The default I = (0.345, 0.653, 1) and the noise c = 1 are those of §4.2 of Cohen and Dujardin's paper.
     """
@@ -37,7 +37,7 @@ def rigid_body(inertia: ArrayLike = (0.345, 0.653, 1.0), noise: ArrayLike = 1.0)
         casimirs=(np.eye(3),),
         initial=(0.8, 0.6, 0.0),
         flows=flows(3, _structure, parts),
-        # Steps Δ of this size were solved from 10⁵ states near the initial one, and steps −Δ led back.
+        # Steps Δ of this size were solved from 10⁵ states near the initial one, and steps −Δ led back to these states.
         longest_step=0.5,
         nambu=_NAMBU,
     )

@@ -50,7 +50,7 @@ def rotating_planes(
     """A system of n planes with H = H(I_1, …, I_n), B = J in each plane and G_j = α_jk(I) J in plane k.
 
     The flow keeps every action I_k (half the squared radius in plane k), and turns plane k by the angle
-    ∂H/∂I_k (T + Σ_j c_j α_jk W_j(T)). The frequencies α_jk are m rows of n polynomials in the actions.
+    ∂H/∂I_k (T + Σ_j c_j α_jk W_j(T)). `frequencies` has the α_jk as m rows of n polynomials in the actions.
     """
     d = 2 * hamiltonian.dimension
     structures = tuple(
@@ -66,7 +66,7 @@ def commuting_actions(
 ) -> PolynomialSystem:
     """A system of n planes with Hamiltonians H(I_1, …, I_n) and H_j(I_1, …, I_n), all of which commute.
 
-    I_k is half the squared radius in plane k, which the flow turns by the angle ∂H/∂I_k T + Σ_j c_j ∂H_j/∂I_k W_j(T).
+    I_k is half the squared radius in plane k. The flow turns this plane by ∂H/∂I_k T + Σ_j c_j ∂H_j/∂I_k W_j(T).
     """
     d, c = 2 * hamiltonian.dimension, noise or (1.0,) * len(others)
     posed = tuple(in_actions(H) for H in others)
@@ -78,7 +78,7 @@ def closed_form(
 ) -> ClosedForm:
     """The exact solution (y0, T, W) -> y(T): plane k turns by the angle ∂H/∂I_k T + Σ_j c_j rates[j][k] W_j(T).
 
-    All rates are taken at the actions of y0, which do not change along the solution.
+    All rates are evaluated at the actions of y0, which do not change along the solution.
     """
     n = hamiltonian.dimension
     drift = PolynomialMap((n,), poly.gradient(hamiltonian))
@@ -123,7 +123,7 @@ def commuting_oscillators() -> StructuresProblem:
 def kubo_oscillator(a: float = 2.0, sigma: float = 0.5) -> Problem:
     """Kubo's oscillator: H_0 = ½a(p² + q²) and σH_1 = ½σ(p² + q²); the exact solution is a rotation by aT + σW(T).
 
-    The initial state is (1, 0). R. Kubo, M. Toda and N. Hashitsume, Statistical Physics II (1991), §2.1. G. N.
+    The initial state is (1, 0). Source: R. Kubo, M. Toda, N. Hashitsume, Statistical Physics II (1991), §2.1. G. N.
     Milstein, Yu. M. Repin and M. V. Tretyakov (SIAM J. Numer. Anal. 40, 2002), §5.1, use it for symplectic methods with
     multiplicative noise.
     """

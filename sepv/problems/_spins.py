@@ -6,7 +6,7 @@ In each block of three components B(y)v = y × v, as for the rigid body, so that
   Bréhier, D. Cohen and T. Jahnke, Splitting integrators for stochastic Lie-Poisson systems (Math. Comp. 92, 2023).
 - A push: the free rigid body under additive noise in directions that leave the sphere |y| = const. This problem is of
   the kind that D. Cohen and G. Vilmart treat (arXiv 2005.13991); its numbers are not theirs.
-- Twists: the rigid body's H_0, and one noise whose field is nonlinear in y, or two such noises that commute.
+- Twists: the rigid body's H_0 with one noise whose field is nonlinear in y, or with two such noises that commute.
 - Two spins: Heisenberg's H_0 = −J s_1·s_2 + ½ D (s_1z² + s_2z²), and a random field at each site, H_j = b_j·s_j. The
   fields of the two noises commute with each other, because they turn different spins, but not with the drift.
 """
@@ -74,7 +74,7 @@ def two_spins(
 ) -> Problem:
     """Two coupled spins, each driven by its own noise through a magnetic field at its site.
 
-    The initial states are (0.8, 0.6, 0) and (0, 0.6, −0.8).
+    The initial states of the two spins are (0.8, 0.6, 0) and (0, 0.6, −0.8).
     """
     terms = [(tuple(int(n in (k, 3 + k)) for n in range(6)), -coupling) for k in range(3)]
     H = poly.add(poly.polynomial(6, terms), poly.squares((0, 0, anisotropy) * 2))
@@ -85,8 +85,8 @@ def two_spins(
 def twisted_top(noise: Sequence[float] = (0.5,)) -> Problem:
     """The rigid body with one noise, H_1 = ½y_1² + ½y_2y_3 + y_3, whose field g has g″(g, g) ≠ 0.
 
-    The initial state is (0.8, 0.6, 0.3). A linear noise field, such as each of `two_spins`, has g″ = 0, so that the
-    errors of schemes that difference g over a length of √h would not show.
+    The initial state is (0.8, 0.6, 0.3). A linear noise field, such as those of `two_spins`, has g″ = 0. It would hide
+    the errors of schemes that difference g over a length of √h.
     """
     twist = poly.polynomial(3, [((2, 0, 0), 0.5), ((0, 1, 1), 0.5), ((0, 0, 1), 1.0)])
     return _twisted((twist,), noise, "twisted-top")

@@ -21,7 +21,7 @@ GIVEN = {
     "functions": "Python functions, with derivatives and the degree of H",
     "bare functions": "Python functions of B, H and ∇H, without derivatives, degree or closed forms",
 }
-# The attributes of a problem that no view has; below, those that the view "bare functions" lacks besides.
+# The attributes of a problem that every view lacks, and those that the view "bare functions" lacks in addition.
 _NEVER = {"data", "name", "closed_form"}
 _DERIVED = {
     "hessian", "structure_derivative", "mean_gradient", "degree", "flows",
@@ -33,13 +33,13 @@ _VIEWS: WeakKeyDictionary[Problem, Problem] = WeakKeyDictionary()
 
 
 def shown(problem: Problem) -> Problem:
-    """The view of a problem that a scheme gets: the whole of it, or functions with or without derivatives (`GIVEN`)."""
+    """The view of a problem for schemes: the whole problem, or functions with or without derivatives (`GIVEN`)."""
     return _VIEWS.get(problem, problem)
 
 
 @lru_cache(maxsize=1024)
 def as_given(data: Description, given: str) -> Problem:
-    """The problem that `data` describe; `shown` will give schemes the view `given` of it, a key of `GIVEN`."""
+    """The problem that `data` describe, for which `shown` returns the view `given`, a key of `GIVEN`."""
     whole = problems.build(data)
     if given == "data":
         return whole

@@ -1,4 +1,4 @@
-"""Recorded functions as functions of NumPy arrays: Python code is written, with one elementwise operation in a line."""
+"""Recorded functions as functions of NumPy arrays, written as Python code with one elementwise operation a line."""
 
 from __future__ import annotations
 
@@ -56,14 +56,14 @@ _WRITTEN = {0.0, 0.5, 1.0, 2.0, 3.0, -0.5, -1.0, -2.0, -3.0, math.inf, -math.inf
 
 
 class Source(NamedTuple):
-    """A Python function of arrays as text, and the numbers `parameters`, which the function takes as last argument."""
+    """A Python function of arrays as text, and the numbers `parameters`, which are the function's last argument."""
 
     text: str
     parameters: tuple[float, ...]
 
     @property
     def function(self) -> Callable[..., tuple[Any, ...]]:
-        """The compiled function, called with a sequence of components for each input vector, then the parameters."""
+        """The compiled function. Its arguments are the components of each input vector, and at last the parameters."""
         return _compiled(self.text)
 
 
@@ -95,7 +95,7 @@ def source(inputs: Sequence[Any], outputs: Any) -> Source:
             text = f"power({arguments[0]}, {line.value!r})"
         else:
             text = _TEXTS.get(line.name, f"{line.name}({{}})").format(*arguments)
-        # Names of values that are no longer needed are used again, so that fewer arrays fill the processor's cache.
+        # Names whose values are no longer needed are used again, so that fewer arrays fill the processor's cache.
         free += sorted({shown[i] for i in line.arguments if last[i] == index and shown[i][0] == "t"})
         shown[index] = free.pop() if free else f"t{index}"
         lines.append(f"    {shown[index]} = {text}")

@@ -1,4 +1,4 @@
-"""Exact derivatives of recorded functions, recorded on the function's own tape, whose operations they use again."""
+"""Exact derivatives of recorded functions, on the same tape, so that they use the functions' operations again."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ _CONSTANT = {"input", "constant", "greater", "greater_equal", "equal", "and", "o
 
 
 def reachable(outputs: Iterable[Symbol], given: Container[int] = ()) -> list[Symbol]:
-    """The symbols that the outputs depend on, themselves included, in the order of evaluation.
+    """The outputs and all symbols that they depend on, in the order of evaluation.
 
-    The search stops at symbols whose line numbers are in `given`, and does not go on to what these depend on.
+    A symbol whose line number is in `given` is included, but the search does not go on to its arguments.
     """
     outputs, seen = list(outputs), set()
     waiting = [symbol.index for symbol in outputs]
@@ -48,7 +48,7 @@ _RULES: dict[str, Callable[..., tuple[Any, ...]]] = {
     "subtract": lambda *_: (1.0, -1.0),
     "negative": lambda *_: (-1.0,),
     "multiply": lambda _, a, b: (b, a),
-    # The first argument x^(n−1) gets no derivative, because n x^(n−1) by x is the whole derivative of xⁿ.
+    # In xⁿ = x^(n−1)·x the derivative by x^(n−1) is set to 0, because n x^(n−1), that by x, is already (xⁿ)′.
     "whole": lambda s, lower, _: (0.0, s.line.value * lower),
     "divide": lambda s, _, b: (1 / b, -(s / b)),
     "power": lambda s, a: (s.line.value * a ** (s.line.value - 1),),
@@ -57,7 +57,7 @@ _RULES: dict[str, Callable[..., tuple[Any, ...]]] = {
 
 
 def jacobian(outputs: Any, inputs: Any) -> Any:
-    """The derivatives ∂outputs/∂inputs, (n, d), of arrays of symbols (n,) and (d,), by forward differentiation."""
+    """The derivatives ∂outputs/∂inputs (n, d) for arrays of symbols (n,) and (d,), by forward differentiation."""
     outputs, inputs = np.asarray(outputs, dtype=object), np.asarray(inputs, dtype=object)
     tape = inputs[0].tape
     rows = [tape.symbol(v) for v in outputs]
@@ -79,7 +79,7 @@ def jacobian(outputs: Any, inputs: Any) -> Any:
 
 
 def _chain(partials: Iterable[tuple[int, Any]], slopes: dict[int, dict[int, Symbol]]) -> dict[int, Symbol]:
-    """An operation's derivatives by the inputs: the chain rule for its `partials` and the `slopes` of its arguments."""
+    """The derivatives of an operation by the inputs, from its `partials` and its arguments' `slopes` (chain rule)."""
     total: dict[int, Symbol] = {}
     for i, partial in partials:
         for k, slope in slopes.get(i, {}).items():
@@ -89,7 +89,7 @@ def _chain(partials: Iterable[tuple[int, Any]], slopes: dict[int, dict[int, Symb
 
 
 def gradient(output: Any, inputs: Any) -> Any:
-    """The gradient (d,) of an output by the inputs, in reverse mode, with only a few times the output's operations."""
+    """The gradient (d,) of an output by the inputs, in reverse mode, by a few times the output's own operations."""
     inputs = np.asarray(inputs, dtype=object)
     tape = inputs[0].tape
     last = tape.symbol(output)

@@ -64,7 +64,7 @@ def expand(outputs: Sequence[Symbol], inputs: Sequence[Symbol], most: int) -> li
     zero = (0,) * d
     try:
         sums = replay(outputs, start, _refused, lambda c: _Sum({zero: c} if c else {}), _refused)
-    except (NotMonomials, KeyError, TypeError):  # a sum cannot be compared
+    except (NotMonomials, KeyError, TypeError):  # comparisons of sums are not defined
         return None
     expanded = [s.terms for s in sums]
     if sum(map(len, expanded)) > most or any(k < 0 for terms in expanded for e in terms for k in e):

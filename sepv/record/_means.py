@@ -88,7 +88,7 @@ def mean(output: Any, inputs: Any, z: Any) -> Mean:
     nodes = mean_nodes(degree(polynomial, inputs) or 0)
     if nodes > MOST_NODES:
         raise NoClosedForm(f"a polynomial H whose mean takes {nodes} Gauss nodes")
-    # The derivative of the average is an average of H″, and so symmetric. The chain rule would not use the symmetry.
+    # The derivative of the average is an average of H″, and so symmetric. The chain rule does not use this symmetry.
     slope = gradient(polynomial, inputs)
     bend = hessian(slope, inputs)
     slopes = jacobian(total, z)
@@ -144,7 +144,7 @@ def _logarithm(x: Any, delta: Any) -> Any:
 
 
 def _exponential(x: Any, delta: Any) -> Any:
-    """The mean of exp from x to x + delta, computed from the larger end: it overflows only if the mean is too large."""
+    """The mean of exp from x to x + delta, computed from the larger end: it overflows only if exp does so there."""
     up = delta > 0
     return (x + select(up, delta, 0.0)).exp() * select(up, -delta, delta).expm1_ratio()
 

@@ -38,7 +38,7 @@ class Element:
 
 
 def select(condition: Any, a: Any, b: Any) -> Any:
-    """The value a if a recorded condition holds, else b, as a symbol; both a and b are evaluated."""
+    """The symbol of a choice: a if a recorded condition holds, else b. Both a and b are evaluated."""
     if not isinstance(condition, Element):
         return a if condition else b
     if condition.number is not None:

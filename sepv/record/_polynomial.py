@@ -171,8 +171,8 @@ def _of_sorted(dimension: int, terms: list[tuple[Exponents, float]]) -> Polynomi
     return polynomial(dimension, terms)
 
 
-# The largest number of terms times states for which one reduction over all terms is faster than a loop over layers of
-# terms, which saves additions but calls NumPy more often. The number was measured, and matters for speed alone.
+# The largest terms × sums × states for which one reduction over all terms is faster than a loop over layers of terms.
+# The loop saves additions but calls NumPy more often. The number was measured, and matters for speed alone.
 FEW = 8192
 
 
@@ -189,10 +189,10 @@ class _Sums:
     factors : (most factors of a monomial, monomials)
         The powers to multiply for each monomial: y_i^k has the number i + d·k. Short monomials are padded by y_1⁰ = 1.
     places, coefficients : (1 + most terms of a sum, sums), and (…, 1)
-        The monomials and their coefficients in each sum. The first row is 0, and short sums are padded by 0 · 1.
+        The numbers of the monomials in each sum, and their coefficients. Row 0 and the padding of short sums are 0 · 1.
     rows : (rows,) or None
-        For each polynomial the number of its sum, if some polynomials are equal: most entries of B and B′ are 0, and
-        entries of a Hessian are equal in pairs. None if all differ.
+        The number of the sum of each polynomial, if some polynomials are equal, such as zero entries of B and B′, or
+        entries of a Hessian in pairs. None if all polynomials differ.
     """
 
     top: int
@@ -207,7 +207,7 @@ class _Sums:
         return values if self.rows is None else values.take(self.rows, axis=0)
 
     def _values(self, y: NDArray[Any]) -> NDArray[Any]:
-        """The values, (sums, M), of the sums at states y (d, M): equal polynomials have one sum."""
+        """The values (sums, M) of the sums at states y (d, M); equal polynomials share one sum."""
         terms, sums = self.places.shape
         if terms == 1:
             return np.zeros((sums, y.shape[1]), dtype=np.result_type(y, np.float64))

@@ -36,7 +36,7 @@ def replay(
     constant: Callable[[float], Any] = float,
     power: Callable[[Any, float], Any] = operator.pow,
 ) -> list[Any]:
-    """The values of recorded outputs, from given values of inputs or of other lines: {number of a line: value}.
+    """The values of recorded outputs, computed from `values` {line number: value} of inputs or of other lines.
 
     `function` evaluates an elementary function, given its name and argument. An input without value raises KeyError.
     """
@@ -63,7 +63,7 @@ def replay(
 
 
 def substitute(outputs: Any, inputs: Any, by: Any) -> Any:
-    """The outputs, as an array of symbols, after the symbols or numbers `by` have taken the place of the inputs."""
+    """The outputs as an array of symbols, with the symbols or numbers `by` in the place of the inputs."""
     outputs = np.asarray(outputs, dtype=object)
     tape = np.asarray(inputs, dtype=object)[0].tape
     rows = [tape.symbol(v) for v in outputs.ravel()]

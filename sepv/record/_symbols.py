@@ -1,9 +1,9 @@
 """Symbols and the tape, the list of operations on symbols.
 
 Each operation on symbols is a line of the tape. If an operation is repeated on the same arguments, its line is used
-again. Operations on constants are evaluated, x + 0, 0·x and ±1·x are simplified, a division by a constant becomes a
-product with its reciprocal, and signs move outward, so that −a + b, b − a and b + (−1)a are one line. Apart from 0, ±1
-and powers of two no rule depends on the value of a constant: systems that differ only in coefficients have the same
+again. Operations on constants are evaluated, and x + 0, 0·x and ±1·x are simplified. A division by a constant becomes a
+product with its reciprocal. Signs move outward, so that −a + b, b − a and b + (−1)a are one line. Apart from 0, ±1
+and powers of two no rule depends on the value of a constant. So systems that differ only in coefficients have the same
 lines, and share one compiled kernel. Replacing 0·x by 0 assumes that x is finite.
 """
 
@@ -65,7 +65,7 @@ class Tape:
         return self.write("constant", value=float(value) + 0.0)
 
     def declare(self, value: Symbol, fixed: Iterable[Symbol], slopes: Mapping[Symbol, Symbol]) -> None:
-        """Declare the derivatives `slopes` of `value` by other symbols; `jacobian` then uses no chain rule for them.
+        """Declare the derivatives `slopes` of `value` by other symbols. `jacobian` uses them, not the chain rule.
 
         The declaration applies only if no symbol in `fixed` depends on the inputs of `jacobian`.
         """
@@ -92,7 +92,7 @@ class Tape:
 
 
 def array(symbols: Iterable[Any], shape: tuple[int, ...] | None = None) -> Any:
-    """An array of symbols, of the class `SymbolArray` that NumPy's functions accept; one symbol for shape ()."""
+    """An array of symbols as a `SymbolArray`, which NumPy's functions accept; for shape () the symbol itself."""
     values = list(symbols)
     entries = np.empty(len(values), dtype=object)
     entries[:] = values
@@ -250,7 +250,7 @@ def _logical(name: str, a: Symbol, b: Symbol) -> Symbol:
 
 
 def _operator(rule: Callable[[Symbol, Symbol], Any], *, swapped: bool = False) -> Any:
-    """Make an operator method of `Symbol`, whose other operand may be a number, from a rule for two symbols."""
+    """Make a method for an operator of `Symbol` from a rule for two symbols; the other operand may be a number."""
 
     def method(self: Symbol, other: Any) -> Any:
         symbol = None if isinstance(other, np.ndarray) and other.ndim else _as_symbol(self.tape, other)

@@ -5,7 +5,7 @@ y1 = y0 + h f_0(ȳ) + Σ_j c_j ΔŴ_j f_j(ȳ) + Σ_{i<j} c_i c_j A_ij [f_i, f_j]
 with A_ij = ½∫(W_i dW_j − W_j dW_i) over the step and [f_i, f_j] = f_j′f_i − f_i′f_j. The area terms are the terms of
 the order of h that `sepv.schemes.stochastic_midpoint` lacks (P. Kloeden and E. Platen, Numerical Solution of Stochastic
 Differential Equations, 1992, §10.3). If two fields keep C, so does their bracket: quadratic and linear Casimirs are
-kept. If B is constant, the bracket is a Hamiltonian field, of ±{H_i, H_j}, and the rule is symplectic.
+kept. If B is constant, the bracket is the Hamiltonian field of ±{H_i, H_j}, and the rule is symplectic.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from sepv.solve import Increment, once
 
 
 def require_derivatives(problem: Problem) -> None:
-    """Raise Skipped for a problem without the second derivatives of its Hamiltonians, or without those of B.
+    """Raise Skipped for a problem with several noises that lacks second derivatives of its Hamiltonians, or B′.
 
-    The scheme needs both for brackets [f_i, f_j], which differences of fields would give with half of the digits only.
+    The brackets [f_i, f_j] need both. Differences of fields would give brackets with only half of the digits.
     """
     second = problem.noise_hessians if isinstance(problem, HamiltoniansProblem) else problem.hessian
     if problem.noises > 1 and not (second and problem.structure_derivative):

@@ -71,7 +71,7 @@ def built_in(name: object) -> Scheme | None:
 
 
 def by_name(name: str) -> Scheme:
-    """The built-in scheme with this name, else a UsageError."""
+    """The built-in scheme with this name. Raises UsageError for any other name."""
     if scheme := built_in(name):
         return scheme
     families = ", ".join(f"{f}-1 … {f}-{MAX_STAGES}" for f in FAMILIES)

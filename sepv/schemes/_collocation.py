@@ -1,8 +1,8 @@
 """Energy-preserving collocation with s Gauss nodes and the random step: mean-square order s for (1.1).
 
-D. Cohen and E. Hairer, Linear energy-preserving integrators for Poisson systems, BIT Numerical Mathematics 51
-(2011), with the step size replaced by Δ = h + Σ_j c_j ΔŴ_j (ΔŴ_j: truncated ΔW_j). For the s nodes c_i of Gauss
-quadrature, its weights b_i and their Lagrange polynomials ℓ_i, u is the polynomial of degree s with u(0) = y0 and
+The methods of D. Cohen and E. Hairer (Linear energy-preserving integrators for Poisson systems, BIT 51, 2011) are used
+with the step Δ = h + Σ_j c_j ΔŴ_j (ΔŴ_j: truncated ΔW_j). Let c_i, b_i and ℓ_i be the s Gauss nodes, their weights and
+their Lagrange polynomials. A step computes the polynomial u of degree s with u(0) = y0 and
 
     u̇(c_i) = Δ B(u(c_i)) b_i⁻¹ ∫₀¹ ℓ_i(τ) ∇H(u(τ)) dτ,  i = 1 … s,      y1 = u(1).
 
@@ -48,10 +48,10 @@ FIRST_NODES, MAX_NODES = 4, 128
 
 
 class _Stages:
-    """The equations of the stages z_i = Δ u̇(c_i) = Δ B(Y_i) g_i of a batch of M steps from y0, with Y_i = u(c_i).
+    """The equations of the stages z_i = u̇(c_i) = Δ B(Y_i) g_i of a batch of M steps from y0, with Y_i = u(c_i).
 
     The stages z are an array (d, s, M), which the solver gets as (d·s, M). `lanes` are the numbers of the paths in a
-    call. If `averaged` is False, g_i = ∇H(Y_i), as in the Gauss method.
+    call. If `averaged` is False, g_i is not an average but ∇H(Y_i), as in the Gauss method.
     """
 
     def __init__(
@@ -62,14 +62,14 @@ class _Stages:
         self.A, self.b = gauss_tableau(stages).A, gauss_tableau(stages).b
 
     def polynomial(self, z: Array, lanes: np.ndarray, integrals: Array) -> Array:
-        """The collocation polynomial u at N points τ_n, (d, N, M); `integrals` (N, s) has the entries ∫₀^{τ_n} ℓ_j."""
+        """The collocation polynomial u (d, N, M) at N points τ_n; `integrals` (N, s) has the entries ∫₀^{τ_n} ℓ_j."""
         u = np.repeat(self.y0[:, None, lanes], integrals.shape[0], axis=1)
         for j in range(self.stages):
             u += integrals[:, j, None] * z[:, j, None]
         return u
 
     def averages(self, z: Array, lanes: np.ndarray, nodes: int) -> tuple[Array, Array]:
-        """The averages g_i = b_i⁻¹∫ℓ_i ∇H(u) by Gauss quadrature, (d, s, M), and a scale of their rounding, (M,)."""
+        """The averages g_i = b_i⁻¹∫ℓ_i ∇H(u) (d, s, M) by Gauss quadrature, and a scale (M,) of their rounding."""
         W, P = moments(self.stages, nodes)
         u = self.polynomial(z, lanes, P)
         gradients = self.problem.gradient(u)
@@ -81,7 +81,7 @@ class _Stages:
         return total, np.max(np.abs(gradients), axis=(0, 1)) * float(np.max(np.sum(np.abs(W), axis=1)))
 
     def evaluate(self, flat: Array, lanes: np.ndarray) -> Evaluation:
-        """R(z) at z = `flat` (d·s, M): Δ B(Y_i) g_i for each stage, g_i an average of ∇H; on demand also ∂R/∂z."""
+        """R(z) for z = `flat` (d·s, M): Δ B(Y_i) g_i for each stage i. On demand the result also gives ∂R/∂z."""
         d, s = self.problem.dimension, self.stages
         z = flat.reshape(d, s, -1)
         Y = self.polynomial(z, lanes, self.A)
@@ -97,7 +97,7 @@ class _Stages:
         return Evaluation(right, lambda: (self.jacobian(z, lanes, Y, g), 0))
 
     def jacobian(self, z: Array, lanes: np.ndarray, Y: Array, g: Array) -> Array:
-        """The derivative K of the right sides Δ B(Y_i) g_i by z_j, (d·s, d·s, M); Newton's matrix is 1 − K.
+        """The derivative K (d·s, d·s, M) of the right sides Δ B(Y_i) g_i by the z_j; Newton's matrix is 1 − K.
 
         K = Δ(a_ij B′(Y_i)[·]g_i + B(Y_i) b_i⁻¹∫ℓ_i A_j H″(u)) with A_j(τ) = ∫₀^τ ℓ_j and a_ij = A_j(c_i). The average
         of H″ uses few nodes, which changes the speed of Newton's iteration and not its limit.
@@ -122,7 +122,7 @@ class _Stages:
         return np.asarray(np.all(inside, axis=0), dtype=bool)
 
     def start(self, equations: Equations) -> Array:
-        """The start of the iteration, (d·s, M): Newton's step from z = 0, or 0 if it leaves the domain.
+        """The start of the iteration (d·s, M): Newton's step from z = 0, shortened to stay in the domain, or z = 0.
 
         At z = 0 the polynomial u is y0, so that ∇H and B are evaluated once for all nodes.
         """
@@ -143,7 +143,7 @@ def solve_stages(
 ) -> Solution:
     """Solve one step of a batch of M paths from y0 (d, M) with random steps `delta` (M,).
 
-    If `averaged` is False, the step is one of the Gauss method, with g_i = ∇H(u(c_i)).
+    If `averaged` is False, the step is that of the Gauss method, with g_i = ∇H(u(c_i)).
 
     For a polynomial H of degree ν, quadrature with ⌈sν/2⌉ nodes is exact. For any other H the averages of ∇H with N and
     with 3N/2 nodes are compared. If they differ by more than rounding, the step is solved again with 2N nodes. A path
@@ -177,7 +177,7 @@ def solve_stages(
 
 
 def _agrees(system: _Stages, solution: Solution, lanes: np.ndarray) -> np.ndarray:
-    """True for each path of `lanes` whose averages of ∇H with N and with 3N/2 nodes agree to rounding, (M,)."""
+    """True for each path of `lanes` whose averages of ∇H with N nodes and with 3N/2 nodes agree to rounding."""
     nodes = system.nodes + system.nodes // 2
     z = solution.value[:, lanes].reshape(system.problem.dimension, system.stages, -1)
     solution.gradient_evaluations[lanes] += nodes
@@ -192,7 +192,7 @@ def _agrees(system: _Stages, solution: Solution, lanes: np.ndarray) -> np.ndarra
 def collocation(stages: int) -> Scheme:
     """The energy-preserving collocation scheme with s stages, s = 1 … 6; any other number raises UsageError.
 
-    Increments are truncated as in Remark 2.1, with k = 4s for s > 1 and with the paper's k = 2 for s = 1.
+    Increments are truncated to √(2kh|ln h|) (Remark 2.1), with k = 4s for s > 1 and the paper's k = 2 for s = 1.
     """
     source = "Cohen and Hairer (2011), with the random step"
     return staged("collocation", stages, ENERGY_PRESERVING, source, averaged=True)

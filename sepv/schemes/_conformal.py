@@ -1,12 +1,12 @@
-"""Damping by exponentials around (2.1): y1 = e^{−γh/2} Φ_{h,ΔŴ}(e^{−γh/2} y0), Φ the step of (2.1) without damping.
+"""Damping by exponentials around a step Φ of (2.1) without damping: y1 = e^{−γh/2} Φ_{h,ΔŴ}(e^{−γh/2} y0).
 
 This is G. Strang's composition of the flow of −γy dt and the energy-preserving step, for dy = (B∇H − γy)dt + Σ c_j B∇H
 ∘dW_j. C.-E. Bréhier, D. Cohen and Y. Komori, Stochastic conformal integrators for linearly damped stochastic Poisson
-systems (arXiv 2503.01540), use this composition with discrete gradients; their abstract and introduction were read.
+systems (arXiv 2503.01540), use this composition with discrete gradients; only abstract and introduction were read.
 
 Φ keeps H and quadratic and linear Casimirs, and F(e^{−γh/2}y) = e^{−pγh/2}F(y) for a homogeneous F of degree p. So
 
-    C(y1) = e^{−2γh}C(y0) for C = yᵀAy,   e^{−γh} for bᵀy,   H(y1) = e^{−pγh}H(y0) for a homogeneous H of degree p,
+    C(y1) = e^{−2γh}C(y0) for C = yᵀAy,   C(y1) = e^{−γh}C(y0) for C = bᵀy,   H(y1) = e^{−pγh}H(y0) if H has degree p,
 
 as along the exact solution. The scheme is symmetric. The first term that the composition lacks is a bracket times
 ∫(s − h/2)dW(s), which has mean zero and is of the order of h^{3/2}, so that the mean-square order is 1.
@@ -26,7 +26,7 @@ from sepv.solve import Solution
 
 
 def undamped_step(problem: Problem, h: float, noise: Array) -> Array:
-    """The random step Δ = h + Σ c_j ΔŴ_j, (1, M), without damping; `DampedProblem.random_step` refuses to give it."""
+    """The random step Δ = h + Σ c_j ΔŴ_j, (1, M), of the step Φ; `DampedProblem.random_step` would raise an error."""
     return Problem.random_step(problem, h, noise)[None]
 
 

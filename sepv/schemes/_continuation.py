@@ -1,9 +1,9 @@
 """Continuation for steps that Newton's iteration does not solve: scaled steps (s·h, s·ΔW) are solved for growing s ≤ 1.
 
-The solutions of the scaled steps, 0 ≤ s ≤ 1, that start at y for s = 0 form a curve. If the iteration for the whole
-step fails, this curve is followed from a small s on, and each solution is predicted from the secant of the two before.
-The curve reaches s = 1, or ends before at a fold or at the edge of the domain. A result solves the equation of the
-whole step to rounding and is connected to y. Solved scaled steps are counted by path. Laws never use continuation.
+The solutions of the scaled steps form a curve that starts at y for s = 0. If the iteration for the whole step, s = 1,
+fails, this curve is followed from a small s on. Each solution is predicted by the secant through the two before it. The
+curve reaches s = 1, or ends earlier at a fold or at the edge of the domain. A result solves the equation of the whole
+step to rounding and is connected to y. The solved scaled steps of each path are counted. Laws never use continuation.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from sepv.schemes._one_step import resolved
 from sepv.schemes._scheme import Scheme
 from sepv.solve import COUNTS, Solution, Status, merge
 
-# The first value of s, for which the iteration from y converges if it does for any, and the least increment of s.
+# The first value of s, so small that the iteration from y converges if it does for any s; and the least increment of s.
 FIRST, LEAST = 2.0**-8, 2.0**-14
 # The number of values of s that are tried before a curve is given up.
 MOST = 200
@@ -42,7 +42,7 @@ def continued(scheme: Scheme) -> Scheme:
     Raises
     ------
     UsageError
-        For a scheme whose `solve` takes no start.
+        For a scheme whose `solve` has no argument `start`.
     """
     if scheme.solve is None or "start" not in inspect.signature(scheme.solve).parameters:
         raise UsageError(
@@ -64,7 +64,7 @@ def continued(scheme: Scheme) -> Scheme:
 
 
 def _follow(inner: Callable[..., Solution], problem: Problem, y: Array, h: float, dW: Array) -> Solution:
-    """Solve the scaled steps (s·h, s·ΔW) of one path from s = 0 to 1; return the last solution, failed if s < 1."""
+    """Solve the scaled steps (s·h, s·ΔW) of one path for growing s; return the last, marked as failed unless s = 1."""
     share, growth, solved = 0.0, FIRST, 0
     z, slope = np.zeros_like(y), np.zeros_like(y)
     work = np.zeros(3, dtype=np.int64)

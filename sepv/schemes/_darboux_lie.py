@@ -1,4 +1,4 @@
-"""A Poisson integrator for Lotka-Volterra structures by the coordinates of Darboux and Lie: midpoint in logarithms.
+"""A Poisson integrator for Lotka-Volterra structures: the midpoint rule in logarithms, Darboux and Lie's coordinates.
 
 If B_ij(y) = b_ij y_i y_j, the logarithms x_i = ln y_i have the constant structure b and Hamiltonians K(x) = H(exp x).
 A symplectic method in x keeps the structure and every linear Casimir Σ γ_i x_i of b, which is the Casimir Σ γ_i ln y_i
@@ -29,7 +29,7 @@ PROBLEMS = ("lotka-volterra", "random-lotka-volterra")
 
 
 def increment(problem: Problem, x0: Array, x1: Array, step: Array) -> Increment:
-    """R of the step x1 = x0 + R of x = ln y: f(ȳ)/ȳ, f = B(h∇H_0 + Σ c_j ΔŴ_j ∇H_j), counted as one evaluation."""
+    """R of the step x1 = x0 + R for x = ln y: f(ȳ)/ȳ with f = B(h∇H_0 + Σ c_j ΔŴ_j ∇H_j), counted as one evaluation."""
     middle = np.exp(x0 + 0.5 * (x1 - x0))
     return once(hamiltonian_field(problem, middle, step) / middle)
 
@@ -42,7 +42,7 @@ def require_products(problem: Problem) -> None:
 
 
 def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
-    """Solve one step of a batch y (d, M), dW (m, M); the residual of the solution is that of the equation for x."""
+    """Solve one step of a batch y (d, M), dW (m, M); the solution's residual is that of the equation for x = ln y."""
     require_products(problem)
     free = replace(problem, domain=None, check=False)  # logarithms may have any sign
     solution = solve_implicit(free, np.log(y), each_noise(problem, h, dW), increment, no_jacobian)

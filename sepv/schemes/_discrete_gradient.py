@@ -39,7 +39,7 @@ def symmetrised(fields: Fields, y: Values, z: Values) -> Values:
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:
-    """R of the step y1 = y + R: (h B(y) + S B(ȳ)) ∇̄H (`symmetrised`), ȳ = y + z/2, `step` = (h, S), S = Σ c_j ΔŴ_j."""
+    """R of the step y1 = y + R: (h B(y) + S B(ȳ)) ∇̄H with ȳ = y + z/2, `step` = (h, S) and S = Σ c_j ΔŴ_j."""
     B = step[0] * fields.structure(y) + step[1] * fields.structure(y + 0.5 * z)
     return matvec(B, symmetrised(fields, y, z))
 

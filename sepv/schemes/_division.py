@@ -1,9 +1,9 @@
 """Division of steps that have no solution: a step is replaced by two halves (h/2, ΔW/2), and each half likewise.
 
 For large Δ the implicit equation may have no solution near y. The exact solution of (1.1) after a step is the flow of
-B∇H at the time Δ, so that two halves lead to the state after the whole step. For several structures that state depends
-on the path of W, and two halves assume that W is a straight line. Halves keep the invariants that the scheme keeps. A
-step with a solution is not changed. Divisions are counted for each path. Laws never divide steps.
+B∇H at the time Δ, so that two halves lead to the state after the whole step. For several structures this state depends
+on the path of W inside the step, and two halves assume a straight line. Halves keep the invariants that the scheme
+keeps. A step with a solution is not changed. Divisions are counted for each path. Laws never divide steps.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ MAX_DEPTH = 20
 
 
 def divided(scheme: Scheme, depth: int = 8) -> Scheme:
-    """A copy of an implicit scheme that divides a failed step into two halves, and failed halves again, `depth` times.
+    """A copy of an implicit scheme that halves a step that fails, and then halves failing parts, up to `depth` times.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def divided(scheme: Scheme, depth: int = 8) -> Scheme:
 
 
 def _solve(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, depth: int) -> Solution:
-    """Solve one step of a batch y (d, M), dividing the steps that fail; `depth` divisions are left."""
+    """Solve one step of a batch y (d, M), and divide the steps that fail, at most `depth` times."""
     assert scheme.solve is not None
     divisions = np.zeros(y.shape[1], dtype=np.int64)
     whole = replace(scheme.solve(problem, y, h, dW), divisions=divisions)

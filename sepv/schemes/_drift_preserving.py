@@ -34,7 +34,7 @@ quiet = implicit(formula, jacobian, parts=_time)
 
 
 def step(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array:
-    """y1 from y (d,) or (d, M). `dW` are the increments of the step, `first` those of its first half, (m,) or (m, M).
+    """y1 from y (d,) or (d, M). `dW` and `first`, (m,) or (m, M), are the increments of the step and its first half.
 
     Raises Skipped if the noise is not additive, and StepFailure if the equation was not solved.
     """

@@ -1,4 +1,4 @@
-"""The Euler-Heun scheme of §4: y1 = y0 + h f(y0) + ½(f(ŷ) + f(y0)) S with ŷ = y0 + h f(y0) + f(y0) S.
+"""The Euler-Heun scheme (the paper's §4): y1 = y0 + h f(y0) + ½(f(ŷ) + f(y0)) S with ŷ = y0 + h f(y0) + f(y0) S.
 
 S = Σ_j c_j ΔŴ_j, because every noise drives the same field f = B∇H; ΔŴ_j is the truncated ΔW_j.
 """

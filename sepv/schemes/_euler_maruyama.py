@@ -1,6 +1,6 @@
 """The Euler-Maruyama scheme on the Itô form of (1.1): y1 = y0 + (f + ½Σ_j c_j² f′f) h + f Σ_j c_j ΔŴ_j.
 
-The scheme computes the correction ½Σ_j c_j² f′f from Stratonovich to Itô itself, with f = B∇H and its derivative f′.
+The scheme itself computes the correction ½Σ_j c_j² f′f from Stratonovich to Itô, for f = B∇H and its derivative f′.
 """
 
 from __future__ import annotations

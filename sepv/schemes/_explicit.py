@@ -38,7 +38,7 @@ def end(tableau: ExplicitTableau, fields: Fields, y: Values, z: Values, step: Va
 def explicit(order: int) -> Scheme:
     """The scheme of the classical method of order 4 or of Dormand and Prince's of order 8; UsageError for other orders.
 
-    Increments are truncated as in Remark 2.1 with k = 2·order.
+    Increments are truncated to √(2kh|ln h|) with k = 2·order, as in Remark 2.1 of Cohen and Dujardin.
     """
     require_one_of("an order", order, TABLEAUX, "take 8")
     return one_step(

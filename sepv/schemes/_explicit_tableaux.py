@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 
 class ExplicitTableau(NamedTuple):
-    """The coefficients of an explicit Runge-Kutta method. Row i of A is {j: a_ij} without zeros, and b is {i: b_i}."""
+    """The coefficients of an explicit Runge-Kutta method: row i of A is {j: a_ij} and b is {i: b_i}, without zeros."""
 
     A: tuple[dict[int, float], ...]
     b: dict[int, float]

@@ -1,4 +1,4 @@
-"""The fifth argument of a step beside h and ΔW: Lévy areas, space-time areas, or half-step increments (`Scheme.asks`).
+"""The fifth argument of a step, after dW: Lévy areas, space-time areas, or half-step increments (`Scheme.asks`).
 
 `sepv.simulate._areas` draws them. In arrays of increments they are k further rows below the m rows of dW: the A_ij with
 i < j, the H_i, or the increments W(h/2) − W(0). `answer` separates them, and calls the step with a fifth argument.
@@ -28,8 +28,8 @@ def answer(
     """y1 of one step of the scheme, for dW (m, ...), or (m + k, ...) with the rows for the scheme's fifth argument.
 
     A law that holds for every path may leave these rows out: with `any_path`, `rows_of_any_path` makes them. Otherwise
-    missing rows are a UsageError, because rows made up for a path do not have the distribution of drawn ones. `step`
-    replaces the scheme's step. If it is the step of a `StatefulStep`, y is the internal state.
+    missing rows are a UsageError, because rows made up for a path do not have the distribution of drawn ones. A given
+    `step` replaces the scheme's step. If it is `StatefulStep.step`, y is the internal state.
     """
     step = step or scheme.step
     if not scheme.asks:
@@ -54,7 +54,7 @@ def carry(
 ) -> tuple[Any, Any]:
     """One step of a path from y: y1, and the state that the scheme carries to its next step.
 
-    `state` is the state after the step before; None at first and without a `StatefulStep`. For `any_path` see `answer`.
+    `state` is that after the previous step, or None at first and without a `StatefulStep`. For `any_path` see `answer`.
     """
     rule = scheme.step
     if not isinstance(rule, StatefulStep):
@@ -74,7 +74,7 @@ def rows_of_any_path(asks: str, h: float, dW: Array) -> Array:
 
     The rows are not random. With u_i = ΔW_i/(1 + ΔW_i²/|h|) and s = ±1, the sign of h, A_ij is s(u_iΔW_j − u_jΔW_i)/8,
     H_i is su_i/8, and the increments over the first half are ½ΔW + ¼su. Exchanging noises exchanges the rows. The
-    reverse step, with −h and −ΔW, has areas −A, space-time areas H, and as first half the negative of the second half.
+    reverse step, with −h and −ΔW, has areas −A and space-time areas H. Its first half is minus this step's second half.
     """
     size = abs(h) if h else 1.0
     u = dW / (1 + dW * dW / size)

@@ -4,8 +4,8 @@ y1 = y0 + Δ B(ȳ) ∇̄H(y0, y1),  ȳ = (y0 + y1)/2,  Δ = h + Σ_j c_j ΔŴ_j 
 
 ∇̄H(y0, y1) = ∇H(ȳ) + [H(y1) − H(y0) − ∇H(ȳ)ᵀδ] δ/|δ|²,  δ = y1 − y0:
 
-O. Gonzalez, Time integration and discrete Hamiltonian systems (J. Nonlinear Sci. 6, 1996), (3.5), the discrete gradient
-that Cohen and Dujardin (2014), §2, name as another possibility.
+see O. Gonzalez, Time integration and discrete Hamiltonian systems (J. Nonlinear Sci. 6, 1996), (3.5). Cohen and
+Dujardin (2014), §2, name this discrete gradient as another possibility.
 
 Because ∇̄Hᵀδ = H(y1) − H(y0), H is kept for every skew B. Quadratic Casimirs are kept too, because B is taken at the
 midpoint and ∇C(ȳ)ᵀB(ȳ) = 0. Other Casimirs are not kept. The scheme is symmetric and uses the noise through Δ only. It

@@ -21,9 +21,9 @@ from sepv.schemes._stateful import REFUSALS, PathSolver, StatefulStep, whole
 
 
 class Refusal(StepFailure):
-    """An ArithmeticError or LinAlgError raised by the scheme, which counts as a step that it did not solve.
+    """An ArithmeticError or LinAlgError that the scheme raised: it counts as a step that the scheme did not solve.
 
-    A scheme may refuse a step whose equation may have no solution. If it refuses another step, a law reports an error.
+    A scheme may refuse a step whose equation may have no solution. If it refuses any other step, laws report an error.
     """
 
     def __init__(self, error: BaseException, problem: Problem, y: Array, h: float, dW: Array) -> None:
@@ -59,7 +59,7 @@ _TRACED = {"TracerArrayConversionError", "ConcretizationTypeError", "TracerBoolC
 
 
 class SchemeCrash(SepvError):
-    """An exception of the scheme that does not refuse a step; `traceback` is the text of the exception's traceback."""
+    """An exception of the scheme that is no refusal of a step; `traceback` is the text of the exception's traceback."""
 
     def __init__(self, error: BaseException, shape: tuple[int, ...], given: str = "") -> None:
         self.traceback = "".join(traceback.format_exception(error))
@@ -94,11 +94,11 @@ def ask_next(
     Raises
     ------
     SchemeFault
-        A result of wrong type, shape or dtype or with a value that is not finite, or an argument that was changed.
+        If the result has a wrong type, shape or dtype or is not finite, or if the scheme changed an argument.
     StepFailure
-        A step that the scheme did not solve: its own StepFailure, or a `Refusal` for an ArithmeticError.
+        If the scheme did not solve the step: its own StepFailure, or a `Refusal` for an ArithmeticError.
     SchemeCrash
-        Any other exception of the scheme.
+        For any other exception of the scheme.
     """
     given, noise = scheme.numbers(y), scheme.numbers(dW)
     with translated(problem, y, h, dW):
@@ -224,14 +224,14 @@ def _step_in_words(problem: Problem, y: Array, h: float, dW: Array) -> str:
 
 
 def ask_once(scheme: Scheme, problem: Problem, y: Array, h: float) -> None:
-    """Check a scheme without `solve` by a step with dW = 0; of its errors, only StepFailure is ignored."""
+    """Check a scheme without `solve` by a step with dW = 0; any error is raised except StepFailure."""
     if scheme.solve is None:
         with suppress(StepFailure):
             guarded(scheme).step(problem, y, h, np.zeros(problem.noises))
 
 
 def takes_batches(scheme: Scheme, given: Iterable[Problem] = ()) -> bool:
-    """True if a scheme's step takes batches: on a batch of five states it returns the same bits as on each state.
+    """True if a scheme's step accepts batches: for a batch of five states it returns the bits of each state alone.
 
     The step is tried on the problems `given`, else on two of the paper's. For a user's problem the states are reached
     from its initial state by small steps, because a step from an arbitrary state may fail for other reasons.

@@ -1,13 +1,13 @@
 """The isospectral midpoint rule on so(3)*ⁿ, so(n)* and su(n)*: a Poisson integrator without an exponential map.
 
 S. Ephrati, E. Jansson, A. Lang and E. Luesink, An exponential map free implicit midpoint method for stochastic
-Lie-Poisson systems (arXiv 2408.16701), after K. Modin and M. Viviani (Found. Comput. Math. 20, 2020). The coordinates
-y of a matrix W (`sepv.problems._matrix_algebras`) go from W_0 to W_1 in a step. Let x be those of a matrix X, and M the
-matrix of h∇H_0(x) + Σ c_j ΔŴ_j ∇H_j(x) (ΔŴ_j: truncated ΔW_j). Then X and W_1 follow from
+Lie-Poisson systems (arXiv 2408.16701), after K. Modin and M. Viviani (Found. Comput. Math. 20, 2020). A state y has the
+coordinates of a matrix W (`sepv.problems._matrix_algebras`). A step goes from W_0 to W_1. Let x be the coordinates of a
+matrix X, and M the matrix of h∇H_0(x) + Σ c_j ΔŴ_j ∇H_j(x) (ΔŴ_j: truncated ΔW_j). Then X and W_1 follow from
     W_0 = (1 + ½M)X(1 − ½M),  W_1 = (1 − ½M)X(1 + ½M).
 
 So W_1 = UW_0U⁻¹ with the unitary matrix U = (1 − ½M)(1 + ½M)⁻¹. All eigenvalues are kept, and with them all
-Casimirs tr Wᵏ and the coadjoint orbit. The solver gets the form
+Casimirs tr Wᵏ and the coadjoint orbit. The equations are solved in the form
 
     X = W_0 + ½[X, M] + ¼MXM,   W_1 = W_0 + [X, M].
 
@@ -51,7 +51,7 @@ def parts(algebra: MatrixAlgebra, problem: Problem, x: Array, step: Array) -> tu
 def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
     """Solve one step of a batch y (d, M), dW (m, M); the residual of the solution is that of the equation for x.
 
-    Raises Skipped if the structure of the problem is not that of so(3), n times, so(n) or su(n).
+    Raises Skipped if the structure of the problem is none of these: n copies of so(3), so(n), su(n).
     """
     algebra = algebra_of(problem, y)
 

@@ -5,7 +5,7 @@ y1 = y0 + Δ B(ȳ) ½(∇̄₁H(y0, y1) + ∇̄₁H(y1, y0)),  ȳ = (y0 + y1)/2,
 where ∇̄₁H has quotients of H along coordinate increments: T. Itoh and K. Abe, Hamiltonian-conserving discrete canonical
 equations based on variational difference quotients (J. Comput. Phys. 76, 1988). Cohen and Dujardin (2014) take B at y0
 in the drift (`discrete_gradient`). With B at ȳ the scheme depends on the noise through Δ alone, is symmetric and keeps
-quadratic Casimirs. For quadratic H it is the midpoint rule. Rotations do not commute with it: ∇̄₁H depends on the axes.
+quadratic Casimirs. For quadratic H it is the midpoint rule. It does not commute with rotations: ∇̄₁H depends on axes.
 """
 
 from __future__ import annotations

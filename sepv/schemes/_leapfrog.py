@@ -53,9 +53,9 @@ class KicksAndDrifts:
 
 
 def composed(shares: Sequence[float]) -> KicksAndDrifts:
-    """Leapfrog steps with the lengths share·Δ, one after the other, as one sequence of kicks and drifts.
+    """Leapfrog steps of the lengths `shares`·Δ, one after the other, as one sequence of kicks and drifts.
 
-    The last kick of each leapfrog step and the first kick of the next are joined to one kick.
+    The last kick of each leapfrog step and the first kick of the next form one kick.
     """
     kicks = [0.5 * (a + b) for a, b in zip((0.0, *shares), (*shares, 0.0), strict=True)]
     return KicksAndDrifts(tuple(kicks), tuple(shares))

@@ -30,7 +30,7 @@ _UNCLAIMED = "a function of which nothing is claimed"
 def load_scheme(
     target: str | Scheme | Step, claims: Iterable[str] = (), problems: Iterable[Problem] = ()
 ) -> Scheme:
-    """Load a scheme from its name, or make one of a function.
+    """Load a scheme from its name, or make one from a function.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ def _named(target: str, problems: Iterable[Problem]) -> Scheme:
 
 
 def load_problem(target: Any) -> Problem:
-    """Load a problem from its name, a file or a module, or make one of its data or of a function.
+    """Load a problem from its name, a file or a module, or make one from data or by a function.
 
     Parameters
     ----------
@@ -285,7 +285,7 @@ def _no_attribute(module: Any, attribute: str) -> TargetError:
 def _as_module(target: str) -> str:
     """The remedy for a target that is the name of a file: ``mine:step`` for mine.py, ./mine.py:step or mine.
 
-    The text is empty if there is no such file.
+    The text is empty if the name has no .py and there is no such file.
     """
     name, _, attribute = target.partition(":")
     file = Path(name) if name.endswith(".py") else Path(name.replace(".", "/") + ".py")

@@ -4,25 +4,25 @@ The derivation follows A. Abdulle, D. Cohen, G. Vilmart and K. C. Zygalakis, Hig
 differential equations based on modified equations (SIAM J. Sci. Comput. 34, 2012), as Cohen and Dujardin (2014), §5,
 suggest.
 
-**Derivation.** (2.1) is symmetric in Δ, so that it is the flow at Δ of f + Δ²f₃ + O(Δ⁴). With f = B∇H and g = ∇H the
-coefficients of Δ³ in both expansions give
+**Derivation.** Let f = B∇H and g = ∇H. (2.1) is symmetric in Δ, so that it is the flow of f + Δ²f₃ + O(Δ⁴) at the time
+Δ. The coefficients of Δ³ in the expansions of (2.1) and of this flow give
 
     f₃ = S₃ g,   12 S₃ = −½ B″(f, f) + B′(f′f) + B H″B′(f) − B′(f)H″B + B H″B H″B,   f′f = B′(f)g + BH″f.
 
-With F = f·∇, G = f₃·∇ a step's expectation is E exp(ΔF + Δ³G + …), which differs from the exact E exp(ΔF) by
-E[Δ³]G + ½E[Δ⁴](FG + GF) + O(h³), and E[Δ³] = 3c²h² + O(h³), E[Δ⁴] = 3c⁴h² + O(h³), c² = Σ c_j². With f − 3c²h f₃ in the
-place of f both terms vanish: E[Δ³ − 3c²hΔ] = O(h³), and E[Δ⁴ − 3c²hΔ²] = O(h³). So
+With F = f·∇, G = f₃·∇ a step's expectation is E exp(ΔF + Δ³G + …). It differs from the exact E exp(ΔF) by
+E[Δ³]G + ½E[Δ⁴](FG + GF) + O(h³), E[Δ³] = 3c²h² + O(h³), E[Δ⁴] = 3c⁴h² + O(h³), c² = Σ c_j². If f is replaced by
+f − 3c²h f₃, both terms vanish, because E[Δ³ − 3c²hΔ] = O(h³) and E[Δ⁴ − 3c²hΔ²] = O(h³). So
 
     y1 = y0 + Δ [B(ȳ) − 3c²h S₃(ȳ)] ∇̄H,   with ∇̄H in the place of g in S₃,
 
 has weak order 2, and like (2.1) mean-square order 1. S₃ is skew, so that H is kept. C = yᵀAy is kept because
-∇C(ȳ)ᵀS₃∇̄H = 0, by ∇CᵀB = 0, ∇CᵀB′(w) = −2wᵀAB and ∇CᵀB″(w, w) = −4wᵀAB′(w). Both hold for any symmetric matrix in
-the place of H″ and any vector in the place of g.
+∇C(ȳ)ᵀS₃∇̄H = 0, by ∇CᵀB = 0, ∇CᵀB′(w) = −2wᵀAB and ∇CᵀB″(w, w) = −4wᵀAB′(w). H and C are kept with any symmetric
+matrix in the place of H″ and any vector in the place of g.
 
 **Large steps.** If 3c²h|S₃| exceeds |B|, the correction is no longer small, and the equation may have no solution. The
 correction is therefore divided by 1 + θ², θ = 3c²h|S₃|/|B| in the Frobenius norm, so that it is at most half of |B|.
-The factor changes no order, because θ² = O(h²), and neither H nor a Casimir. Because a norm depends on the coordinates,
-the scheme is equivariant under rotations and translations, and not under every affine map.
+This factor changes no order, because θ² = O(h²), and H and Casimirs are still kept. A norm depends on the coordinates.
+Therefore the scheme is equivariant under rotations and translations, but not under every affine map.
 
 A step depends on h and c besides Δ. The scheme is therefore not symmetric, and not a function of Σ c_jΔW_j alone.
 """
@@ -46,8 +46,8 @@ WIDTH = 2.0**-4
 def structure_slope(problem: Problem, y: Array, w: Array, length: Array | float = 1.0) -> Array:
     """The derivative of B at y in the direction w, B′(y)w, (d, d, M).
 
-    It is analytic if the problem gives B′, else from differences of order six along w. Their width is WIDTH times the
-    larger of |y| and `length` (1 if both are 0).
+    It is computed from B′ if the problem gives B′, else from differences of order six along w. Their width is WIDTH
+    times the larger of |y| and `length` (1 if both are 0).
     """
     if problem.structure_derivative is not None:
         return turned_along(problem.structure_derivative(y), w)
@@ -85,14 +85,14 @@ def structure_curvature(problem: Problem, y: Array, w: Array, length: Array | fl
 
 
 def _along(y: Array, w: Array, length: Array | float) -> tuple[Array, Array, Array]:
-    """For differences along w: their width, (M,), w/|w|, (d, M), and |w|, the largest component, (M,)."""
+    """The width (M,) of differences along w, the direction w/|w| (d, M), and |w| (M,), the largest component of w."""
     size = np.max(np.abs(w), axis=0)
     scale = np.maximum(np.max(np.abs(y), axis=0), length)
     return WIDTH * np.where(scale > 0, scale, 1.0), w / np.where(size > 0, size, 1.0), size
 
 
 def correction(problem: Problem, middle: Array, mean: Array, variance: Array) -> Array:
-    """The matrix S₃ (see the module), (d, d, M), at ȳ = `middle` for g = `mean` and 3c²h = `variance`."""
+    """The matrix S₃ (d, d, M) of this module's docstring, at ȳ = `middle`, for g = `mean` and 3c²h = `variance`."""
     B = problem.structure(middle)
     f = matvec(B, mean)
     length = np.sqrt(np.abs(variance)) * np.max(np.abs(f), axis=0)
@@ -108,7 +108,7 @@ def correction(problem: Problem, middle: Array, mean: Array, variance: Array) ->
 
 
 def limited(change: Array, structure: Array) -> Array:
-    """The matrix change/(1 + θ²), (d, d, M), θ = |change|/|structure|: its norm is at most |structure|/2."""
+    """The matrix change/(1 + θ²), (d, d, M), with θ = |change|/|structure|: its norm is at most |structure|/2."""
     # The squares are added entry by entry, because `np.sum` adds in another order for a single path.
     rows = [M.reshape(-1, M.shape[-1]) for M in (change, structure)]
     size, whole = (np.sqrt(dot(entries, entries)) for entries in rows)

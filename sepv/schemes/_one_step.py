@@ -28,7 +28,7 @@ from sepv.solve import solve as solve_implicit
 # A function (problem, h, dW, ...) -> (k, M): the numbers of each step that a formula uses, such as Δ = h + Σ c_j ΔW_j.
 Parts = Callable[..., Array]
 
-# Laws that schemes claim: all built-in ones, methods for y′ = f(y) with step Δ, symmetric ones, energy-preserving ones.
+# Laws claimed by all built-in schemes, by methods for y′ = f(y) with step Δ, by symmetric, by energy-preserving ones.
 EVERY = frozenset(("contract", "reproducibility", "truncation"))
 RANDOM_STEP = EVERY | {"identity", "noise-sum", "random-step", "expansion", "equivariance"}
 SYMMETRIC = RANDOM_STEP | {"casimir", "midpoint", "symmetry", "reversibility"}
@@ -46,7 +46,7 @@ def drift_and_noise(problem: Problem, h: float, noise: Array) -> Array:
 
 
 def noise_and_areas(problem: Problem, h: float, noise: Array, areas: Array) -> Array:
-    """h, the c_j ΔW_j, and the c_i c_j A_ij with i < j of M paths, (k, M), for Lévy areas A, (m, m) or (m, m, M)."""
+    """The numbers h, c_j ΔW_j, and c_i c_j A_ij for i < j of M paths, (k, M); A (m, m) or (m, m, M) are Lévy areas."""
     rows = as_rows(np.asarray(areas)).reshape(-1, noise.shape[1])
     weights = [problem.c[i] * problem.c[j] for i, j in combinations(range(problem.noises), 2)]
     return np.concatenate([each_noise(problem, h, noise), np.reshape(weights, (-1, 1)) * rows])
@@ -69,7 +69,7 @@ class Implicit:
     formula
         The formula of R, if there is one. The compiled engine records its operations.
     requires : (problem) -> anything
-        A function that raises `Skipped` for a problem for which the scheme is not made.
+        A function that raises `Skipped` for a problem that the scheme cannot solve.
     examine : (problem, y0, step, solution) -> None
         A function that may change the status of a path in the solution.
     """
@@ -100,7 +100,7 @@ class Implicit:
     def __call__(self, problem: Problem, y: Array, h: float, dW: Array, *further: Array) -> Array:
         """y1 of one step for y (d,) or (d, M) and dW (m,) or (m, M), truncated by the caller.
 
-        Raises Skipped for a problem that the scheme does not take, and StepFailure if the equation was not solved.
+        Raises Skipped for a problem that the scheme cannot solve, and StepFailure if the equation was not solved.
         """
         state, noise = as_lanes(problem, y, h, dW)
         solution = self._solved(problem, state, noise, h, None, *further)

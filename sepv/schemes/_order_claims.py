@@ -67,7 +67,7 @@ class Orders(float):
 
 
 def order_of(claimed: float | None, column: str, unclaimed: float = 1.0) -> float:
-    """The order that `claimed` has for noises of the kind `column`, one of `COLUMNS`; `unclaimed` if it is None."""
+    """The order that `claimed` has for noises of the kind `column`, one of `COLUMNS`; `unclaimed` if there is none."""
     if claimed is None:
         return unclaimed
     return claimed.of(column) if isinstance(claimed, Orders) else float(claimed)

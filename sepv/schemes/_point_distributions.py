@@ -1,4 +1,4 @@
-"""Increments of two and three points, which weak schemes may take in place of normal ones.
+"""Increments with two or three values, which weak schemes may use in place of normal increments.
 
 A weak order q needs only that the increments have the moments up to 2q + 1 of N(0, h) (G. N. Milstein, Numerical
 Integration of Stochastic Differential Equations, 1995, §9; Kloeden and Platen 1992, §14.1-2):
@@ -83,7 +83,7 @@ class PointLaw:
 
     @property
     def bound(self) -> float:
-        """The largest absolute value that ζ takes."""
+        """The largest absolute value that ζ can have."""
         return max(abs(v) for v in self.values)
 
     @property
@@ -106,7 +106,7 @@ NAMES = (NORMAL, *NAMED)
 
 
 def point_law(increments: str | PointLaw | None) -> PointLaw | None:
-    """The distribution of increments with a name, or a `PointLaw` unchanged; None for normal increments.
+    """The distribution with the name `increments`, or a given `PointLaw` unchanged; None for normal increments.
 
     Raises UsageError for an unknown name.
     """

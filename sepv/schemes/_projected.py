@@ -68,7 +68,7 @@ def solve_projection(problem: Problem, order: int, y0: Array, delta: Array) -> S
 def projected(order: int) -> Scheme:
     """The scheme of the projected method of order 4 or 8; any other order raises UsageError.
 
-    Increments are truncated as in Remark 2.1 with k = 2·order. The residual of a solution is that of the projection.
+    Increments are truncated to √(2kh|ln h|) (Remark 2.1) with k = 2·order. Residuals are those of the projection.
     """
     plain = explicit(order)
 

@@ -22,7 +22,7 @@ from sepv.solve import Solution
 ASKS = ("", "areas", "halves", "space-time")
 DTYPES = ("float64", "float32")
 # The rounding error of a step in single precision, in units of one rounding of y: y, the increment and their sum are
-# rounded. Laws that compare errors with a floor add it to the floor. Laws about single steps count each operation.
+# rounded. Laws that compare errors with a floor add this error to it. Laws about single steps count each operation.
 SINGLE_STEP = 4.0
 
 # Laws about paths, which do not apply to increments that match only some moments of the normal distribution.
@@ -66,10 +66,10 @@ class Scheme:
         Claimed orders, in general or for each kind of noise. A mean-square order also claims the laws "local-mean",
         "local-mean-square", "mean-square-order" and "right-limit". A weak order claims "local-weak" and "weak-order".
     order : float, optional
-        Claimed order p for c = (), y1 = φ_h(y0) + O(h^(p+1)) with the exact flow φ: claims "deterministic-order" too.
+        Claimed order p without noise: y1 = φ_h(y0) + O(h^(p+1)) for the exact flow φ. Claims "deterministic-order" too.
     noise : bool, optional
-        False for a scheme for systems without noise, c = (): laws then call the step with a ``dW`` of shape (0,), and
-        laws about noise do not apply. By default True, except if `order` is the only order claimed.
+        False if the scheme is for systems without noise, c = (). Laws then call the step with a ``dW`` of shape (0,),
+        and laws about noise do not apply. By default True, except if `order` is the only order claimed.
     solve : callable (problem, y, h, dW) -> Solution, optional
         For implicit schemes: the step for a batch of paths, with the solver's residual, counts and status of each path.
     solver_tolerance : float
@@ -83,7 +83,7 @@ class Scheme:
     batched : bool
         True if `step` takes batches of M states, (d, M).
     systems : Systems
-        The class of systems from which laws draw the scheme's cases; a value such as "single" stands for it.
+        The class of systems from which laws draw the scheme's cases, or the text of the class, such as "single".
     problems : sequence of problems or strategies
         The only problems from which laws draw cases, if the scheme is not for every system of `systems`: names,
         ``module:attribute``, `Problem`, names of families, or Hypothesis strategies of `PolynomialSystem` or `Problem`.
@@ -93,11 +93,11 @@ class Scheme:
         (m, M); "space-time" for the space-time Lévy areas H_i = (1/h)∫(W_i(s) − (s/h)ΔW_i) ds, (m,) or (m, M), of
         variance h/12. By default a step has four arguments.
     stages : int
-        The number s of stages of a collocation method. Laws that compare a scheme with (2.1) then take the s-stage
-        method of Cohen and Hairer in its place, and the s-stage Gauss method in the place of the midpoint rule.
+        The number s of stages of a collocation method. Laws then compare the scheme with the s-stage method of Cohen
+        and Hairer instead of (2.1), and with the s-stage Gauss method instead of the midpoint rule.
     longest_step : float or callable (problem, y, h, dW) -> bool, optional
-        The largest |h| + Σ|c_j ΔW_j| of a step that the scheme takes, or a function that is True for steps it takes.
-        Laws about single steps leave out all others. A law is inconclusive if less than a quarter of its cases remain.
+        The largest |h| + Σ|c_j ΔW_j| of a step that the scheme is made for, or a function that is True for such steps.
+        Laws about single steps omit other steps. A law is inconclusive if less than a quarter of its cases remain.
     dtype : "float64" or "float32"
         The type of y, dW and y_next of the step. With float32 the laws' bounds are for roundings in float32, and
         defects and bounds are in units of 2⁻²³. The suite's own computations stay in float64.
@@ -205,7 +205,7 @@ class Scheme:
 
     @property
     def deterministic(self) -> bool:
-        """True if the scheme is for systems without noise, c = (), only."""
+        """True if the scheme is only for systems without noise, c = ()."""
         if self.noise is not None:
             return not self.noise
         others = self.mean_square_order, self.weak_order
@@ -218,7 +218,7 @@ class Scheme:
 
     @property
     def precision(self) -> float:
-        """The relative error allowed for a step: the solver's tolerance, plus its rounding error if it uses float32."""
+        """The relative error allowed for a step: the solver's tolerance, and in float32 also the step's rounding."""
         return self.solver_tolerance + (SINGLE_STEP * self.eps if self.eps > EPS else 0.0)
 
     def numbers(self, values: Array) -> Array:
@@ -263,7 +263,7 @@ def _wrong(attribute: str, expected: str, value: Any) -> UsageError:
 
 
 def takes(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> bool:
-    """True if the scheme takes this step, according to its `Scheme.longest_step`."""
+    """True if the scheme is made for this step, according to its `Scheme.longest_step`."""
     limit = scheme.longest_step
     if limit is None:
         return True
@@ -273,7 +273,7 @@ def takes(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> bo
 
 
 def weakly(scheme: Scheme, increments: str | PointLaw | None) -> Scheme:
-    """A copy of a scheme with other `Scheme.increments`; if these have few values, it claims no mean-square order."""
+    """A copy of a scheme with other `Scheme.increments`; with those of few values it claims no mean-square order."""
     law = point_law(increments)
     if law is None:
         return scheme if scheme.increments is None else replace(scheme, increments=None)

@@ -1,4 +1,4 @@
-"""A step that carries a state with more than y along a path: a stored force, a cached gradient, a second copy of y.
+"""A step that carries more than y along a path, such as a stored force, a cached gradient or a second copy of y.
 
 Laws about one step make a new state for each step, y1 = value(step(init(y0))). Along a path each step gets the state of
 the step before (`sepv.schemes.carry`).
@@ -31,7 +31,7 @@ class StatefulStep:
     init : callable (problem, y) -> state
         The state at the beginning of a path at y, of shape (d,).
     step : callable (problem, state, h, dW) -> state
-        The state after one step. The function changes nothing in place, also not the given state.
+        The state after one step. The function changes nothing in place, not even the given state.
     value : callable (state) -> y
         The y of a state, of shape (d,).
 
@@ -77,10 +77,10 @@ class StatefulStep:
 
 
 class PathSolver(StatefulStep):
-    """A solver that offers whole paths only, such as a multistep method, as a step: ``Scheme(name, PathSolver(path))``.
+    """A step made from a solver of whole paths, such as a multistep method: ``Scheme(name, PathSolver(path))``.
 
     `path(problem, y0, h, dW)` takes y0 (d,) and the increments dW (N, m, M) of M paths, and returns their states
-    (N + 1, d, M). It is called with M = 1. The laws of orders compute each path once. Other laws take steps: the state
+    (N + 1, d, M). It is called with M = 1. The laws of orders compute each path once. Other laws make steps: the state
     of a path is y0 with the increments so far, and each step computes the path anew from y0. So N steps with noise cost
     N(N + 1)/2 steps of the solver. A `mean_square_order` of such a scheme claims no law of the local error, because the
     first step of a multistep method may have a lower order.
@@ -149,7 +149,7 @@ def joined_lanes(states: list[Any]) -> Any:
 
 
 def _mapped(function: Callable[..., Any], *trees: Any) -> Any:
-    """Apply a function to arrays at equal places of several nested tuples, lists and dicts; None stays None."""
+    """Apply a function to the arrays at the same place of several nested tuples, lists or dicts; None stays None."""
     first = trees[0]
     if first is None or hasattr(first, "shape") or isinstance(first, (bool, int, float)):
         return first if first is None else function(*trees)

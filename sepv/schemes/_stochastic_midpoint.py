@@ -2,9 +2,9 @@
 
 y1 = y0 + B(ȳ)(h∇H_0(ȳ) + Σ_j c_j ΔŴ_j ∇H_j(ȳ)), ȳ = (y0 + y1)/2   (ΔŴ_j: truncated ΔW_j).
 
-With the increments held fixed a step is the midpoint rule for the Hamiltonian K = hH_0 + Σ c_j ΔŴ_j H_j: it keeps every
-quadratic and linear Casimir of B, is symplectic for constant B (G. N. Milstein, Yu. M. Repin and M. V. Tretyakov, SIAM
-J. Numer. Anal. 40, 2002), and is symmetric. For other B the step is not a Poisson map.
+With fixed increments a step is the midpoint rule for the Hamiltonian K = hH_0 + Σ c_j ΔŴ_j H_j. So it is symmetric,
+keeps all quadratic and linear Casimirs of B, and is symplectic for constant B (G. N. Milstein, Yu. M. Repin and M. V.
+Tretyakov, SIAM J. Numer. Anal. 40, 2002). For other B the step is not a Poisson map.
 
 A step agrees with the flow of B∇K up to second order in K, but has no Lévy areas, which multiply brackets of the fields
 B∇H_j. The mean-square order is therefore ½ in general and 1 if these fields commute. The weak order is 1.

@@ -6,7 +6,7 @@ C.-E. Bréhier, D. Cohen and T. Jahnke, Splitting integrators for stochastic Lie
 use the composition of Lie and Trotter. This scheme uses G. Strang's, which is symmetric. Each flow φʲ_t of B∇H_j over
 the time t is a Poisson map and keeps all Casimirs and the domain, and so does the composition.
 
-A step agrees with the flow of K = hH_0 + Σ c_j ΔŴ_j H_j, for fixed increments, up to second order in K, but has no Lévy
+For fixed increments a step agrees with the flow of K = hH_0 + Σ c_j ΔŴ_j H_j up to second order in K, but has no Lévy
 areas. The mean-square order is therefore ½ in general and 1 if the noises' fields commute. The weak order is 1.
 """
 

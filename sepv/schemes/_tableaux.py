@@ -30,8 +30,8 @@ class GaussTableau:
 def gauss_tableau(stages: int) -> GaussTableau:
     """The tableau of the Gauss method with s stages, of order 2s.
 
-    Quadratic invariants are kept because b_i a_ij + b_j a_ji = b_i b_j. For b_i = b_j the rounded coefficients are made
-    to satisfy this too, because their roundings would move a quadratic H in the same direction in every step.
+    Quadratic invariants are kept because b_i a_ij + b_j a_ji = b_i b_j. If b_i = b_j, the rounded coefficients satisfy
+    this too: otherwise their roundings would move a quadratic H in the same direction in every step.
     """
     c, b = gauss_legendre(stages)
     A = np.tril(lagrange_integrals(stages, c), -1)
@@ -55,7 +55,7 @@ def lagrange_integrals(stages: int, tau: Array) -> Array:
 
 @lru_cache(maxsize=256)
 def moments(stages: int, nodes: int) -> tuple[Array, Array]:
-    """The matrices W and P of a quadrature with N Gauss nodes τ_n, weights w_n, for the averages of the s-stage method.
+    """Two matrices W and P, for the averages of the s-stage method by a quadrature with N Gauss nodes τ_n, weights w_n.
 
     W (s, N) has the entries w_n ℓ_i(τ_n)/b_i, so that b_i⁻¹ ∫ ℓ_i g = Σ_n W_in g(τ_n), exact for g of degree ≤ 2N − s.
     P (N, s) has the entries ∫₀^{τ_n} ℓ_j, so that the collocation polynomial is y0 + Σ_j P_nj z_j at τ_n.
@@ -82,7 +82,7 @@ def amplification(stages: int) -> float:
 
 
 def _series(stages: int, c: Array, b: Array) -> Array:
-    """The coefficients of the Lagrange polynomials ℓ_i of the Gauss nodes in shifted Legendre polynomials, (s, s)."""
+    """The coefficients (s, s) of the Gauss nodes' Lagrange polynomials ℓ_i in shifted Legendre polynomials."""
     return np.asarray(
         b[:, None] * (2 * np.arange(stages) + 1) * np.stack(legendre_values(2 * c - 1, stages - 1)).T
     )

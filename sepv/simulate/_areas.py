@@ -12,9 +12,9 @@ Third moments vanish except E[a_ij a_jk a_ki] of three noises, which is O(h³). 
 
 **Drawn areas.** Over fine steps of length δ, the B_i are drawn from their distribution, and the a_ij as normal numbers
 of the right variance. Over a step of K fine steps Chen's relation is A = Σ_k A_k + ½ Σ_{k<l} ΔW_k ∧ ΔW_l, where
-(v ∧ w)_ij = v_i w_j − v_j w_i. Only the shape of the distribution of the fine a_ij is approximate; they make up 1/K of
-the variance h²/12 of the step's a_ij (for such couplings see A. Davie, in: Stochastic Analysis 2010). Increments and
-areas are one rough path, the same for schemes and reference solutions at all step sizes.
+(v ∧ w)_ij = v_i w_j − v_j w_i. Only the shape of the fine a_ij's distribution is approximate, and the fine a_ij make up
+1/K of the variance h²/12 of the step's a_ij (for such couplings see A. Davie, in: Stochastic Analysis 2010). Increments
+and areas are one rough path, the same for schemes and reference solutions at all step sizes.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ from sepv.errors import UsageError
 from sepv.problem import Array
 from sepv.simulate import _wiener as wiener
 
-# Fine steps per step of a scheme that takes areas: with eight the shape of the distribution of a_ij hardly matters.
+# Fine steps per step of a scheme that uses areas: with eight, the shape of the fine a_ij's distribution hardly matters.
 MORE = 8
-# The offset of the seeds of the areas, far from seeds given by hand.
+# The seed of the areas is the seed of the increments plus this number, and so far from seeds given by hand.
 _SECOND = 2**40
 
 
 def points(xi: Array) -> tuple[Array, Array]:
-    """Quadrature nodes (k, P, Q), weights (Q,) of degree 3 for Lévy areas of a step h = 1 with increments xi (m, P).
+    """Nodes (k, P, Q) and weights (Q,), of degree 3, for k Lévy areas of a step h = 1 with increments xi (m, P).
 
-    The areas have n uncorrelated parts, m B_i and k a_ij (see the module); nodes are ±√n e_i with equal weights.
+    The areas depend on n uncorrelated numbers, m B_i and k a_ij (see the module), with nodes ±√n e_i of equal weights.
     """
     m = len(xi)
     pairs = list(combinations(range(m), 2))
@@ -55,7 +55,7 @@ def bridges(noises: int) -> Array:
 
 
 def _from_normals(dW: Array, normals: Array, pairs: list[tuple[int, int]], h: float) -> Array:
-    """Lévy areas A_ij (k, ...) from ΔW (m, ...) and `normals`, m for the B_i and k for the a_ij (see the module)."""
+    """Lévy areas A_ij (k, ...) from ΔW (m, ...) and `normals`: m for the B_i, then k for the a_ij (see the module)."""
     m = len(dW)
     return np.stack([
         h**0.5 / 12**0.5 * (dW[j] * normals[i] - dW[i] * normals[j]) + h / 12**0.5 * normals[m + k]
@@ -65,7 +65,7 @@ def _from_normals(dW: Array, normals: Array, pairs: list[tuple[int, int]], h: fl
 
 @dataclass(frozen=True)
 class RoughPath:
-    """M rough paths over N fine steps h: increments dW, space-time areas `bridges` (N, m, M), Lévy areas (N, k, M)."""
+    """M rough paths over N fine steps h: dW and space-time areas `bridges` (N, m, M), and Lévy areas (N, k, M)."""
 
     h: float
     dW: Array
@@ -73,7 +73,7 @@ class RoughPath:
     bridges: Array
 
     def coarse(self, steps: int) -> RoughPath:
-        """The rough path over `steps` steps, a divisor of N, by Chen's relation."""
+        """The rough path over `steps` longer steps, by Chen's relation; `steps` must divide N."""
         N, m, M = self.dW.shape
         K = N // steps
         dW = self.dW.reshape(steps, K, m, M)
@@ -86,7 +86,7 @@ class RoughPath:
         return RoughPath(K * self.h, dW.sum(axis=1), areas, means - 0.5 * dW.sum(axis=1))
 
     def rows(self, steps: int, asks: str) -> Array:
-        """The increments of `steps` steps, and below them the rows that `asks` names, such as areas: (steps, m + k, M).
+        """Rows (steps, m + k, M) for `steps` steps: m of increments, then k of the data that `asks` names, e.g. areas.
 
         Raises UsageError if `asks` is "halves" and the N fine steps do not divide into 2·`steps` equal parts.
         """

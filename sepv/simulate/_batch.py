@@ -16,9 +16,9 @@ from sepv.simulate import _truncation as bounded
 from sepv.simulate._results.reductions import Summary
 from sepv.solve import Status
 
-# The number of paths computed together: enough to hide the cost of NumPy's calls, with small arrays of increments.
+# The number of paths computed together: enough to hide the cost of NumPy's calls, and few enough for small arrays.
 CHUNK = 1024
-# The arrays of an `Ensemble`, and the names of their axes without the last axis, which is the path.
+# The arrays of an `Ensemble` by name, with the names of all their axes but the last, which is the path.
 AXES: dict[str, tuple[str, ...]] = {
     "y": ("component",),
     "W": ("noise",),
@@ -39,7 +39,7 @@ class Ensemble:
     y : (d, M)
         States at T; for a failed path, the last state reached.
     W : (m, M)
-        The untruncated W(T); the random time θ(T) = T + Σ c_j W_j(T) gives the exact solution.
+        The sums W(T) of untruncated increments; the exact solution is the flow at the random time T + Σ c_j W_j(T).
     status : (M,)
         `sepv.solve.Status` of each path: 0 if every step converged.
     failed_step : (M,)
@@ -48,7 +48,7 @@ class Ensemble:
         The largest |H(y_n) − H(y_0)| over the path, and the largest |C(y_n) − C(y_0)| of any quadratic or linear
         Casimir C, evaluated in binary64.
     gradient_evaluations, structure_evaluations, iterations : int
-        Work over all paths and steps; zero for schemes that do not report it.
+        Counts of work over all paths and steps; zero for a scheme that does not report them.
     times, states : (K,), (K, d, M)
         The chosen times, and the states at these times; for a failed path, the last state reached.
     engine : "numpy" or "compiled"
@@ -60,7 +60,7 @@ class Ensemble:
     repeated : int
         The number of chunks computed again because a worker raised or died.
     reduced : dict of `sepv.simulate._results.reductions.Summary`
-        The summary of each functional of `reduce=`; without `store=`, the arrays above then have no paths.
+        The summary of each functional in `reduce=`. With `reduce=` and without `store=`, the arrays have no paths.
     about : dict
         Problem, scheme, step size, seed, version.
     """
@@ -88,7 +88,7 @@ class Ensemble:
         """Return an `xarray.Dataset` with the dimensions path, time, component and noise, and with `about` as `attrs`.
 
         Data of an ensemble with `store=` stay on disk, and are read when they are indexed. Raise UsageError if xarray
-        (extra `store`) is not installed, and for an ensemble that has only the summaries of its paths.
+        (extra `store`) is not installed, or if the ensemble has only summaries of its paths.
         """
         xarray = optional("xarray", "xarray, for to_xarray()", "pip install xarray")
         if self.reduced and not self.y.shape[-1]:
@@ -115,9 +115,9 @@ class Ensemble:
 def run_chunk(
     scheme: Scheme, problem: Problem, y0: Array, h: float, raw: Array, k: int | None, *, track: bool = True
 ) -> Ensemble:
-    """Run paths from y0 (d,) over Wiener increments raw (N, m, M), which `_truncation.seen` bounds with k.
+    """Run paths from y0 (d,) with the Wiener increments `raw` (N, m, M); `_truncation.seen` bounds them, given k.
 
-    If the scheme takes more than increments (`sepv.schemes._further_increments`), its further arguments are in further
+    If the scheme needs more than increments, such as areas (`sepv.schemes._further_increments`), they are in further
     rows of `raw`. With track=False the invariants are not computed, and their defects are zero.
     """
     batch = Batch(scheme, problem, y0, raw.shape[2], track=track)
@@ -157,7 +157,7 @@ class Batch:
         self.done = 0
 
     def step(self, h: float, dW: Array, known: Array | None = None) -> None:
-        """Take one step with truncated increments dW (m, M); states `known` (d, M), if given, are its result."""
+        """Take one step with truncated increments dW (m, M). If `known` (d, M) is given, it is the step's result."""
         alive = self.alive
         self.done += 1
         if not alive.size:
@@ -189,7 +189,7 @@ class Batch:
             self.worst[1, alive] = np.maximum(self.worst[1, alive], drift[1:].max(axis=0, initial=0.0))
 
     def result(self, W: Array, states: Array | None = None) -> Ensemble:
-        """The `Ensemble` of the paths at the present step, with sums W of their increments, and states kept before."""
+        """The `Ensemble` of the paths at the present step, from sums W of their increments and `states` kept before."""
         gradients, structures, iterations, divisions, continuations = (int(v) for v in self.work)
         ends = Ensemble(
             self.y, W, self.status, self.failed, self.worst[0], self.worst[1], gradients, structures, iterations,
@@ -223,8 +223,8 @@ def advance(
 ) -> tuple[Array, np.ndarray, np.ndarray, Array | None]:
     """Take a step of a batch: return y1, each path's status, five counts of work, and y1 − y0 if the scheme gives it.
 
-    The counts are evaluations of ∇H and B, iterations, divisions and continuations. `carried` holds what a
-    `StatefulStep` carries, and is updated; without `carried`, this is the first step of the paths.
+    The counts are evaluations of ∇H and B, iterations, divisions and continuations. `carried` holds the data that a
+    `StatefulStep` carries, and is updated. If it is not given, the step is the first one of the paths.
     """
     if scheme.solve is not None:
         solution = scheme.solve(problem, y, h, dW)
@@ -239,7 +239,7 @@ def advance(
 
 
 def judged(problem: Problem, y: Array, code: np.ndarray) -> np.ndarray:
-    """Set in place the status of paths whose state y is not finite or outside the problem's domain."""
+    """Set `code` in place to a failure for paths whose state y is not finite or is outside the problem's domain."""
     code[~np.all(np.isfinite(y), axis=0) & (code == 0)] = Status.OVERFLOW
     if problem.domain is not None:
         with np.errstate(invalid="ignore"):
@@ -250,7 +250,7 @@ def judged(problem: Problem, y: Array, code: np.ndarray) -> np.ndarray:
 def batch_step(
     scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, carried: Carried
 ) -> tuple[Array, np.ndarray]:
-    """Call the scheme for a batch, or path by path if it takes no batches or refuses this one."""
+    """Call the scheme for a whole batch, or path by path if the scheme takes no batches or refuses this batch."""
     code = np.zeros(y.shape[1], dtype=np.int64)
     value = np.full_like(y, np.nan)
     y, dW = (np.asarray(a, dtype=scheme.dtype) for a in (y, dW))

@@ -28,7 +28,7 @@ class Trajectory:
     t : (N + 1,)
     y : (d, N + 1)
     dW : (N, m)
-        The increments that the scheme was given, and in further columns any Lévy areas or half-step increments.
+        The increments given to the scheme. Lévy areas or half-step increments, if asked for, are in further columns.
     gradient_evaluations, divisions, continuations : int
         The numbers of evaluations of ∇H, of divided steps (`sepv.schemes.divided`), and of fractions of steps that
         were solved by continuation (`sepv.schemes.continued`).
@@ -71,24 +71,24 @@ def integrate(
     dW : (N, m), optional
         Untruncated increments to use instead of drawn ones.
     truncation : int, "own" or None
-        The k of Remark 2.1, by default the one that the scheme declares. None: the increments are not truncated.
+        The k of the truncation in Remark 2.1; "own" means the k that the scheme declares, None means no truncation.
     increments : "normal", "two-point", "three-point" or PointLaw, optional
         The distribution of the increments; by default the one that the scheme declares. A PointLaw replaces each normal
-        increment by its own quantile at the same probability (`sepv.simulate._truncation.seen`).
+        increment by the law's quantile at the same probability (`sepv.simulate._truncation.seen`).
 
     Returns
     -------
     Trajectory
-        t (N+1,), y (d, N+1), the increments used dW (N, m), and the work.
+        Times t (N+1,), states y (d, N+1), the increments dW (N, m) that were used, and counts of work.
 
     Raises
     ------
     StepFailure
-        At the first step whose implicit equation was not solved.
+        If the implicit equation of a step was not solved; raised at the first such step.
     SchemeFault
-        If the scheme returns something that is no state: wrong shape or type, not finite.
+        If the scheme returns something that is no state: its shape or type is wrong, or it is not finite.
     UsageError, TargetError
-        For invalid arguments; if `scheme` is no scheme or `problem` is no problem.
+        UsageError for invalid arguments. TargetError if `scheme` is no scheme or `problem` is no problem.
 
     Examples
     --------

@@ -59,7 +59,7 @@ def prepared(
 ) -> tuple[Scheme, int | None]:
     """The scheme with the chosen distribution of increments (None: the one that it declares), and the truncation's k.
 
-    Increments with few values are bounded: their k is None, and any other k a UsageError. Warns if k lowers the order.
+    Increments with few values are bounded: their k is None, another k raises UsageError. Warns if k lowers the order.
     """
     if increments is not None:
         scheme = weakly(scheme, increments)
@@ -88,7 +88,7 @@ def prepared(
 
 
 def step_count(h: float, T: float | None, steps: int | None) -> int:
-    """The number N of steps with N h = T; UsageError if h and one of T and `steps` do not give such a number."""
+    """The number N of steps: `steps`, or T/h. Raise UsageError if h, T and `steps` do not give such a number."""
     if not is_number(h) or h <= 0:
         raise UsageError(
             expected="h, a finite step size > 0",

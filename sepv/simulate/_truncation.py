@@ -1,4 +1,4 @@
-"""Bounded increments: normal ones clipped as in Remark 2.1 of Cohen and Dujardin, or ones with few values."""
+"""Bounded increments: normal increments clipped as in Remark 2.1 of Cohen and Dujardin, or increments of few values."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from sepv.schemes import PointLaw, point_law
 
 
 def truncation_bound(h: float, k: int) -> float:
-    """The bound A_h = √(2k|ln h|) on |ΔW|/√h of Remark 2.1, for 0 < h < 1.
+    """The bound A_h = √(2k|ln h|) of Remark 2.1 on |ΔW|/√h, for 0 < h < 1.
 
     Raises
     ------
     UsageError
-        For k < 1, and for h ≥ 1: |ln h| then no longer measures how small h is, and h = 1 would set every increment to
-        zero. Remark 2.1 is about h < 1, and no other rule silently replaces it.
+        If k < 1 or h ≥ 1. For h ≥ 1, |ln h| does not measure how small h is, and h = 1 would set every increment to
+        zero. Remark 2.1 assumes h < 1, and no other rule is used silently instead.
     """
     if not 0 < h < 1:
         raise UsageError(
@@ -42,9 +42,9 @@ def truncate(dW: ArrayLike, h: float, k: int | None = 2, unit: float = 1.0) -> A
     dW : array_like of any shape
         Wiener increments of variance h.
     k : int, optional
-        The k of A_h = √(2k|ln h|); 2 in the paper. E[(ΔW − ΔŴ)²] ≤ h^(k+1)(1 + 2√(2k|ln h|)).
+        The k of A_h = √(2k|ln h|); 2 in the paper. The error is E[(ΔW − ΔŴ)²] ≤ h^(k+1)(1 + 2√(2k|ln h|)).
     unit : float, optional
-        A_h is computed from h/unit, for problems whose time scale is not 1.
+        The time scale of the problem: A_h is computed from h/unit.
     """
     increments = np.asarray(dW, dtype=np.float64)
     if k is None:
@@ -67,7 +67,7 @@ def seen(
     unit : float, optional
         As for `truncate`.
     increments : "normal", "two-point", "three-point" or PointLaw, optional
-        A PointLaw replaces each increment ΔW by √h times its own quantile at the probability Φ(ΔW/√h).
+        A PointLaw replaces each increment ΔW by √h times the law's quantile at the probability Φ(ΔW/√h).
 
     Examples
     --------
@@ -82,7 +82,7 @@ def seen(
 
 
 def points(h: float, law: PointLaw | None) -> tuple[Array, Array]:
-    """Thresholds on ΔW, and the increments over a step h into which a PointLaw turns it; empty for normal ones."""
+    """Thresholds of ΔW over a step h, and the values that replace ΔW between them; both are empty if `law` is None."""
     if law is None:
         return np.empty(0), np.empty(0)
     root = math.sqrt(h)

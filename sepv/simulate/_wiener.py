@@ -21,7 +21,7 @@ from sepv.problem import Array
 
 # Levels of Lévy's construction with at most this many increments are drawn from the path's first stream.
 TOP = 64
-# Rounds of mixing after a stream's state is set. NumPy uses 12 for SFC64; its author uses 18 for three words.
+# Rounds of mixing after a stream's state is set. NumPy uses 12 for SFC64; SFC64's author uses 18 for three words.
 MIXING = 18
 # The low six bits of a state word are the number of the stream: 64 streams, more than the levels of 2**58 steps.
 STREAMS = 64
@@ -36,10 +36,10 @@ def increments(
     ----------
     seed : int ≥ 0
     paths : int or range
-        The number of paths, or their numbers.
+        How many paths (numbered from 0), or the range of their numbers.
     refine : int, optional
         How often a coarser grid is halved (Lévy's construction) to give the grid of `steps` steps; by default as often
-        as `steps` allows. All step counts n·2^l with the same odd n give the same paths: up to rounding, a coarse
+        as `steps` allows. All step counts n·2^l with the same odd n then give the same paths: up to rounding, a coarse
         increment is the sum of its fine increments.
 
     Returns
@@ -99,9 +99,9 @@ def spreads(T: float, grid: Grid) -> Array:
 
 @lru_cache(maxsize=64)
 def stream_words(seed: int, grid: Grid) -> NDArray[np.uint64]:
-    """Three state words of each SFC64 stream of path 0, (streams, 3): two from the seed, and the level that it draws.
+    """The three state words (streams, 3) of each SFC64 stream of path 0: two from the seed, and the stream's level.
 
-    Stream 0 draws the coarse part of the path (level 0), stream i > 0 level top + i. Path p adds 64p to the third word.
+    Stream 0 draws the coarse part of a path (level 0), and stream i > 0 draws level top + i. Path p adds 64p to word 3.
     """
     levels = np.concatenate([[0], np.arange(grid.top + 1, grid.halvings + 1)])
     words = np.random.SeedSequence(int(seed)).generate_state(2, np.uint64)

@@ -17,8 +17,8 @@ def approach(equations: Equations, numbers: Lanes) -> Solution:
     """Iterate from z = 0 by damped Newton steps until full steps shrink fast, so that Newton's method can go on.
 
     The status is then CONVERGED, although z is not yet a solution to rounding. `numbers` are the numbers of the paths
-    in `equations`. With small factors λ the iteration follows the curve on which all components of F = z − R shrink by
-    the same factor. This curve ends at a solution, or at a point where the Jacobian is singular.
+    in `equations`. With small damping factors λ the iteration follows the curve on which all components of F = z − R
+    shrink by the same factor. This curve ends at a solution, or at a point where the Jacobian is singular.
     """
     n, count = equations.size.shape[0], numbers.size
     none = np.zeros((4, count), dtype=np.int64)
@@ -55,7 +55,7 @@ def _take_share(
     """Move the active paths to z − λp, with Newton's correction p = A⁻¹F, and return True for paths that moved.
 
     A is the derivative of F = z − R(z). The factor λ is halved until z − λp is in the domain, R is finite there, and
-    the simplified correction A⁻¹F(z − λp) is at most (1 − λ/4)|p|. Linear changes of the equations do not change this
+    the simplified correction A⁻¹F(z − λp) is at most (1 − λ/4)|p|. A product of F with a matrix does not change this
     test (P. Deuflhard, Newton Methods for Nonlinear Problems, 2004, §3.3).
     """
     z, length = state.value[:, active], np.abs(p).max(axis=0)

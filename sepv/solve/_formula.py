@@ -1,7 +1,7 @@
 """The formula of a scheme: a function (fields, y, z, step) -> R for the step y1 = y + R, where z = y1 − y.
 
-A formula is written once, and computed on arrays and on symbols. `fields` has the functions of a problem:
-`CountedFields` computes them on arrays and counts evaluations; the compiled engine computes them on symbols, and
+A formula is written once, and evaluated on arrays and on symbols. `fields` has the functions of a problem.
+`CountedFields` evaluates them on arrays and counts the evaluations. The compiled engine evaluates them on symbols, and
 derives Newton's matrix from the recorded operations of R. `step` (k, ...) has the numbers of a step that the scheme
 uses, such as the random step Δ = h + Σ c_j ΔW_j (`sepv.schemes._one_step`).
 """
@@ -39,7 +39,7 @@ class Fields(Protocol):
         """The structure matrix B(y), (d, d, ...)."""
 
     def combined(self, y: Any, step: Any) -> Any:
-        """h B(y) + Σ c_jΔW_j G_j(y), (d, d, ...), with the structure G_j of noise j; `step` holds h and the c_jΔW_j."""
+        """The structure h B(y) + Σ c_jΔW_j G_j(y), (d, d, ...), G_j for noise j; `step` holds h and the c_jΔW_j."""
 
     def apply(self, y: Any, v: Any) -> Any:
         """The product B(y)v, (d, ...)."""
@@ -53,7 +53,7 @@ class Fields(Protocol):
         """The gradient ∇H(y), (d, ...)."""
 
     def combined_gradient(self, y: Any, step: Any) -> Any:
-        """The gradient of hH_0 + Σ c_jΔW_jH_j, the Hamiltonian of a step, (d, ...); `step` holds h and the c_jΔW_j."""
+        """The gradient (d, ...) of a step's Hamiltonian hH_0 + Σ c_jΔW_jH_j; `step` holds h and the c_jΔW_j."""
 
     def field(self, y: Any) -> Any:
         """The field f(y) = B(y)∇H(y), (d, ...)."""
@@ -66,7 +66,7 @@ class Fields(Protocol):
         """The average of ∇H along the segment from y to y + z, ∫₀¹∇H(y + τz)dτ, (d, ...)."""
 
     def edge_means(self, starts: Any, z: Any) -> Any:
-        """The averages of ∂_iH along d edges, (d, ...): edge i goes from column i of `starts` by z_i along axis i."""
+        """The averages of ∂_iH along d edges, (d, ...); edge i has the length z_i along axis i from starts[:, i]."""
 
     def factor(self, y: Any) -> Any:
         """The factor g(y) in B(y)v = g(y)(v × ∇C(y)), (...)."""
@@ -82,8 +82,8 @@ class CountedFields(Fields):
     """The functions of a problem computed on arrays for steps from y0 to y1 (d, M), with counts of their evaluations.
 
     `gradients` (M,) counts evaluations of ∇H, `structures` (M,) those of B or h B + Σ c_jΔW_j G_j. `reliable` (M,) is
-    True for paths all of whose quadratures reached rounding. `means` (d, M) and `matrices` (d, d, M) are lists of the
-    averaged gradients and of the structures in the order of calls, for Newton's matrix.
+    True for each path if all its quadratures reached rounding. The lists `means` and `matrices` have the averaged
+    gradients (d, M) and the structures (d, d, M) in the order of calls, for Newton's matrix.
     """
 
     def __init__(self, problem: Problem, y0: Array, y1: Array) -> None:
@@ -118,7 +118,7 @@ class CountedFields(Fields):
         """The derivative f′(y)v of the field f = B∇H; its evaluations are not counted."""
         return derivative_along(self.problem, y, v)
 
-    def mean_gradient(self, y: Array, z: Array) -> Array:  # noqa: ARG002 - y0 and y1 − y0, which y1 is not rounded from
+    def mean_gradient(self, y: Array, z: Array) -> Array:  # noqa: ARG002 - y + z may differ from y1 by a rounding
         """The average of ∇H along the segment from y0 to y1, for which a formula passes y = y0 and z = y1 − y0."""
         self.means.append(self._means(self._y0, self._y1))
         return self.means[-1]

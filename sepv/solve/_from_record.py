@@ -20,7 +20,7 @@ from sepv.solve._solution import Flags, Lanes
 
 # The largest d for which Cramer's rule is written out.
 LARGEST = 3
-# The most records in the cache, and the cache: records by the problem's data, the formula and its number of inputs.
+# The most records in the cache, and the cache. A key has the problem's data, the formula, and its number of inputs.
 MOST_RECORDS = 128
 _RECORDS: dict[Any, Record | None] = {}
 # Prefixes of modules that define or derive the functions of problems given by name.
@@ -30,7 +30,7 @@ _MODULES = ("sepv.problems.", "sepv.record.", "sepv.problem._derived")
 class Record(NamedTuple):
     """The code of a Newton iteration as a function of (y, z, step), and the evaluations of ∇H and of B in R.
 
-    The function returns z − R(z), Newton's correction, and True where z minus the correction is in the domain.
+    The function returns z − R(z), Newton's correction, and a test, True where z minus the correction is in the domain.
     """
 
     source: Source
@@ -46,7 +46,7 @@ class Corrections(NamedTuple):
     step: Array
 
     def of_lanes(self, z: Array, lanes: Lanes) -> tuple[Array, Array, Flags]:
-        """The residual z − R(z) and Newton's correction, (d, n), for n of the M paths, and a test of the domain, (n,).
+        """The residual z − R(z) (d, n), Newton's correction (d, n), and a test (n,), for n of the M paths.
 
         The test is True for each path for which z minus the correction is in the domain.
         """
@@ -61,7 +61,7 @@ class Corrections(NamedTuple):
         return F, corrections, np.full(lanes.shape, stays, dtype=bool)
 
     def of_one(self, lane: Lanes) -> Callable[[list[float]], tuple[list[float], list[float], bool]]:
-        """A function of z (d,) for one path: it returns residual, correction and test with the bits of `of_lanes`."""
+        """A function of z (d,) for one path that returns residual, correction and test, with the bits of `of_lanes`."""
         y, step = self.y0[:, lane].ravel().tolist(), self.step[:, lane].ravel().tolist()
         evaluate, parameters, d = self.record.source.function, self.record.source.parameters, len(y)
 
@@ -117,7 +117,7 @@ def _recorded(problem: Problem, formula: Formula, count: int) -> Record | None:
 
 
 def _is_fixed(problem: Problem) -> bool:
-    """True for a problem given by name, none of whose functions a user has replaced, wrapped or left out."""
+    """True for a problem given by name with all its own functions: none is replaced, wrapped or left out by a user."""
     return (
         type(problem) is Problem
         and isinstance(problem.data, NamedProblem)
@@ -126,7 +126,7 @@ def _is_fixed(problem: Problem) -> bool:
 
 
 def _functions(problem: Problem) -> list[Any]:
-    """All functions that a problem consists of, without those that are None."""
+    """All functions that a problem consists of; `mean_gradient` and `domain` are left out if they are None."""
     p, nambu = problem, problem.nambu
     functions: list[Any] = [p.structure, p.hamiltonian, p.gradient, p.hessian, p.structure_derivative]
     functions += [f for f in (p.mean_gradient, p.domain) if f is not None]

@@ -1,6 +1,6 @@
 """Newton's matrix ∂R/∂z from a scheme's formula, by forward differentiation.
 
-The formula is evaluated a second time, on values with their derivative by z. The derivative is a number times the
+The formula is evaluated a second time, on values that carry their derivative by z. A derivative is a number times the
 identity until a function of the problem turns it into a matrix. There are rules for B(y)v, ∇H and the mean of ∇H along
 the segment. For a formula with other functions Newton's matrix comes from differences. The recorded operations of a
 formula (`sepv.solve._recorded`) give the same matrix, but recording takes longer than a step.
@@ -54,7 +54,7 @@ class Tangent:
 
 
 class NoDerivative(Exception):
-    """A problem does not give a derivative that Newton's matrix needs."""
+    """Raised if a problem does not give a derivative that Newton's matrix needs."""
 
 
 class Linearised:
@@ -106,7 +106,7 @@ def _product(B: Array, slope: Array, y: Tangent, v: Tangent) -> Tangent:
 def derivative(formula: Formula) -> JacobianFunction:
     """The function that computes ∂R/∂y1 of a formula, for the argument `jacobian` of `sepv.solve.solve`.
 
-    This function returns None for a problem that gives no B′ or no H″.
+    The returned function gives None for a problem without B′ or without H″.
     """
     return partial(_slope, formula)
 

@@ -39,7 +39,7 @@ MAX_ITERATIONS = 40
 MAX_HALVINGS = 40
 # The most iterations by straight-line code (`_from_record`), which also needs 3 to 5 for usual steps.
 MOST = 7
-# A correction that leaves the domain is halved: the number of halvings that are tested in one call of the domain.
+# The number of halvings that are tested in one call of the domain, if a correction leaves the domain.
 SHARES = 8
 # The most unknowns of a single path for which Python's numbers are faster than arrays.
 FEW = 64
@@ -147,14 +147,14 @@ def iterate(equations: Equations, start: Array, lanes: Lanes | None = None) -> S
 
 
 def _finish(equations: Equations, solution: Solution, numbers: Lanes, lanes: Lanes) -> None:
-    """Iterate from the current z of some paths, `lanes`, with a Jacobian from differences, and merge the results."""
+    """Iterate the paths `lanes` from their current z with a Jacobian from differences, and merge the results."""
     if lanes.size:
         finished = newton(equations, solution.value[:, lanes], numbers[lanes], differences=True)
         merge(solution, finished, lanes)
 
 
 def newton(equations: Equations, start: Array, numbers: Lanes, *, differences: bool) -> Solution:
-    """Newton's iteration for z = R(z) from `start` (n, M), with full steps that only the domain's edge shortens.
+    """Newton's iteration for z = R(z) from `start` (n, M), by full steps, shortened only to stay in the domain.
 
     `numbers` are the numbers of the M lanes (paths) in `equations`. With `differences` the Jacobian comes from
     differences of R, and not from a formula, which may be approximate.
@@ -171,8 +171,8 @@ def _newton_of_many(equations: Equations, start: Array, numbers: Lanes, *, diffe
     count, algebra = start.shape[1], equations.algebra
     exact, recorded = differences or equations.exact, not differences and equations.corrections is not None
     z_all, size_all = start.copy(), equations.size[:, numbers]
-    # If y1 is 2^52 times y0 or more, an ulp of y1 is no measure for components that stayed small. For y0 = 0 this test
-    # is off, because a component that cancels to zero would never pass it.
+    # If |y1| is 2^52 |y0| or more, a change below an ulp of |y1| may still be large for components that stayed small.
+    # For y0 = 0 this test is off, because a component that cancels to zero would never pass it.
     before = size_all.max(axis=0)
     outgrown_at = np.where(before > 0, before / EPS, np.inf)
     residual = np.full(count, np.inf)
@@ -271,7 +271,7 @@ def _entries(lanes: Any, *values: Any) -> Any:
 def _relative_move(moves: Array, magnitude: Array, move: Array, scale: Array, near: Flags | None) -> Array:
     """The largest relative change of a component of the state by Newton's correction, for each of M paths.
 
-    If flags `near` are given, paths without the flag get move/scale instead, a lower bound that is enough for them.
+    If flags `near` are given, paths without this flag get move/scale instead: this lower bound is enough for them.
     """
     if near is None:
         return np.asarray(stop.relative(moves, magnitude, scale).max(axis=0))
@@ -282,7 +282,7 @@ def _relative_move(moves: Array, magnitude: Array, move: Array, scale: Array, ne
 
 
 def _unless_hidden(last: Flags, moves: Array, magnitude: Array, outgrown: Flags) -> Flags:
-    """The flags `last` (error is only rounding), but False for `outgrown` paths in which a component still moves.
+    """The flags `last` (the error is only rounding), set to False for `outgrown` paths if a component still moves.
 
     In an outgrown path |y1| is 2^52 times |y0| or more: an ulp of y1 hides changes of components that stayed small.
     """
@@ -416,7 +416,7 @@ def _is_rounding(
 
 
 def into_domain(equations: Equations, z: Array, correction: Array, lanes: Lanes) -> tuple[Array, Flags]:
-    """z − λ·correction with the largest λ = 2⁻ⁿ that keeps it in the domain, and True for paths with such a λ."""
+    """z − λ·correction with the largest λ = 2⁻ⁿ for which it lies in the domain, and True for paths with such a λ."""
     moved = z - correction
     inside = np.ones(z.shape[1], dtype=bool)
     if equations.inside is None or not z.shape[1]:

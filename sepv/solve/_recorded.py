@@ -81,7 +81,7 @@ class Recorded:
 
     @cached_property
     def mean(self) -> Mean:
-        """∫₀¹∇H(y + τz)dτ by the rules of `sepv.record`, or if none applies by `Problem.mean_gradient`."""
+        """The average ∫₀¹∇H(y + τz)dτ by the rules of `sepv.record`; by `Problem.mean_gradient` if no rule applies."""
         try:
             return mean(self.H, self.y, self.z)
         except NoClosedForm:
@@ -98,7 +98,7 @@ class Recorded:
 
     @cached_property
     def field(self) -> Sequence[Polynomial] | None:
-        """B∇H multiplied out into polynomials; None if they are longer than B∇H, or H has a degree above 2."""
+        """The field B∇H multiplied out into polynomials; None if it is then longer, or no polynomial, or deg H > 2."""
         f = [
             sum((b * g for b, g in zip(row, self.slope, strict=True)), self.tape.constant(0.0))
             for row in self.B
@@ -187,7 +187,7 @@ class _RecordedFields(Fields):
         return matvec(self._at(jacobian(matvec(recorded.B, recorded.slope), recorded.y), y), v)
 
     def mean_gradient(self, y: Any, z: Any) -> Any:
-        """The averaged gradient as recorded; if z is not the record's own symbol, y and z are put in their places."""
+        """The recorded averaged gradient; if z is not the record's own z, the given y and z are substituted in it."""
         means, nodes = self._recorded.mean
         self.gradients += nodes
         return means if z is self._recorded.z else self._at(means, y, z)

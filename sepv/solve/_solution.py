@@ -76,7 +76,7 @@ class Solution:
     value : (d, M)
         y1 for each path that converged, and the last iterate for the others.
     residual : (M,)
-        Largest component of |y1 − y0 − R(y0, y1)|. For a path that converged, y1 is here the iterate before `value`.
+        The largest component of |y1 − y0 − R(y0, y1)|. If the path converged, y1 is here the iterate before `value`.
     iterations, gradient_evaluations, structure_evaluations : (M,)
         Newton iterations, and evaluations of ∇H and B. Evaluations for an analytic Jacobian are not counted.
     status : (M,)
@@ -84,9 +84,9 @@ class Solution:
     change : (d, M), optional
         y1 − y0 before it was rounded into `value`, for compensated summation.
     divisions : (M,), optional
-        Numbers of steps and parts of steps that were halved, for `sepv.schemes._division.divided`.
+        The number of steps and parts of steps that were halved by `sepv.schemes._division.divided`.
     continuations : (M,), optional
-        Numbers of scaled steps (s·h, s·ΔW) that were solved, for `sepv.schemes._continuation.continued`.
+        The number of scaled steps (s·h, s·ΔW) that were solved by `sepv.schemes._continuation.continued`.
     """
 
     value: Array
@@ -120,7 +120,7 @@ class Equations:
     Attributes
     ----------
     size : (n, M)
-        The component |y_i| to which each unknown is added: corrections are compared with |y| + |z|.
+        The size |y_i| of the component to which each unknown is added. Corrections are compared with |y| + |z|.
     evaluate : (z, lanes) -> Evaluation
     inside : (z, lanes) -> (M,) of bool, optional
         True for each lane for which the states that belong to z lie in the domain of the problem.

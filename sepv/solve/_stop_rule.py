@@ -2,11 +2,11 @@
 
 A correction is measured twice. `move` is its largest component, to be compared with `scale`, the largest component of
 the state. `size` is the largest relative change of a component. A correction must be small in both measures, because
-one component may be 1 while |y| is 10⁸. Names with `last_` belong to the correction before.
+one component may be 1 while |y| is 10⁸. Names with `last_` belong to the previous correction.
 
-The last correction is applied too, here and in the compiled engine. If Newton's matrix differs from ∂R/∂z by a
-rounding, corrections below half an ulp can have the same sign in every step. Leaving them out would act as a force: on
-the oscillator the energy then drifts by a tenth of a rounding a step.
+The final correction is applied too, here and in the compiled engine. If Newton's matrix differs from ∂R/∂z by a
+rounding, corrections below half an ulp can have the same sign in every step. To leave them out would act as a force: on
+the oscillator the energy would drift by a tenth of a rounding a step.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ def relative(moves: Any, magnitude: Any, scale: Any) -> Any:
 
 
 def is_last(size: Any, last_size: Any, residual: Any, scale: Any) -> Any:
-    """True where a correction is the last one, because after it the error is only rounding.
+    """True where a correction is the final one, because after it the error is only rounding.
 
     This holds for a correction below half an ulp of every component. After a larger correction the next is at most
     size²/last_size, because corrections shrink at least as fast as before (E. Hairer, G. Wanner, Solving Ordinary
-    Differential Equations II, 1996, IV.8). It is the last if this bound is far below and the residual below a rounding.
+    Differential Equations II, 1996, IV.8). This bound must be far below a rounding, and the residual below a rounding.
     """
     shrinks = (last_size < np.inf) & (size * size <= LEFT * last_size)
     return (size <= 0.5 * EPS) | shrinks & (residual <= EPS * scale)
@@ -67,5 +67,5 @@ def is_rounding(residual: Any, scale: Any) -> Any:
 
 
 def may_reuse_matrix(size: Any, last_size: Any) -> Any:
-    """True where Newton's matrix may be used once more: the correction is small, and much smaller than the last one."""
+    """True where Newton's matrix may be used once more: the correction is small, and far smaller than that before."""
     return (size <= REUSE) & (size <= SHRINKING * last_size)

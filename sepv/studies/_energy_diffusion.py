@@ -54,7 +54,7 @@ class EnergyDiffusion:
     period: float
 
     def reaches(self, t: float) -> bool:
-        """True if the rms √(2Dt) of the energy at t is at most D/drift, the change of H over which D changes."""
+        """True if the rms √(2Dt) of the energy at t is at most D/drift, a change of H that about doubles D."""
         return 2 * t * self.drift**2 <= self.diffusion
 
     def at(self, t: Array) -> tuple[Array, Array]:

@@ -6,11 +6,11 @@ than the walk until t is of the order 1/h² (`_energy_diffusion`). An explicit s
 
 The errors at the times T/2^k are taken on the same paths. The growth is the exponent p of rms ∝ t^p over the last
 DOUBLINGS doublings of t; the drift is the mean over paths of (H(T) − H(T/4))/(3T/4). Both have intervals of confidence
-1 − LEVEL, the first by a jackknife over paths. If means over many paths are normal, the probability that one kind of
-growth is taken for another is at most LEVEL, and so is the probability of a drift where there is none.
+1 − LEVEL, the first by a jackknife over paths. If means over many paths are normal, one kind of growth is mistaken for
+another with probability at most LEVEL. A drift that does not exist is found with probability at most LEVEL.
 
-This is a study and not a law of the suite. Schemes that do not keep H claim nothing about the growth of its error, and
-the drift of a symplectic scheme takes 10⁷ steps to see, fifty times the steps of all laws. The laws *energy* and
+This is a study and not a law of the suite. Schemes that do not keep H claim nothing about how the error of H grows.
+Seeing the drift of a symplectic scheme takes 10⁷ steps, fifty times the steps of all laws. The laws *energy* and
 *rounding* check schemes that keep H; the law *long-time-energy* is for problems without noise.
 """
 
@@ -38,7 +38,7 @@ from sepv.studies._picture import Axis, Series, content, draw_curves, figure, lo
 # A bounded error oscillates. If its size doubles between two times, the slope is 1 over one doubling of t, but at most
 # 1/4 over four. The period of the oscillation has to be below T/2^DOUBLINGS.
 DOUBLINGS = 4
-# Line styles of the curve that a scheme gave, and of the curve of the theory.
+# Line styles of a scheme's measured curve, and of its curve by theory.
 STYLES: tuple[Literal["points", "line"], ...] = ("points", "line")
 
 
@@ -46,7 +46,7 @@ STYLES: tuple[Literal["points", "line"], ...] = ("points", "line")
 class Growth:
     """The energy's error of one scheme over long times.
 
-    times, mean, error, rms : (L,), E[H(y_n)] − H(y0) with its standard error, and the rms of H(y_n) − H(y0)
+    times, mean, error, rms : (L,), times, E[H(y_n)] − H(y0) with its standard error, and the rms of H(y_n) − H(y0)
     exponent, drift : each a value and half the width of its interval; the drift is per unit of time
     rounding : a bound of the rms at T that rounding alone may cause
     failed : the number of paths with a failed step or an energy that is not finite; if not 0, nothing is judged
@@ -69,7 +69,7 @@ class Growth:
     def kind(self) -> str:
         """The kind of growth of the rms: "rounding", "bounded", "a random walk", "linear" or "faster than linear".
 
-        It is "open" (undecided) if the interval of the exponent does not decide, or if paths failed.
+        The kind is "open" (undecided) if the interval of the exponent does not decide, or if paths failed.
         """
         if self.failed:
             return "open"
@@ -132,7 +132,7 @@ def judged(
     scheme: str, times: Array, errors: Array, *, rounding: float, failed: int = 0,
     derived: EnergyDiffusion | None = None,
 ) -> Growth:  # fmt: skip
-    """The growth and drift of the `errors` of H (L, M) on M paths at `times` (L,), which end in T/4, T/2 and T."""
+    """The growth and drift of the energy's `errors` (L, M) on M paths at `times` (L,), which end in T/4, T/2, T."""
     paths = errors.shape[1]
     rates = (errors[-1] - errors[-3]) / (times[-1] - times[-3])
     half = float(students_t(LEVEL / 2, paths - 1) * np.std(rates, ddof=1) / np.sqrt(paths))
@@ -145,9 +145,9 @@ def judged(
 
 
 def draw(rows: Sequence[Growth], title: str, suffix: str, own: dict[str, Look] | None = None) -> bytes:
-    """Draw the growth of the energy's error of some schemes, as the content of a file; needs the extra `plots`.
+    """Draw how the energy's error of each scheme grows, and return the content of a file; needs the extra `plots`.
 
-    |E[H] − H(y0)| is on the left and the rms of H − H(y0) on the right, against time, with the theory if there is one.
+    The left panel has |E[H] − H(y0)| against time, the right panel the rms of H − H(y0), with the theory if any.
     """
     look_of = looks((row.scheme for row in rows), own)
     with figure(9.5, 4.4, layout="constrained") as drawn:

@@ -28,9 +28,9 @@ POINTS, PATHS = 256, 8
 class QuietGrowth:
     """The energy's error of one scheme without noise, with the steps h and h/2.
 
-    times, largest : (L,), (2, L), the largest |H(y_n) − H(y_0)| up to each time, with h and h/2; NaN after a failure
+    times, largest : times (L,), and the largest |H(y_n) − H(y_0)| up to each (2, L), for h and h/2; NaN after a failure
     rounding : a bound of the error at the last time that rounding alone may cause
-    trend : the verdict whether the mean energy has a trend, such as "no trend" or "not judged", and the reason
+    trend : a verdict on a trend of the mean energy, such as "no trend" or "not judged", and the reason
     failed : a text on the first step that failed, "" if none did
     """
 
@@ -87,9 +87,9 @@ def quiet_growth(scheme: Scheme, problem: Problem, *, h: float, T: float) -> Qui
 
 
 def _trend(scheme: Scheme, problem: Problem, h: float, T: float) -> tuple[str, str]:
-    """The verdict whether the mean energy has a trend, in words, and its reason, as in the law *long-time-energy*.
+    """The verdict on a trend of the mean energy, in words, and its reason, as in the law *long-time-energy*.
 
-    The step is only about h, and the time about T, because both are fitted to the period of the orbit.
+    The step is not exactly h, nor the time exactly T, because both are fitted to the period of the orbit.
     """
     try:
         orbits = users_orbits(problem)
@@ -103,7 +103,7 @@ def _trend(scheme: Scheme, problem: Problem, h: float, T: float) -> tuple[str, s
 
 
 def draw(rows: Sequence[QuietGrowth], title: str, suffix: str, own: dict[str, Look] | None = None) -> bytes:
-    """Draw the growth of the energy's error without noise, as the content of a file; needs the extra `plots`.
+    """Draw how the energy's error grows without noise, and return the content of a file; needs the extra `plots`.
 
     The picture shows the largest |H(y_n) − H(y_0)| up to time t against t, for each scheme with h and with h/2.
     """

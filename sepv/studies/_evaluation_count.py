@@ -1,4 +1,4 @@
-"""Counts of evaluations of B, ∇H and others: a scheme gets a copy of the problem whose functions count their calls.
+"""Counts of evaluations of B, ∇H and the like: a scheme gets a copy of the problem whose functions count their calls.
 
 Each count is the exact number of states at which a function was evaluated, whatever the scheme reports. So a single
 additional evaluation is seen.

@@ -1,8 +1,8 @@
 """Steps of a scheme on hard cases (`sepv.reference.hard`): how they end, and their errors of H in extended precision.
 
 A step ends well in one of two ways: a value within the derived bound of `sepv.verification._tolerance`, or a
-refusal that the case allows. Everything else is counted: a value that is not finite or outside the domain, a defect
-beyond the bound, a refusal although a solution exists.
+refusal that the case allows. Every other end is counted as a fault: a value that is not finite or outside the domain, a
+defect beyond the bound, a refusal although a solution exists.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ UNMARKED = ("not finite", "outside the domain", "beyond the bound", "residual be
 class Seen:
     """The results of one scheme on one hard case, collected over batches of steps.
 
-    statuses : numbers of steps by name of `Status`; REFUSED if the scheme raised StepFailure, CRASH if another error
-    wrong : numbers of values returned as solutions that are no solutions, by their kind in UNMARKED
-    defects : (n,), energy defects in energy ulps, of the steps that were solved
+    statuses : status -> number of steps, by name of `Status`; REFUSED after StepFailure, CRASH after another error
+    wrong : kind -> number of wrong values that the scheme returned as solutions; the kinds are in UNMARKED
+    defects : (n,), energy defects of the solved steps, in energy ulps
     ratio : the largest quotient of a defect and its bound
     iterations : (n,), Newton iterations of the solved steps, if the scheme reports them
-    worst : the step with the largest ratio, or the first that went wrong; None if the problem cannot be stored as data
+    worst : the first step that went wrong, else the step with the largest ratio; None if it cannot be stored as data
     laws : law -> (number of steps on which it held, number of steps on which it was measured)
-    unmeasured : solved steps whose energy or its bound is beyond the largest binary64 number
+    unmeasured : the number of solved steps whose energy ulp or bound exceeds the largest binary64 number
     """
 
     case: HardCase
@@ -104,7 +104,7 @@ def run(
     seed: int = 0,
     progress: Callable[[str, float], None] = lambda *_: None,
 ) -> list[Seen]:
-    """Run a scheme on random steps of each hard case, and check the laws of each case on `laws` of its steps.
+    """Run a scheme on `steps` random steps of each hard case; check the case's laws on `laws` other random steps.
 
     Parameters
     ----------
@@ -205,9 +205,9 @@ def energy_defects(data: Description, y0: Array, y1: Array) -> Array:
 
 
 def ask_each(scheme: Scheme, problem: Problem, sample: Sample) -> tuple[Array, np.ndarray, Array, np.ndarray]:
-    """The results of a scheme on M steps: values (d, M), and (M,) names of statuses, residuals and iterations.
+    """The results of a scheme on M steps: values (d, M), names of statuses (M,), residuals (M,) and iterations (M,).
 
-    The scheme's `solve` takes all steps at once. If the scheme has no `solve`, the steps are taken one at a time, and
+    The scheme's `solve` computes all steps at once. If the scheme has no `solve`, steps are computed one at a time, and
     residuals and iterations are 0.
     """
     y, h, dW = sample
@@ -239,9 +239,9 @@ def _count(seen: Seen, sample: Sample, lanes: Array, what: str) -> None:
 
 
 def _tilt(case: HardCase, scheme: Scheme, y0: Array, y1: Array, h: float, dW: Array) -> Array | float:
-    """Bounds (M,) of the change of H by a B that is not quite skew: |Δ| gᵀ|S|g with the symmetric part S of B.
+    """The bound |Δ| gᵀ|S|g (M,) of the change of H by a B that is not quite skew, with the symmetric part S of B.
 
-    g is the largest |∇H| at points from y0 to y1. A scheme's averages of ∇H exceed g by `amplification` at most.
+    g is the largest |∇H| at points from y0 to y1. A scheme's averages of ∇H are at most `amplification` times g.
     """
     if not case.skewness:
         return 0.0
@@ -262,7 +262,7 @@ def _as_case(case: HardCase, sample: Sample, lane: int) -> Case | None:
 
 
 def _laws(scheme: Scheme, case: HardCase, sample: Sample, count: int) -> dict[str, tuple[int, int]]:
-    """Check those laws of the case that the scheme claims, on `count` steps: law -> (steps that held, steps measured).
+    """Check the claimed laws of the case on `count` steps; return law -> (steps on which it held, steps measured).
 
     If the case allows refusals, a refused step is not counted as measured.
     """

@@ -60,7 +60,7 @@ STYLE = {
 
 @dataclass(frozen=True)
 class Series:
-    """One curve: y against x, with the scheme that made it ("" for a reference). A value None leaves a gap."""
+    """One curve: y against x, with the scheme that made it ("" for a reference). A point with a None is not drawn."""
 
     name: str
     x: Sequence[float | None]
@@ -184,11 +184,11 @@ def draw_curves(
 ) -> None:
     """Draw curves with their axes, without points that are not finite or, on a logarithmic axis, not positive.
 
-    slopes : the slopes of dashed lines below the curves; the ticks of x are then powers of two
+    slopes : the slopes of dashed lines below the curves; if any are given, the ticks of x are powers of two
     equal : True if both axes have the same scale
     window : if given, the frame shows |y| ≤ window only, and |x| ≤ window if `equal`
     size : the size of markers, in points
-    most : the most markers of a curve without a line; of a long line, two points are drawn for each of `most` strips
+    most : the largest number of markers of a curve without a line; a long line has two points in each of `most` parts
     """
     points = [_finite(s, x.log, y.log) for s in series]
     for number, (s, look, (across, up)) in enumerate(
@@ -237,8 +237,8 @@ def _finite(s: Series, x_log: bool, y_log: bool) -> tuple[np.ndarray, np.ndarray
 def _marked(style: str, count: int, number: int, most: int | None) -> Any:
     """The `markevery` of matplotlib for curve `number`, which has `count` points.
 
-    A line gets a few markers, at other places than the next curve's. Of a cloud (markers without a line) at most `most`
-    points are drawn.
+    A line has a few markers; the next curve has them at other places. A cloud (markers without a line) has at most
+    `most` points.
     """
     if style == "line":
         spacing = max(1, count // 8)
@@ -247,7 +247,7 @@ def _marked(style: str, count: int, number: int, most: int | None) -> Any:
 
 
 def _spikes(y: np.ndarray, strips: int) -> np.ndarray:
-    """The indices of the points drawn of a long line: its ends, and the least and the largest y of each strip.
+    """The indices of the drawn points of a long line: both ends, and the least and largest y of each of `strips` parts.
 
     This choice keeps spikes visible.
     """

@@ -50,7 +50,7 @@ def one_step(
 ) -> Ulps:
     """Measure the defects of a scheme in `steps` independent random steps, which are the same for every scheme.
 
-    If the problem is made of Python functions, its own code evaluates H, in the longest float that the code can take.
+    If the problem is made of Python functions, its own code evaluates H, in the longest float that this code supports.
     """
     length = h or min(USUAL_STEP, (problem.longest_step or 1.0) / 4)
     rng = np.random.default_rng([seed, *problem.name.encode()])
@@ -67,7 +67,7 @@ def one_step(
 
 
 def _defects(problem: Problem, y0: Array, y1: Array) -> tuple[Array, Array]:
-    """The defects of M steps from y0 to y1 (d, M): of H in energy ulps, of the worst Casimir in Casimir ulps."""
+    """The defects (M,) of H in energy ulps, and of the worst Casimir in Casimir ulps, for M steps from y0 to y1."""
     data = problem.data if problem.name in EXTENSIONS else describe(problem)
     assert data is not None
     energy = energy_defects(data, y0, y1) / energy_ulp(problem, y0, y1)

@@ -23,8 +23,8 @@ MeasuredAgain = Callable[[Case], Measurement | None]
 # Relative defects below this may come from a solver's tolerance: eight times √eps, the default of many solvers.
 MOST_TOLERANCE = 2.0**-23
 
-# The parts of a step are h and each c_jΔW_j. A part is named if its defect is at least the share MOST of the sum. A
-# pair is named if each alone makes at most LEAST of the pair's defect, and halving one leaves a share within HALF.
+# The parts of a step are h and each c_jΔW_j. A part is named if alone it makes at least MOST of the sum of defects. A
+# pair is named if each part alone makes at most LEAST of the pair's defect, and halving a part halves it, within HALF.
 MOST, LEAST, HALF = 0.95, 1e-3, (0.45, 0.55)
 # The largest number of parts of a step whose pairs are measured.
 PARTS = 5
@@ -57,7 +57,7 @@ def _may_be_a_tolerance(
 
 
 def _has_a_unit(case: Case, again: MeasuredAgain) -> str:
-    """Advice on a constant with a unit, if a case of extreme |y| violates the law, but not in units with |y| ≈ 1."""
+    """Advice on a constant with a unit, if a case violates the law at an extreme |y|, but not in units with |y| ≈ 1."""
     if not beyond(case) or not isinstance(case.problem, PolynomialSystem):
         return ""
     measured = again(in_other_units(case, -round(math.log2(max(map(abs, case.y))))))

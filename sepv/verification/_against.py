@@ -1,4 +1,4 @@
-"""Measure somebody's report again, on the scheme as its reader loads it: its counterexamples and a share of its laws.
+"""A second measurement of another person's report, on the reader's scheme: all counterexamples and some of the laws.
 
 The report is not trusted: nothing that it names is loaded or run, and none of its text is shown. It cannot cause more
 work than the reader allows, because its effort is cut to the reader's, a schema bounds its witnesses (the stored
@@ -27,7 +27,7 @@ from sepv.verification._verify import measure
 
 # The largest file in bytes: a report of all laws has 30 kB, a witness of 64 dimensions 2 MB; more takes long to check.
 LARGEST = 2**22
-# The most numbers in B′ over a witness's batch (2^27 bytes) and the largest degree of H; sepv's have a hundredth.
+# The most numbers in B′ for a witness's batch (2^27 bytes; sepv's have a hundredth), and the largest degree of H.
 _MOST_NUMBERS, _MOST_DEGREE = 2**24, 64
 # The share of the laws that is measured again; at least one law is.
 SHARE = 0.25
@@ -68,7 +68,7 @@ def read_report(path: str | Path) -> dict[str, Any]:
 def against(
     report: dict[str, Any], scheme: Scheme, allowed: Effort, timeout: float = 600.0, laws: Iterable[str] = ()
 ) -> Iterator[Again]:
-    """Replay each counterexample of a report, and measure `laws`, or a random quarter of the report's laws, again.
+    """Replay each counterexample of a report, and measure again `laws` or else a random quarter of the report's laws.
 
     The author of the report cannot know which quarter is drawn. Verdicts must agree with the report. Defects must agree
     to the last digit if effort, versions and kind of processor are those of the report.

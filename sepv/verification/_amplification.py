@@ -12,7 +12,7 @@ from sepv.verification._contraction import CONTRACTION, has_majorants
 
 def amplification(scheme: Scheme, case: Case) -> float:
     """A bound of ‖(I − ∂R/∂y1)⁻¹‖_∞ for a step y1 = y0 + R: 1/(1 − κ) if R is known to contract by a factor κ."""
-    # Several Hamiltonians that are functions use a measured radius, because the references lack their equation.
+    # For several Hamiltonians that are functions, R contracts inside a measured radius; no reference has the equation.
     if has_majorants(case) or isinstance(case.build()[0], HamiltoniansProblem):
         return 1 / (1 - CONTRACTION)
     method = equation_for(scheme.systems, scheme.stages)

@@ -13,13 +13,13 @@ from sepv.record import PolynomialMap
 from sepv.verification._cases.case import Case
 from sepv.verification._tolerance import majorants, pushes
 
-# The contraction factor 1/4 leaves a unique solution near y0 for every scheme that evaluates B and ∇H between y0 and
-# y1. With R the right side of y1 = y0 + R, it makes |(I − ∂R/∂y1)⁻¹| at most 4/3.
+# With the contraction factor 1/4, every scheme that evaluates B and ∇H between y0 and y1 has a unique solution near y0.
+# If its equation is y1 = y0 + R, then |(I − ∂R/∂y1)⁻¹| is at most 4/3.
 CONTRACTION = 0.25
 
 
 def has_majorants(case: Case) -> bool:
-    """True if a case's radius is derived: for polynomial data, unless all noises have H_j that commute with H_0."""
+    """True if a case's radius is derived: for polynomial data, unless every noise has an H_j that commutes with H_0."""
     data = case.problem
     if not isinstance(data, PolynomialSystem):
         return False
@@ -27,7 +27,7 @@ def has_majorants(case: Case) -> bool:
 
 
 def shortened(case: Case) -> Case:
-    """Shorten a step by a power of two to half its contraction radius, for polynomial data; other cases are unchanged.
+    """Shorten a step by a power of two to at most half its contraction radius; without polynomial data, do nothing.
 
     The law poisson-map needs this, because its Cauchy estimate takes the step from all states in a ball around y.
     """
@@ -46,8 +46,8 @@ def contraction_radius(problem: Problem, y: Array) -> float:
 
     Let y1 = y0 + R(y1) be the step's equation, |Δ| = |h| + Σ|c_jΔW_j|, and M_B ≥ |B| and M_g ≥ |∇H| bounds on the ball
     |y1 − y0|_∞ ≤ r. There |R| ≤ |Δ| G with G = |M_B M_g|_∞. R has the Lipschitz constant |Δ| L with
-    L = |B′|M_g + M_B|H″|, twice that of (2.1), as a discrete gradient with coordinate increments needs. If
-    |Δ| ≤ min(r/G, CONTRACTION/L), y0 + R maps the ball into itself. `problem` must be polynomial data.
+    L = |B′|M_g + M_B|H″|. A discrete gradient with coordinate increments needs this L; for (2.1) half of it suffices.
+    If |Δ| ≤ min(r/G, CONTRACTION/L), y0 + R maps the ball into itself. `problem` must be polynomial data.
     """
     return contraction_ball(problem, y)[0]
 
@@ -55,8 +55,8 @@ def contraction_radius(problem: Problem, y: Array) -> float:
 def contraction_ball(problem: Problem, y: Array) -> tuple[float, float]:
     """A pair (radius, r): for |Δ| ≤ radius, Δ real or complex, the solution stays within r of y.
 
-    Each r > 0 gives a radius, and the largest radius is returned. The values tried for r are parts of |y|, the scale of
-    the system near y, and of 1 + |y|, for states at and near the origin.
+    Each r > 0 gives a radius, and the largest radius is returned. The values tried for r are |y|, the scale of the
+    system near y, and for states at or near the origin 1 + |y|, each multiplied by powers of two.
     """
     return kept("balls").get(key_of(problem.data, y), lambda: _ball(problem, y))
 

@@ -1,4 +1,4 @@
-"""Courses, for pictures: a course is the states that a scheme reaches by repeating the step of a counterexample.
+"""Courses, for pictures: the states that a scheme reaches if it repeats the step of a counterexample.
 
 Every step has the same h and ΔW, so the same Δ = h + Σ c_jΔW_j. If all noises have the field B∇H, the exact solution
 after n steps is φ(nΔ, y0), where φ(t, y0) is the flow of ẏ = B∇H.
@@ -36,7 +36,7 @@ FAR = 100.0
 def with_courses(report: Report) -> dict[str, Any]:
     """The report as JSON in which each violation by a single step has its course of STEPS steps.
 
-    A course that raises any exception is left out: a user's problem may raise any. After Ctrl-C no step is called.
+    A course that raises an exception is left out, because a user's problem may raise any. After Ctrl-C none is made.
     """
     data, end = report.to_json(), time.monotonic() + SECONDS
     for finding, law in zip(report.findings, data["laws"], strict=True):
@@ -96,7 +96,7 @@ def course(scheme: Scheme, finding: Finding, seconds: float = SECONDS) -> dict[s
 
 
 def _kept(law: str, problem: Problem, path: Array) -> tuple[str, Array, Array]:
-    """For a law's invariant I: its name, H or C, its change along `path` (d, n), and the largest |∇I||y|."""
+    """For a law's invariant I: its name ("H" or "C"), its change along `path` (d, n), and the largest |∇I||y|."""
     with np.errstate(all="ignore"):
         values, slopes = invariants(problem, path), [problem.gradient(path)]
         slopes += casimir_gradients(problem.casimirs, problem.linear_casimirs, 2 * path)

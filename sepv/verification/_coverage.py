@@ -1,4 +1,4 @@
-"""Coverage of the laws' lists of cases (designs): the cases in each range of a property, and pairs of ranges met."""
+"""Coverage by the laws' lists of cases (designs): the number of cases in each range, and the pairs of ranges met."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def impossible(space: Space) -> dict[str, list[str]]:
 
 
 def show(laws: Iterable[Law], systems: Systems, out: Console) -> None:
-    """Print how many cases of each stratum (property range) these laws measure for a scheme for `systems`."""
+    """Print how many cases of each stratum (property range) these laws measure, for schemes for the class `systems`."""
     chosen = {law.name: law.cases.space(systems) if law.cases else None for law in laws}
     spaces = {name: space for name, space in chosen.items() if space is not None}
     order = list(spaces)

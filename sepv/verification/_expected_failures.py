@@ -10,8 +10,8 @@
     reason = "B is taken at y_n in the drift"
     witness = "eNp1j88K…"              # as printed after --replay; for statistical laws a table { seed, paths }
 
-A known violation is measured on its witness (the stored counterexample) and not searched for: it costs one measurement
-and never fails by chance. A violation of a claimed law that is not listed fails the run, and so does an entry whose law
+A known violation is measured on its witness (the stored counterexample) and not searched for. So it needs only one
+measurement and never fails by chance. The run fails if a claimed law that is not listed is violated, or if a listed law
 is no longer violated. A file with ``claims`` is a pin, a record of the laws as they were measured (`pin`). With a pin
 even a violation of an unclaimed law must be listed, and the report names laws that were not measured for the pin.
 """
@@ -185,7 +185,7 @@ def _drawn(key: str, value: Any) -> bool:
 def to_toml(scheme: str, findings: Iterable[Finding]) -> str:
     """Text of a new file of expected failures, which lists the violated claimed laws; a person adds the reasons.
 
-    A violation of an unclaimed law is no failure and is not listed: a scheme that later obeys it must not fail a build.
+    A violation of an unclaimed law is no failure and is not listed: if a scheme later obeys the law, no build may fail.
     """
     listed = [f for f in findings if f.claimed or f.expected is not None]
     entries = _entries(f for f in listed if f.verdict is Verdict.VIOLATED)

@@ -20,13 +20,13 @@ from sepv.verification._law import Finding, Verdict
 # The new process is ended after this many seconds if it has not answered.
 SECONDS = 60.0
 _ANSWER = (
-    "from sepv.verification import _fresh, _verify\n"  # `_verify` imports this file, which does not import it
+    "from sepv.verification import _fresh, _verify\n"  # `_verify` imports this file, which cannot import it
     "_fresh.answer(_verify.replay)"
 )
 
 
 def asked_afresh(target: Any, findings: Sequence[Finding], problems: Any = None) -> tuple[Finding, ...]:
-    """The findings; those of violations also have the verdict of a replay in a new process (`Finding.afresh`)."""
+    """The findings; for a violation, `Finding.afresh` is set to the verdict of a replay in a new process."""
     named = isinstance(target, str) and ":" in target and _words(problems)
     again = [f for f in findings if _may_be_replayed(f)] if named else []
     if not again:

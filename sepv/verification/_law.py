@@ -67,8 +67,8 @@ class Finding:
 
     Attributes
     ----------
-    defect, bound, unit
-        The worst measurement; None if nothing was measured.
+    defect, bound : float or None
+        The worst measurement, in `unit`; None if nothing was measured.
     witness : dict or None
         The input that shows a violation or an error: a `sepv.verification.Case` as JSON, or the setup of paths.
     replay : str
@@ -82,13 +82,13 @@ class Finding:
     traceback : str
         The traceback of an exception that the scheme raised.
     expected : str or None
-        The reason, if the law was expected to fail; the law was then measured on a stored witness alone.
+        If the law was expected to fail, the reason. The law was then measured on a stored witness alone.
     skipped : int
         The number of cases that the scheme refuses (`sepv.errors.Skipped`).
     share : float or None
-        If the scheme skipped cases that it may not refuse: the fraction of the law's cases that was measured.
+        The fraction of the law's cases that was measured, if the scheme skipped cases that it must not refuse.
     afresh : str
-        For a violation, the verdict on its witness in a new process; empty if no process was started for it.
+        For a violation, the verdict on its witness in a new process; empty if there was no such process.
     step_seconds : float or None
         Seconds for a step of one state, if the law timed it. They help to estimate a run's remaining time.
     """
@@ -141,7 +141,7 @@ class Effort:
     Attributes
     ----------
     examples : int
-        Random examples of Hypothesis for each law. They follow the law's design: a list of cases that covers all
+        Random examples of Hypothesis for each law. They come after the law's design: a list of cases that covers all
         ranges of properties such as the dimension.
     designs : int
         Repetitions of a law's design, each with other random numbers in the same ranges.
@@ -199,19 +199,19 @@ class Law:
     ----------
     run : (law, scheme, run) -> Finding
         Searches for a violation.
-    replay : (scheme, witness) -> Finding
+    replay : (law, scheme, witness) -> Finding
         Measures the law on one witness, a stored counterexample.
     always_claimed : bool
         True for the contract of ``step``, which every scheme must obey.
     cost : float
-        Processor seconds that the law takes for scheme (2.1) of the paper, besides its steps. A run's remaining time is
-        estimated from them. If laws share paths, the cost of the first of these laws includes the paths.
+        Processor seconds that the law needs for scheme (2.1) of the paper, besides its steps. They serve to estimate a
+        run's remaining time. If laws share paths, the cost of the first of these laws includes the paths.
     steps : int
-        The number of steps that the law takes with scheme (2.1) on fixed problems; a step of M states counts M times.
+        The number of steps that the law makes with scheme (2.1) on fixed problems; a step of M states counts M times.
     cases : sepv.verification.Cases or None
         The cases of a law about single steps; None for other laws.
     spared : int
-        The number of steps for a scheme that takes one state a call, if the law then takes fewer steps; else 0.
+        The number of steps for a scheme that takes one state a call, if the law then makes fewer steps; else 0.
     """
 
     name: str
@@ -264,7 +264,7 @@ _collected: ContextVar[tuple[list[Finding], Measure | None] | None] = ContextVar
 
 @contextmanager
 def collecting(findings: list[Finding], measure: Measure | None = None) -> Iterator[None]:
-    """A context for test runners: in it `require` appends to `findings`, and measures by `measure` if this is given."""
+    """A context for test runners: in it `require` appends to `findings`, and calls `measure`, if given, to measure."""
     token = _collected.set((findings, measure))
     try:
         yield

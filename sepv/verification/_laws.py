@@ -53,10 +53,10 @@ LAWS = (
 SAMPLED = ("mean-square-order", "weak-order", "right-limit", "commutation")
 # Laws that share the computed errors of one step (`Run.steps`).
 LOCAL = ("local-mean", "local-mean-square", "local-weak")
-# Laws measured first: they take a second or two, and show most faults. The first of all is the contract, because a
-# change that each step makes anew, as of a global seed, does not show after the steps of another law.
+# Laws measured first: they need a second or two, and show most faults. The contract is the very first: if every step
+# sets the same global state, such as a seed, this no longer shows after the steps of another law.
 SOON = ("contract", "identity", "energy", "casimir")
-# Laws that make more steps of one state than this are measured last, the most expensive one at the end.
+# Laws that make more than this number of steps of single states are measured last, the most expensive law at the end.
 DEAR = 2000
 
 

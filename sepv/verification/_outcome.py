@@ -30,12 +30,12 @@ class Report:
     interrupted : bool
         True if some laws were not measured.
     pinned : frozenset of str or None
-        The laws that held when the run's pin, a file of expected verdicts (`sepv.verification._expected_failures`), was
-        written. With a pin the run fails at each violation that the pin does not list. None without a pin.
+        The laws that held when the run's pin was written; None without a pin. A pin is a file of expected verdicts
+        (`sepv.verification._expected_failures`). With a pin the run fails at each violation that the pin does not list.
     pins : bool
         True if the command writes a pin of this report.
     gaps : tuple of str
-        Sentences about laws that are not in the pin, and about laws of the pin that this run did not measure.
+        Sentences about differences between this run and the pin: in the scheme, its problems or the measured laws.
     target : str
         The arguments that name the scheme and its problems on a command line; empty if there are none.
     required : tuple of Requirement
@@ -54,12 +54,12 @@ class Report:
 
     @property
     def profiles(self) -> tuple[Profiled, ...]:
-        """The results, found or not, of the profiles (sets of laws) whose laws were all measured."""
+        """The profiles (sets of laws) whose laws were all measured, each with its result: found or not."""
         return profiled(self.findings)
 
     @property
     def missing(self) -> list[str]:
-        """The required profiles (sets of laws) that the scheme was not found to have, each with the reason."""
+        """The required profiles (sets of laws) that were not found for the scheme, each with the reason."""
         return missing(self.profiles, self.required)
 
     @property
@@ -86,10 +86,10 @@ class Report:
 
     @property
     def exit_code(self) -> int:
-        """Exit code 0: all claimed laws hold. 1: one does not, or an expected failure passes. 3: error. 130: Ctrl-C.
+        """Exit code 0: claimed laws hold. 1: one does not, or an expected failure passes. 3: error. 130: interrupted.
 
         The code is also 1 if a claimed law is inconclusive, if the scheme skipped all cases of a claimed law, if no law
-        was measured, or if a required profile was not found.
+        was measured, if a required profile was not found, or if a law is violated that the pin does not list.
         """
         if self.interrupted:
             return 130
@@ -201,7 +201,7 @@ EFFORT = ("seed", "examples", "paths", "designs", "shrink_checks", "corpus")
 
 
 def fails(f: Finding, pinned: frozenset[str] | None = None) -> bool:
-    """True if a finding makes the exit code 1. With a pin (`pinned`) each violation that the pin does not list does."""
+    """True if a finding makes the exit code 1. With a pin (`pinned`), each violation that is not in the pin does so."""
     if f.verdict in (Verdict.ERROR, Verdict.NOT_MEASURED):
         return False  # errors and interrupts have other exit codes
     if f.expected is not None:

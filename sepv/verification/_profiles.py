@@ -3,11 +3,11 @@
 A profile is a named set of laws. It is found if each of its laws was measured and holds. It is not found if one of its
 laws is not applicable, inconclusive or expected to fail.
 
-A profile such as "order" states a measured order. Each of its laws measures, on each of its problems, the slope of the
-errors in log-log scale, and takes the largest order whose bound lies below this slope. If paths are sampled, the
-lower end of the slope's confidence interval is used. The profile has the least of these orders over problems and laws.
-For mean-square order p the laws are Milstein's conditions on one step, (3.8) and (3.9) of the paper, and the rms error
-of paths. The error must have been measured; the conditions are ignored where one step has no reference solution.
+A profile such as "order" states a measured order. Each of its laws measures the slope of the errors in log-log scale on
+some problems. For each problem the law finds the largest order whose bound lies below the slope, or below the lower end
+of the slope's confidence interval if paths are sampled. The profile has the least of these orders over problems and
+laws. For mean-square order p the laws are Milstein's conditions on one step, (3.8) and (3.9) of the paper, and the rms
+error of paths. This error must have been measured; the conditions are ignored if one step has no reference solution.
 """
 
 from __future__ import annotations
@@ -173,7 +173,7 @@ def _order_shown(finding: Finding) -> float:
 def found(profiles: Iterable[Profiled]) -> list[str]:
     """The profiles that were found, in words.
 
-    If a mean-square order was found, the deterministic order is left out. A weak order is named if it is larger.
+    If a mean-square order was found, the deterministic order is left out, and a weak order is named only if larger.
     """
     have = {p.profile.name: p for p in profiles if not p.why}
     if "order" in have:

@@ -23,9 +23,9 @@ MANY = 10000
 class Course:
     """The laws that have begun or are done, and an estimate of the remaining seconds.
 
-    A law is expected to take pace · `Law.cost` + step · `Law.steps` seconds. `step`, the seconds of a step, is measured
-    by the law "contract"; laws of at least MANY steps may lower it, or give it if "contract" did not. `pace`, measured
-    seconds over `Law.cost`, is a median over laws, so that one slow law does not change it.
+    A law is expected to take pace · `Law.cost` + step · `Law.steps` seconds. The law "contract" measures `step`, the
+    seconds of a step; laws of at least MANY steps may lower this value, or give it if "contract" did not. `pace` is
+    the median over laws of the other seconds divided by `Law.cost`, so that one slow law does not change it.
     """
 
     def __init__(self, laws: Sequence[Law]) -> None:
@@ -45,7 +45,7 @@ class Course:
         self.began = others
 
     def steps(self, law: Law) -> int:
-        """The steps of a law: `spared` if the scheme takes no batches, as seen from "reproducibility" not applying."""
+        """The steps of a law: `spared` if the scheme takes no batches: "reproducibility" is then not applicable."""
         alone = any(
             law.name == "reproducibility" and f.verdict is Verdict.NOT_APPLICABLE for law, f in self.found
         )
@@ -57,7 +57,7 @@ class Course:
         few, many = ([(w, f) for w, f in measured if (w.steps >= MANY) is wanted] for wanted in (False, True))
         timed = [f.step_seconds for _, f in measured if f.step_seconds is not None]
         step = timed[0] if timed else 0.0
-        # Half a second at pace 1, that of the machine where costs were measured, is added: one law gives no median.
+        # One law gives no median, so half a second at pace 1 is added, the pace of the machine that gave `Law.cost`.
         paces = [(1.0, 0.5), *((max(0.0, f.seconds - step * w.steps) / w.cost, w.cost) for w, f in few)]
         pace = _weighted_median(paces)
         if many:
@@ -79,7 +79,7 @@ class Course:
         return {name: (t, whole[name]) for name, t in ran.items() if t > max(LATE, 2 * whole[name])}
 
     def seconds_left(self) -> float | None:
-        """The estimated remaining seconds; None before a law is done, or if overdue laws outweigh the others left."""
+        """The estimated seconds left; None before a law is done, or if late laws took longer than the rest will."""
         if not self.found:
             return None
         now, whole = time.monotonic(), self.whole()

@@ -28,7 +28,7 @@ _SHOWN = {
 }
 _STYLES = {verdict: style for verdict, (style, _) in _SHOWN.items()}
 MARKS = {verdict: mark for verdict, (_, mark) in _SHOWN.items()}
-# Laws that every scheme claims. If a scheme claims no other law, no other violation fails a run without a pin.
+# Laws that every scheme claims. If a scheme claims no more, the violation of another law fails a run only with a pin.
 ALWAYS = ("contract",)
 
 
@@ -71,7 +71,7 @@ def _plain(write: Callable[[Console], None]) -> str:
     return "\n".join(line.rstrip() for line in out.getvalue().rstrip().splitlines())
 
 
-# The columns of the table. On a narrow terminal the columns with a number `goes` are dropped, in its order.
+# The columns of the table. On a narrow terminal the columns with a number `goes` are dropped, in order of this number.
 _COLUMNS = (
     Column("law"), Column("claimed", goes=3), Column("verdict"), Column("defect", right=True),
     Column("bound", right=True, goes=4), Column("unit", words=True, goes=2), Column("source", words=True, goes=1),
@@ -94,7 +94,7 @@ def _law_row(report: Report, f: Finding) -> tuple[str | Text, ...]:
 
 
 def summary(report: Report, before: str = "") -> Text:
-    """The last line of a report: the counts, the claims, the profiles; and advice for a scheme without claims.
+    """The last line of a report: the counts, the claims, the profiles, and advice for a scheme without claims.
 
     If the line is printed without the table, `before` names the scheme.
     """

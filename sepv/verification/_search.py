@@ -1,9 +1,9 @@
-"""The search for a violation of a law about single steps, in listed cases and then in random cases of Hypothesis.
+"""The search for a violation of a law about single steps, first in listed cases and then in random cases.
 
-The first cases are stored ones that once showed a violation (`sepv.verification._corpus`). Then comes the design: cases
-that cover all pairs of ranges of two properties, such as d and the degree of H (`sepv.verification._cases.strata`).
-Then Hypothesis draws random cases; if a case of the design violates the law, it searches for a simpler violation. If
-it finds none, the violating case itself is simplified (`sepv.verification._cases.shrink`).
+Stored cases that once showed a violation come first (`sepv.verification._corpus`). Then comes the design: for any two
+properties, such as d and the degree of H, its cases cover all pairs of ranges (`sepv.verification._cases.strata`).
+Then Hypothesis draws random cases. If a case of the design violates the law, Hypothesis searches for a simpler case
+that does. If it finds none, the case of the design is simplified (`sepv.verification._cases.shrink`).
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ FAR_OFF = (
     "thresholds may be absolute"
 )
 NO_BOUND = "a case whose numbers overflow has no bound"
-# A step clips at √h A_h if its bound is this part of it or more. For k and k + 1 ≤ 9 the A_h differ by 5 % at least.
+# The step's own bound must equal √h A_h within this factor. For k and k + 1 ≤ 9 the A_h differ by 5 % at least.
 NEARLY = 1 - 2.0**-6
 CLIPPED = "the step clips an increment beyond √h A_h (Remark 2.1)"
 # The factor on the number of random examples for a law without a design.
@@ -61,7 +61,7 @@ MOST_SKIPPED = 20
 MOST_SECONDS = 100.0
 # The largest number of designs that are stored between runs, twice what a run of all laws needs.
 DESIGNS = 64
-# A law's list of cases ends early after this many that cannot be measured: each may last until a call's time limit.
+# The list of cases ends early after this many cases that cannot be measured: each may last until a call's time limit.
 MOST_FAULTS = 4
 
 
@@ -91,7 +91,7 @@ class _Budget:
 
 @dataclass(frozen=True)
 class _Question:
-    """A law as asked of one scheme: where its cases come from, and how one case is measured."""
+    """A law applied to one scheme: the source of its cases, and the measurement of one case."""
 
     where: Question
     check: Check
@@ -123,7 +123,7 @@ def searched(
     cases : Cases
         The cases of the law, for schemes of every class and for users' problems.
     faults_violate : bool
-        True for the law "contract": a result of a wrong shape or type violates it. In other laws that is an error.
+        True for the law "contract": a result of a wrong shape or type violates it. For other laws it is an error.
     not_applicable : scheme -> str
         The reason why the law does not apply to this scheme; empty if it does.
     cost, steps
@@ -182,7 +182,7 @@ def _search(law: Law, scheme: Scheme, effort: Effort, question: _Question) -> Fi
 
 
 def _designed(question: _Question, seed: int, repeat: int) -> list[Case]:
-    """The listed cases of a law for a seed, shuffled, so that no range of a property always comes first."""
+    """The cases of a law's design for a seed, in random order, so that no range of a property always comes first."""
     number = seed + 1000003 * repeat
     if question.key:
         store = kept("designs", DESIGNS)
@@ -200,8 +200,8 @@ def _explore(log: SearchLog, scheme: Scheme, effort: Effort, question: _Question
 
     def body(case: Case) -> None:
         nonlocal simplifying
-        # Both loops of Hypothesis are bounded. When the budget is spent, or after too many refused cases, every case
-        # passes, which ends shrinking or the search.
+        # Hypothesis ends its shrinking or its search if every further case passes. So every case passes when the
+        # budget is spent, or after too many refused cases.
         if simplifying is not None and not simplifying.spend():
             return
         if log.refused > MOST_SKIPPED * (1 + log.checks - measured_before):
@@ -246,7 +246,7 @@ def _explore(log: SearchLog, scheme: Scheme, effort: Effort, question: _Question
 
 
 def _visit(log: SearchLog, scheme: Scheme, visited: Iterable[Case], question: _Question) -> None:
-    """Measure `visited` cases in turn, up to the first violation or the MOST_FAULTS-th case without a measurement."""
+    """Measure `visited` cases in turn, up to the first violation or the MOST_FAULTS-th case that cannot be measured."""
     faults: list[tuple[Case, Exception]] = []
     with warnings.catch_warnings(), suppress(_Violation):
         warnings.simplefilter("ignore")
@@ -306,7 +306,7 @@ def _measured(scheme: Scheme, case: Case, check: Check) -> Measurement:
 
 
 def _clips(scheme: Scheme, case: Case) -> bool:
-    """True if the step clips increments at √h A_h: longer ones give the same y1, and shorter ones another y1."""
+    """True if the step clips increments at √h A_h: longer increments give the same y1, shorter ones another y1."""
     problem, y, h, dW = case.build()
     if scheme.truncation is None or not 0 < abs(h) < 1:
         return False
@@ -340,8 +340,8 @@ def _measure(log: SearchLog, scheme: Scheme, case: Case, check: Check, faults_vi
         extreme = FAR if beyond(case) else LENGTHY if is_long(case) else ""
         impure = faults_violate and isinstance(error, SchemeFault) and not isinstance(error, NotFinite)
         if (case.h <= 0 and not impure) or (extreme and isinstance(error, StepFailure)):
-            # No path has h ≤ 0. A scheme that fails then, or refuses a state or step of extreme size, skips the case
-            # and does not violate the law. Errors of one kind share a line with the first message.
+            # No path has h ≤ 0. If a scheme fails for h ≤ 0, or refuses a state or step of extreme size, the case is
+            # skipped, and the law is not violated. All errors of one kind have one line, with the first message.
             back = "a step back in time, h < 0," if case.h < 0 else "a step with h = 0"
             kind = f"{back if case.h <= 0 else extreme} ended in {type(error).__name__}"
             text = str(error).partition("\n")[0]
@@ -354,7 +354,7 @@ def _measure(log: SearchLog, scheme: Scheme, case: Case, check: Check, faults_vi
             log.worst = log.violation[1]
             raise _Violation from error
         log.fault = case, error
-        # A program that crashed or raised an exception gave no result. A refusal or a result of a wrong kind is one.
+        # A crash or an exception leaves no result. A refusal, or a result of a wrong kind, counts as a result.
         if not isinstance(error, (SchemeFault, ArithmeticError)):
             log.crash = case, error
             raise _Crash from error

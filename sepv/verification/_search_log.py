@@ -22,7 +22,7 @@ LEAST_SHARE = 0.25
 
 
 class SearchLog:
-    """The measurements of a law in one search: number, worst, a violation or unmeasurable case, and skipped cases."""
+    """The log of one search: number of measurements, the worst, a violation or an unmeasurable case, skipped cases."""
 
     def __init__(self) -> None:
         self.checks = 0
@@ -46,7 +46,7 @@ class SearchLog:
         return sum(self.skipped.values())
 
     def skip(self, reason: str, *, may: bool = False) -> None:
-        """Log a case that the scheme did not take; `may` is True if a correct scheme may refuse this case."""
+        """Log a case that was skipped; `may` is True if a correct scheme may refuse this case."""
         self.checks -= 1
         self.lacking += not may
         self.skipped[reason] = self.skipped.get(reason, 0) + 1

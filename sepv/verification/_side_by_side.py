@@ -78,8 +78,8 @@ def run(
 ) -> None:
     """Measure groups of laws on `jobs` workers; `receive` gets each law's name, first with None, then with its finding.
 
-    If a worker crashes, `receive` gets the law with `Crashed`, and the rest of the group goes to another worker. Raises
-    a UsageError for a scheme that another process cannot load, a RuntimeError for a defect of the suite in a worker.
+    If a worker crashes, `receive` gets the law with `Crashed`, and another worker measures the rest of the group. If a
+    process cannot load the scheme, a UsageError is raised; for a defect of the suite in a worker, a RuntimeError.
     """
     data, waiting = _pickled(task), [list(group) for group in groups]
     answers: queue.Queue[tuple[_Worker, Any]] = queue.Queue()
@@ -122,7 +122,7 @@ def run(
 
 
 def measured(task: LawJob, group: Sequence[str]) -> list[tuple[str, Any]]:
-    """Measure one group of laws in a new process, on a worker of a cluster: names with findings or `Crashed`.
+    """Measure a group of laws in a new process on a cluster's worker; return pairs (law's name, finding or `Crashed`).
 
     The new process has a main thread, which a time limit needs, and a crash ends it instead of the cluster's worker.
     """
@@ -156,7 +156,7 @@ def _ended() -> Iterator[list[_Worker]]:
 
 def _pickled(task: LawJob) -> bytes:
     try:
-        # The path where modules of the user are found goes first.
+        # The path on which the user's modules are found is pickled first.
         data = pickle.dumps((list(sys.path), os.getcwd(), pickle.dumps(task)))
         owner = getattr(getattr(task.scheme, "step", None), "__module__", "")
     except Exception as error:

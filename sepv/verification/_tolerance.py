@@ -12,22 +12,22 @@ d for the product B∇̄H, and 8 for Δ, weights and the final sum. A factor of 
 same operations differently. If a scheme states its solver's tolerance, |y| times the tolerance is added to r.
 
 **Single precision** (`Scheme.dtype`). u is 2⁻²⁴ in the residual alone, because the suite evaluates H, Casimirs and
-references in binary64. The step starts from y0 rounded to single precision, y0 + e with |e| ≤ u|y0|. Taken as a
-step from y0, its residual is r + |e| + |∂R/∂y0 e| at most. INPUTS counts the terms in e and the rounding of ΔW. Cases
+references in binary64. The step starts from y0 rounded to single precision, y0 + e with |e| ≤ u|y0|. As a step
+from y0 it has a residual of r + |e| + |∂R/∂y0 e| at most. INPUTS counts the terms in e and the rounding of ΔW. Cases
 contain only numbers that single precision represents, so that bounds of zero remain zero.
 
 **s stages** of Gauss collocation: y1 = y0 + Σ_j b_j z_j, where z_j = ΔB g_j and g_j = b_j⁻¹∫ℓ_j∇H averages ∇H with the
-Lagrange polynomial ℓ_j; b_j ≥ 0, Σ_j b_j = 1. The residual of each equation for z_j is at most r, with a larger K:
-it also counts sums over s stages and ⌈sν/2⌉ nodes, and has the factor max_j b_j⁻¹∫|ℓ_j| (1.57 for s = 6), by which the
-averages amplify errors of ∇H. Because H(y1) − H(y0) = Σ_j b_j g_jᵀ z_j, the bounds below hold for any s.
+Lagrange polynomial ℓ_j; b_j ≥ 0, Σ_j b_j = 1. The residual of each equation for z_j is at most r, with a larger K.
+This K also counts sums over s stages and ⌈sν/2⌉ nodes. It is multiplied by max_j b_j⁻¹∫|ℓ_j| (1.57 for s = 6), which
+bounds how the averages amplify errors of ∇H. Because H(y1) − H(y0) = Σ_j b_j g_jᵀ z_j, the bounds below hold for any s.
 
 **Energy.** H(y1) − H(y0) = ∇̄Hᵀ(y1 − y0) (fundamental theorem), and ∇̄Hᵀ B ∇̄H = 0 for the computed skew B. So
 |H(y1) − H(y0)| ≤ Σ_i M_g,i r_i. **Casimirs**: |C(y1) − C(y0)| ≤ Σ_i M_C,i r_i. **Error of y1**: |(I − ∂R/∂y1)⁻¹| r.
 
 **Many steps** (Brouwer 1937). A step adds an increment z to y0. The sum is rounded to nearest. In component i the error
 is spread evenly over ±½ulp(y1_i). So one step moves an invariant I by √(Σ_i (∂_iI ulp(y_i))²/12) in the root mean
-square, and n steps by √n times as much. For small |Δ| this is nearly all, because the rounding of z itself is smaller
-by the factor |z|/|y|. Errors whose mean is not quite zero show after 10⁶ steps and more, and are not predicted.
+square, and n steps by √n times as much. For small |Δ| other errors are negligible, because the rounding of z itself is
+smaller by the factor |z|/|y|. Errors whose mean is not quite zero show after 10⁶ steps and more, and are not predicted.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ from sepv.schemes import gauss_amplification as amplification
 
 
 def gradient_majorant(problem: Problem, *states: Array) -> Array:
-    """Majorant M_g ≥ |∇H| (d,) over states: by absolute coefficients for a polynomial H, else |∇H| + |H″||y|.
+    """The majorant M_g (d,) of |∇H| over states: from absolute coefficients if H is polynomial, else |∇H| + |H″||y|.
 
     The term |H″||y| is the effect of one rounding of y on a well-written ∇H.
     """
@@ -66,7 +66,7 @@ def _slope_majorant(gradient: Function, hessian: Function | None, y: Array) -> A
 
 
 def structure_majorant(problem: Problem, *states: Array) -> Array:
-    """Majorant M_B ≥ |B| (d, d) over states: by absolute coefficients for a polynomial B, else |B| + |B′||y|."""
+    """The majorant M_B (d, d) of |B| over states: from absolute coefficients if B is polynomial, else |B| + |B′||y|."""
     rows = []
     for y in states:
         if isinstance(problem.structure, PolynomialMap):
@@ -92,12 +92,12 @@ def slopes(function: Function, derivative: Function | None, y: Array) -> Array:
 
 
 def _largest(structure: Any, *states: Array) -> Array:
-    """Majorant (d, d) of |G| over `states` of a noise's `structure` G: by coefficients if polynomial, else |G|."""
+    """A majorant (d, d) of |G| over `states`, G a noise's `structure`: from coefficients if polynomial, else |G|."""
     return np.asarray(np.max([majorant(structure, y) for y in states], axis=0))
 
 
 def operations(problem: Problem, stages: int = 1) -> float:
-    """The constant K of the bound of a step's residual: a count of the roundings behind one entry (see the module)."""
+    """The constant K in the bound of a step's residual: a count of the roundings behind one entry (see the module)."""
     terms, degree, nodes = 6, 2, 2 * (stages + 4)  # nodes of a quadrature that is refined until it is exact
     if isinstance(problem.gradient, PolynomialMap) and isinstance(problem.structure, PolynomialMap):
         rows = [*problem.gradient.rows, *problem.structure.rows]
@@ -116,7 +116,7 @@ def step_residual(
 ) -> Array:
     """A bound r (d,) of the residual y1 − y0 − R of a correctly solved step; (d, M) for a batch.
 
-    `scheme` states a solver's tolerance and a number of stages. Without it, one stage is taken, solved to rounding.
+    `scheme` states its solver's tolerance and its number of stages. Without it, r is for one stage, solved to rounding.
     """
     tolerance, stages, eps = 0.0, 1, EPS
     if scheme is not None:
@@ -169,7 +169,7 @@ def _of_polynomials(function: object, reach: Array) -> Array:
 
 
 def _any_gradient(problem: Problem, y0: Array, y1: Array) -> Array:
-    """A majorant of |∇H| (d,) at y0 and y1 and, if the noises have Hamiltonians H_j of their own, of all |∇H_j|."""
+    """A majorant (d,) of |∇H| at y0 and y1 and, if the noises have Hamiltonians H_j of their own, of all |∇H_j|."""
     stated = gradient_majorant(problem, y0, y1)
     if not isinstance(problem, HamiltoniansProblem) or not problem.noise_gradients:
         return stated
@@ -204,7 +204,7 @@ def casimir_ulp(A: Array, y0: Array, y1: Array) -> float:
 def rounding_variances(gradient: Array, states: Array) -> Array:
     """Mean squares (M,) of the change of an invariant by the rounding of each state ("Many steps" in the module).
 
-    `gradient` (d, M) is the invariant's at `states` (d, M). A change that overflows is 0, so that it excuses no defect.
+    `gradient` (d, M) is the invariant's gradient at `states` (d, M). An overflow counts as 0: it excuses no defect.
     """
     with np.errstate(all="ignore"):
         roundings = gradient * np.spacing(np.abs(states))
@@ -230,7 +230,7 @@ def state_error(
     exact: Sequence[Any], condition: Sequence[Sequence[float]], problem: Problem, y0: Array, y1: Array, h: float,
     dW: Array, scheme: Scheme | None = None,
 ) -> tuple[float, float]:  # fmt: skip
-    """The error of y1 against an exact step and its bound, for the component with the largest ratio of the two.
+    """The error of y1 against an exact step, and its bound, in the component where error/bound is largest.
 
     `exact` is the exact step, d numbers of extended precision. `condition` (d, d) is |(I − ∂R/∂y1)⁻¹|, which turns
     residuals into errors. The bound adds the rounding of y1. Both are in units of eps times the largest component.

@@ -47,7 +47,7 @@ def verify(
     workers: Any = None,
     require: str | Iterable[str] = (),
 ) -> Report:
-    """Measure every law on a scheme, claimed or not.
+    """Measure every law on a scheme, whether the scheme claims the law or not.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def verify(
         The number of processes that measure laws; the verdicts do not depend on it. With several processes, the scheme
         must be one that another process can import.
     problems : problem or strategy, or a list of them, optional
-        The scheme's problems, if it is not for every system of its class: built-in names, families
+        The problems that the scheme is for, if they are not all systems of its class: built-in names, families
         (`sepv.verification._cases.families`), ``module:attribute``, ``.json`` files, `Problem` records,
         Hypothesis strategies of `PolynomialSystem` or `Problem`. Laws draw their cases from these alone.
     workers : executor, map-like callable, Dask client or its address, optional
@@ -79,7 +79,7 @@ def verify(
         The numbers of examples and paths; ``Effort().deeper()`` is for a nightly run.
     require : iterable of str, or one string with commas
         Profiles (named sets of laws, docs/profiles.md) that the scheme must have, such as "energy,order-1". Only the
-        laws of these profiles and of the profile "method" are measured. It excludes `laws`.
+        laws of these profiles and of the profile "method" are measured. `laws` cannot be given as well.
 
     Returns
     -------
@@ -89,7 +89,7 @@ def verify(
     Raises
     ------
     TargetError, UsageError
-        For a scheme that cannot be loaded, an unknown law or claim.
+        For a scheme that cannot be loaded, and for an unknown law or claim.
 
     Examples
     --------
@@ -172,7 +172,7 @@ def _check_arguments(jobs: Any, timeout: Any, effort: Any, expected: Any) -> Non
 def _side_by_side(
     task: side_by_side.LawJob, chosen: list[Law], workers: Any, receive: Callable[[Law, Finding | None], None]
 ) -> None:
-    """Measure groups of laws in workers; the laws that share sampled paths are one group, which starts first."""
+    """Measure groups of laws in workers; first the group of laws that share paths and the group that share steps."""
     by_name = {law.name: law for law in chosen}
     shared = [[name for name in by_name if name in family] for family in (SAMPLED, LOCAL)]
     groups = [group for group in shared if group]
@@ -199,7 +199,7 @@ def _side_by_side(
 def load_in_time(
     scheme: str | Scheme | Step, claims: Iterable[str], timeout: float, problems: Any = None, target: str = ""
 ) -> Scheme:
-    """Load the scheme under a time limit: loading calls a bare function twice, to test batches, and may not return."""
+    """Load the scheme under a time limit: loading calls a bare function twice, to test batches; a call may hang."""
     try:
         with deadline(timeout):
             load = partial(load_candidate, scheme, listed(claims), problems)
@@ -243,7 +243,7 @@ def replay(scheme: str | Scheme | Step, law: str, witness: dict[str, Any], probl
 
 
 def survived(law: Law, key: str, ask: Callable[[], Finding], effort: Effort | None = None) -> Finding:
-    """Return the finding of `ask`; in the repetition of a crashed run the stored one, or an error for the crash."""
+    """Return the finding of `ask`; if a crashed run is repeated, the stored finding or, for the crash, an error."""
     try:
         return attempted(key, ask)
     except Crashed as crash:

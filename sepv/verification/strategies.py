@@ -1,4 +1,4 @@
-"""Hypothesis strategies: random skew B(y), polynomial H, Casimirs by construction, and steps with a solution.
+"""Hypothesis strategies for random skew B(y), polynomial H, systems with Casimirs, and steps that have a solution.
 
 The laws draw such systems too (`sepv.verification._cases.random_cases`). All coefficients are small dyadic rationals.
 Products and sums of a few of them are exact in binary64, so that the coefficients of a Casimir satisfy its definition
@@ -70,7 +70,7 @@ def skew_structures(dimension: int, degree: int = 3) -> st.SearchStrategy[Struct
 
 @cache
 def noises(least: int = 0, most: int = 3) -> st.SearchStrategy[tuple[float, ...]]:
-    """Noise coefficients c_j ≥ 0, `least` to `most` of them. Examples shrink towards `least`, and c_j = 1."""
+    """From `least` to `most` noise coefficients c_j ≥ 0. Examples shrink towards `least` coefficients c_j = 1."""
     return _made(
         lambda random: tuple(
             random.choice([1.0, 0.5, 2.0, 0.25, 0.0]) for _ in range(random.randint(least, most))
@@ -93,7 +93,7 @@ def casimir_systems(degree: int = 6, *, largest: int = 6) -> st.SearchStrategy[P
 def poisson_systems(
     degree: int = 6, *, least: int = 1, largest: int = 6, structure_degree: int = 3
 ) -> st.SearchStrategy[PolynomialSystem]:
-    """Systems of dimension 2 to `largest` with H of degree `least` to `degree` and any skew B(y)."""
+    """Systems of dimension 2 to `largest`, H of degree `least` to `degree`, any skew B(y) up to `structure_degree`."""
     return _made(lambda random: _system(random, "none", 2, largest, least, degree, structure_degree))
 
 
@@ -124,7 +124,7 @@ def paper_problems() -> st.SearchStrategy[NamedProblem]:
 
 @cache
 def steps(systems: st.SearchStrategy[PolynomialSystem] | None = None) -> st.SearchStrategy[Case]:
-    """Cases of a state and a step h > 0 inside the contraction radius: a solution near y0 exists and is unique.
+    """Cases with a step h > 0 inside the contraction radius, so that a solution near y0 exists and is unique.
 
     If no `systems` are given, the systems are of class (1.1) and of all sizes, as the laws draw them.
     """
@@ -135,7 +135,7 @@ def steps(systems: st.SearchStrategy[PolynomialSystem] | None = None) -> st.Sear
 
 @cache
 def paper_steps() -> st.SearchStrategy[Case]:
-    """A step of one of the paper's problems near its initial state, with h and the increments of §4."""
+    """A step of one of the paper's problems from near its initial state, not above the problem's `longest_step`."""
     return paper_problems().flatmap(near)
 
 

@@ -1,4 +1,4 @@
-"""Workers: numbered tasks on threads, processes, an executor, a map or a Dask cluster.
+"""Workers, which compute numbered tasks: threads, processes, an executor, a map or a Dask cluster.
 
 Read `_run_all` first (the kinds of workers, and tasks that are computed again), then `_pool` (threads, processes,
 futures) and `_on_dask`.

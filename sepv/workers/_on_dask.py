@@ -1,8 +1,8 @@
 """Tasks on Dask: chunks of paths as futures of a `distributed.Client`, at most a few for each thread of the cluster.
 
-If a worker dies, Dask gives its chunk to another worker; if a chunk raises, Dask tries it again on another worker. This
-module checks that a worker has the versions of this process, because other versions may give other bits. It ends with a
-message, and does not hang, if the scheduler is lost, the cluster has no workers, or a chunk kills worker after worker.
+If a worker dies, Dask gives its chunk to another worker; if a chunk raises, Dask tries the chunk once more. A worker
+must have the versions of this process (this is checked), because other versions may give other bits. A run does not
+hang but ends with a message if the scheduler is lost, the cluster has no workers, or a chunk kills worker after worker.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ from sepv._version import __version__
 from sepv.errors import ClusterFailure, UsageError
 from sepv.workers._pool import AHEAD, Futures, Outcome, cannot_travel
 
-# Dask's retries of a chunk that raised; after them the chunk runs once in this process, which shows the error.
+# Dask's retries of a chunk that raised. After them, the chunk runs once in this process, which shows the error.
 RETRIES = 1
-# Seconds to wait for a scheduler's answer, and for a first worker: a cluster that grows by itself starts without one.
+# Seconds to wait for a scheduler's answer, and for a first worker: a cluster that grows by itself starts without any.
 CONNECT = 10.0
 NO_WORKER = 120.0
-# Seconds for one result to arrive; then the cluster is checked, and the result is requested again.
+# Seconds to wait for one result. After that, the cluster is checked, and the result is requested again.
 FETCH = 60.0
 # Seconds between two checks of the cluster while nothing arrives.
 LOOK = 1.0
 
 
 class TaskRaised(Exception):
-    """A task raised on a worker; the error is in words, because some exceptions cannot be sent to this process."""
+    """The error of a task that raised on a worker, as text, because some exceptions cannot be sent to this process."""
 
 
 class Unfit(str):
-    """The result of a task on a worker whose versions are not those of this process: the difference in words."""
+    """A text in place of a task's result: how versions of packages on the worker differ from those of this process."""
 
 
 @dataclass(frozen=True)
@@ -69,16 +69,16 @@ class OnWorker:
 
 @cache
 def versions(alike: tuple[str, ...]) -> dict[str, str]:
-    """The versions of sepv and of the packages `alike`, on which the bits of results depend; "none" if missing."""
+    """The versions of sepv and of the packages `alike` ("none" if missing); the bits of results depend on them."""
     installed = {name: metadata.version(name) if find_spec(name) is not None else "none" for name in alike}
     return {"sepv": __version__, **installed}
 
 
 @contextmanager
 def dask_crew(workers: Any, function: Callable[[Any], Any], alike: tuple[str, ...]) -> Iterator[DaskCrew]:
-    """A context with the crew of a Dask client, of a cluster, or of the scheduler at an address.
+    """A context with a crew: the workers of a Dask client, of a Dask cluster, or of the scheduler at an address.
 
-    Raises a UsageError if Dask is not installed, if no scheduler is at the address, or for an asynchronous client.
+    Raises a UsageError if Dask is not installed, no scheduler is at the address, or the client is asynchronous.
     """
     needed = "Dask, for workers that are a scheduler's address"
     Client = optional("distributed", needed, "pip install dask distributed").Client
@@ -118,13 +118,13 @@ class DaskCrew(Futures):
         self.threads, self.looked, self.alone = 0, -LOOK, time.monotonic()
 
     def room(self) -> int:
-        """The number of tasks that may be submitted beyond the first unfinished one: four for each current thread."""
+        """The number of tasks that may be submitted, counted from the first unfinished one: four for each thread."""
         if time.monotonic() - self.looked > LOOK:
             self._look()
         return max(AHEAD, AHEAD * self.threads)
 
     def submit(self, numbered: Sequence[tuple[int, Any]]) -> None:
-        """Submit tasks in one message, with names of this run, because Dask takes equal names for the same task."""
+        """Submit tasks in one message, with names that no other run has: Dask identifies tasks by their names."""
         keys = [f"{self.name}-{number}" for number, _ in numbered]
         try:
             futures = self.client.map(
@@ -138,7 +138,7 @@ class DaskCrew(Futures):
             self.watch(number, future)
 
     def finished(self) -> list[Outcome]:
-        """Wait for at least one outcome; a ClusterFailure if the cluster is lost meanwhile."""
+        """Wait for at least one outcome, and return all that arrived; raise ClusterFailure if the cluster is lost."""
         outcomes: list[Outcome] = []
         while not outcomes:
             try:
@@ -153,7 +153,7 @@ class DaskCrew(Futures):
         return outcomes
 
     def _fetched(self, numbers: list[int]) -> dict[int, Any]:
-        """Fetch the results of several tasks in one message; empty if that fails: each is then fetched alone."""
+        """Fetch the results of several tasks in one message; return {} if that fails: each is then fetched alone."""
         ready = [number for number in numbers if self.running[number].status == "finished"]
         if len(ready) < 2:
             return {}
@@ -166,7 +166,7 @@ class DaskCrew(Futures):
             return {}
 
     def _outcomes(self, number: int, fetched: dict[int, Any]) -> list[Outcome]:
-        """The outcome of a finished task, from `fetched` or from its worker; none if it must be computed again."""
+        """A list with a finished task's outcome, from `fetched` or its worker; empty if the task is awaited again."""
         from distributed import KilledWorker
 
         future = self.running.pop(number)
@@ -217,7 +217,7 @@ class DaskCrew(Futures):
         self.running.clear()
 
     def _look(self) -> None:
-        """Check that the cluster still knows this run, and update the number of its threads."""
+        """Check that the cluster still knows this run, and update the number of the cluster's threads."""
         self.looked = time.monotonic()
         if self.client.status != "running":
             raise self._gone(f"the client is {self.client.status}")
@@ -238,7 +238,7 @@ class DaskCrew(Futures):
             )
 
     def _gone(self, why: Any) -> ClusterFailure:
-        """The ClusterFailure for a scheduler that does not answer, or has forgotten the tasks of this run."""
+        """The ClusterFailure for a scheduler that does not answer or has forgotten the tasks of this run."""
         text = why if isinstance(why, str) else f"{type(why).__name__}: {why}"
         return ClusterFailure(
             f"The scheduler at {self.address} is gone, or has forgotten this run ({text}).",

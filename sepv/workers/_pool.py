@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 
 from sepv.errors import UsageError
 
-# The number of tasks submitted at a time for each worker: the task that it computes, and more so that it never waits.
+# The number of tasks submitted at a time for each worker: one that it computes, and three more so that it never waits.
 AHEAD = 4
-# The assumed number of workers of an executor that does not state the number.
+# The number of workers assumed for an executor that does not state its number.
 UNKNOWN = 16
 
 
@@ -32,7 +32,7 @@ class Halted(Exception):
     """Raised when a chunk of paths is stopped because nobody wants its result any more."""
 
 
-# A thread's event, which is set if its chunk is no longer wanted; compiled code checks the event between pieces.
+# The event of a thread, set when the thread's chunk is no longer wanted. It is checked between pieces of the chunk.
 _halt = threading.local()
 
 
@@ -51,11 +51,11 @@ class Futures:
         self.done: SimpleQueue[int] = SimpleQueue()
 
     def room(self) -> int:
-        """The number of tasks that may be submitted beyond the first unfinished one: four for each worker."""
+        """The number of tasks that may be submitted, counted from the first unfinished one: four for each worker."""
         return AHEAD * int(getattr(self.executor, "_max_workers", UNKNOWN))
 
     def submit(self, numbered: Sequence[tuple[int, Any]]) -> None:
-        """Submit tasks to the executor, one by one; if it is broken or shut down, its error is a task's outcome."""
+        """Submit tasks one by one. If the executor is broken or shut down, its error is the outcome of each task."""
         for number, task in numbered:
             try:
                 future = self.executor.submit(self.function, task)
@@ -95,7 +95,7 @@ class Futures:
 
 @contextmanager
 def crew_of_threads(count: int, function: Callable[[Any], Any]) -> Iterator[Futures]:
-    """A context with a crew of threads. If it ends by an exception, running chunks stop soon (`halted`)."""
+    """A context with a crew of threads. If an exception ends the context, running chunks stop soon (`halted`)."""
     event = threading.Event()
 
     def begin() -> None:
@@ -110,7 +110,7 @@ def crew_of_threads(count: int, function: Callable[[Any], Any]) -> Iterator[Futu
 
 
 def _serve_quietly() -> None:
-    """Prepare a process of a pool: Ctrl-C ends it without a traceback, and it ends with its parent."""
+    """Prepare a process of a pool: it ends without a traceback after Ctrl-C, and when its parent process ends."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
@@ -154,7 +154,7 @@ class _Processes(Futures):
     def cancel(self) -> None:
         """Do nothing, because `crew_of_processes` ends the processes of tasks that still run.
 
-        To cancel their futures too would make the pool's own thread fail when it finds its processes gone.
+        If the futures were cancelled too, the pool's own thread would fail when it finds its processes gone.
         """
 
 

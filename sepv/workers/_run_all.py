@@ -1,7 +1,7 @@
 """Computation of tasks, such as chunks of paths, on threads, processes, an executor, a map, or Dask.
 
-The result of a task must depend on its arguments alone: if a worker dies or a task raises, the task is computed again,
-in this process. The number of submitted tasks is limited, so that results do not pile up behind a slow task.
+If a worker dies or a task raises, the task is computed again in this process. So the result of a task must depend on
+its arguments alone. The number of submitted tasks is limited, so that results do not pile up behind a slow task.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from sepv.workers._pool import Futures, cannot_travel, crew_of_processes, crew_o
 T = TypeVar("T")
 R = TypeVar("R")
 
-# The number of chunks in one call of a map, if results must not pile up.
+# The number of tasks in one call of a map if results must not pile up.
 LOT = 64
 
 
 def check(workers: Any) -> None:
-    """Raise a UsageError for an object that cannot be used as workers; its text lists the kinds of workers."""
+    """Raise a UsageError if an object cannot be used as workers; the message lists the kinds of workers."""
     fits = (
         (isinstance(workers, int) and not isinstance(workers, bool) and workers >= 1)
         or callable(workers)
@@ -39,7 +39,7 @@ def check(workers: Any) -> None:
 
 
 def count(workers: Any) -> int:
-    """The number of tasks that workers compute at a time; 0 if it is unknown."""
+    """The number of tasks that workers compute at a time; 0 if the number is unknown."""
     if isinstance(workers, int):
         return workers
     if hasattr(_dask(workers), "nthreads"):
@@ -57,15 +57,15 @@ def run_all(
     bounded: bool = True,
     alike: tuple[str, ...] = ("numpy", "numba"),
 ) -> int:
-    """Compute function(task) for every task on workers; `receive` gets the number and the result of each, in any order.
+    """Compute function(task) for every task on workers; `receive` gets each task's number and result, in any order.
 
-    Returns the number of tasks that were computed again in this process, which raises their errors. If a cluster is
-    lost or unfit for the work, ClusterFailure is raised and nothing is computed again.
+    Returns the number of tasks that failed on a worker and were computed again in this process. If a task raises here
+    too, so does this function. If a cluster is lost or unfit, ClusterFailure is raised and nothing is computed again.
 
-    workers : the number of processes, or of threads if `threads` (the function must then release the GIL). Or an
-        executor or its `map`; tasks are submitted one by one, so that no finished task is lost when a worker dies. Or
-        any other map-like callable: it gets a function and numbered tasks, and may return their outcomes in any order.
-        Or Dask (`sepv.workers._on_dask`)
+    workers : the number of processes, or of threads if `threads` (the function must then release the GIL). For an
+        executor or its `map`, tasks are submitted one by one, so that no finished task is lost when a worker dies. Any
+        other map-like callable gets a function and numbered tasks, and may return their outcomes in any order. For
+        Dask, see `sepv.workers._on_dask`
     receive : returns True if no more results are wanted
     bounded : True if results must not pile up: a map is then called with LOT tasks at a time. Other workers always get
         a few tasks at a time.
@@ -99,12 +99,12 @@ def run_all(
 def _flow(
     crew: Futures, function: Callable[[T], R], tasks: Sequence[T], receive: Callable[[int, R], bool | None]
 ) -> int:
-    """Compute all tasks on a crew, a few at a time; return how many failed there and were computed in this process."""
+    """Compute all tasks on a crew, a few at a time; return how many failed and were computed again in this process."""
     first = sent = again = 0
     done: set[int] = set()
     try:
         while first < len(tasks):
-            # The limit counts from the first unfinished task, so that no results pile up behind a slow task.
+            # The limit is counted from the first unfinished task, so that no results pile up behind a slow task.
             beyond = min(len(tasks), first + crew.room())
             if sent < beyond:
                 crew.submit([(number, tasks[number]) for number in range(sent, beyond)])
@@ -128,14 +128,14 @@ def _guarded(function: Callable[[Any], Any], numbered: tuple[int, Any]) -> tuple
     number, task = numbered
     try:
         return number, True, function(task)
-    except Exception as error:  # any exception: the task runs again in this process, which shows it
+    except Exception as error:  # any exception: the task runs again in this process, which shows the error
         return number, False, f"{type(error).__name__}: {error}"
 
 
 def _map(
     mapper: Any, function: Callable[[T], R], tasks: Sequence[T], receive: Callable[[int, R], bool | None], lot: int
 ) -> int:  # fmt: skip
-    """Compute all tasks by calls of a map-like callable, each with `lot` tasks; return how many this process redid."""
+    """Compute all tasks by a map-like callable, `lot` tasks a call; return how many this process computed again."""
     again = 0
     for first in range(0, len(tasks), lot):
         numbered = [(n, tasks[n]) for n in range(first, min(first + lot, len(tasks)))]
@@ -154,7 +154,7 @@ def _map(
 def _mapped(
     mapper: Any, function: Callable[[T], R], numbered: list[tuple[int, T]]
 ) -> Iterator[tuple[int, R]]:
-    """Call a map-like callable on numbered tasks, and yield (number, result) of successes until it ends or raises."""
+    """Yield (number, result) of each task that a map-like callable computes with success, until it ends or raises."""
     try:
         results = iter(mapper(partial(_guarded, function), numbered))
     except Exception:
@@ -164,13 +164,13 @@ def _mapped(
             outcome = next(results)
         except Exception:  # the map has ended, regularly or by an error
             return
-        # If a map returns another value, its task counts as missing and is computed in this process.
+        # If a map returns anything else for a task, the task counts as missing and is computed in this process.
         if isinstance(outcome, tuple) and len(outcome) == 3 and outcome[1]:
             yield outcome[0], outcome[2]
 
 
 def _dask(workers: Any) -> Any:
-    """The Dask client, cluster or address if `workers` is one, or is the `map` of one; else None."""
+    """The Dask client, cluster or address that `workers` is, or the client whose `map` it is; else None."""
     for candidate in (workers, getattr(workers, "__self__", None)):
         ours = type(candidate).__module__.startswith(("distributed.", "dask"))
         if ours and hasattr(candidate, "scheduler_info"):
@@ -179,7 +179,7 @@ def _dask(workers: Any) -> Any:
 
 
 def _executor(workers: Any) -> Any:
-    """The executor if `workers` is one, or is the `map` of one; else None."""
+    """The executor that `workers` is, or whose `map` it is; else None."""
     for candidate in (workers, getattr(workers, "__self__", None)):
         if isinstance(candidate, Executor) or all(
             hasattr(candidate, name) for name in ("submit", "shutdown")

@@ -40,7 +40,7 @@ def _overwritten(problem: Problem, state: Any, h: float, dW: Array) -> Any:
 
 
 def _stale(problem: Problem, state: Any, h: float, dW: Array) -> Any:
-    """Move by the rate (y1 − y0)/Δ that the step before had, times Δ; the first step of a path takes its own rate."""
+    """Move by Δ times the rate (y1 − y0)/Δ of the step before; the first step of a path uses its own rate."""
     y, *before = state
     delta = problem.random_step(h, dW)
     with np.errstate(all="ignore"):

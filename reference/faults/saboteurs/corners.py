@@ -82,7 +82,7 @@ def remembers_degrees_by_id(
     degree = known.setdefault(id(problem), problem.degree)
     if degree in (None, problem.degree):
         return _step(problem, y, h, dW)
-    # H has another degree than the record that was here before, and ∇H is averaged with one node.
+    # H has another degree than that of the record that had this id before, and ∇H is averaged with one node.
     y0, noise = as_lanes(problem, y, h, dW)
     z, delta = np.zeros_like(y0), problem.random_step(h, noise)[None]
     for _ in range(100):

@@ -43,7 +43,7 @@ def with_average(average: Part) -> Formula:
 
 
 def quadrature(nodes: Callable[[Problem], int | None], digits: int = 17) -> Formula:
-    """The right side of (2.1) with ∫∇H by nodes(problem) Gauss nodes, rounded to `digits`; exact ∫∇H if None."""
+    """The right side of (2.1) with ∫∇H by nodes(problem) Gauss nodes rounded to `digits`, exact ∫∇H for None."""
 
     def average(fields: Fields, y: Any, z: Any) -> Any:
         count = nodes(fields.problem)
@@ -58,7 +58,7 @@ def quadrature(nodes: Callable[[Problem], int | None], digits: int = 17) -> Form
 
 
 def of_degree(nodes: Callable[[int], int]) -> Callable[[Problem], int | None]:
-    """Make the function from a problem to its number of quadrature nodes, by the degree of H; None if no polynomial."""
+    """Make a function that gives a problem's number of quadrature nodes by the degree of H; None if H has none."""
     return lambda problem: None if problem.degree is None else max(1, nodes(problem.degree))
 
 

@@ -132,7 +132,7 @@ _explicit_structure = implicit(
     ("casimir-drift", "symmetry"),
 )
 def structure_before_the_step(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array:
-    """Take B at Y in Y + hB(Y)∇̄H, where Y is the state after the first half of the noise, and not at the midpoint."""
+    """Take B at Y, not at the midpoint: Y + hB(Y)∇̄H, where Y is the state after the first half of the noise."""
     return _between_the_halves(_explicit_structure, problem, y, h, dW, first)
 
 

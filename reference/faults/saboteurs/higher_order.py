@@ -83,7 +83,7 @@ SABOTEURS.rows(
 
 
 def _as_both(step: Step) -> Step:
-    """Make a step refuse the problems that `both-invariants` does not take: those without a known Casimir."""
+    """Make a step refuse problems without a known Casimir, as `both-invariants` does."""
 
     def restricted(problem: Problem, y: Array, h: float, dW: Array) -> Array:
         required(problem)
@@ -186,7 +186,7 @@ def force_of_first_kick(problem: Problem, y: Array, h: float, dW: Array) -> Arra
 
 
 def _with(increments: str | PointLaw) -> Callable[[], Scheme]:
-    """Make the scheme modified-weak-2, which has weak order 2, take these increments in place of three-point ones."""
+    """Make a function that returns modified-weak-2, of weak order 2, with these increments and not three-point ones."""
     return lambda: weakly(schemes.modified_weak_two, increments)
 
 

@@ -58,7 +58,7 @@ def _noise(problem: Problem, dW: Array) -> Array:
 
 
 def _by_taylor(problem: Problem, y: Array, h: float, dW: Array, *, wrong: bool = False) -> Array:
-    """The move y1 − y = Δf + ½Δ²f′f of a Taylor method; if `wrong`, ½Δ²f′(y + Δf) replaces the last term."""
+    """The move y1 − y = Δf + ½Δ²f′f of a Taylor method; if `wrong`, f′ is applied to y + Δf and not to f."""
     delta = problem.random_step(h, dW)
     temporary = vector_field(problem, y)
     moved = delta * temporary

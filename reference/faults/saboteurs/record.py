@@ -29,7 +29,7 @@ By = Callable[[Any], Callable[[], Scheme]]
 
 @dataclass(frozen=True)
 class Saboteur:
-    """A scheme with one fault, which still claims all that the right scheme claims: (2.1), or whichever it imitates."""
+    """A scheme with one fault that still has all claims of the right scheme: (2.1), or the scheme that it imitates."""
 
     name: str
     family: str
@@ -72,7 +72,7 @@ def explicit_step(update: Update) -> Step:
 
 
 def implicit(R: Formula, parts: Parts = random_step, **more: Any) -> Callable[[], Scheme]:
-    """Make a function that returns (2.1) with y1 = y0 + R(…); `parts` computes the data of a step (Δ) for R."""
+    """Make a function that returns (2.1) with the step y1 = y0 + R(…); `parts` computes the data of R, such as Δ."""
     return lambda: claiming(one_step.implicit(R, parts=parts, **more))
 
 
@@ -84,7 +84,7 @@ def explicit(update: Update) -> Callable[[], Scheme]:
 def around(change: Callable[..., Array], memory: Callable[[], Any] | None = None) -> Callable[[], Scheme]:
     """Make a function that returns (2.1) with its step replaced by change(old step, problem, y, h, dW).
 
-    If `memory` is given, `change` takes first an object memory(), which is made anew for each scheme.
+    If `memory` is given, the first argument of `change` is an object memory(), which is made anew for each scheme.
     """
     return lambda: claiming(partial(change, *([memory()] if memory else []), original.step))
 
@@ -107,7 +107,7 @@ def unchanged(make: Callable[[], Scheme]) -> Callable[[], Scheme]:
 class Family(list[Saboteur]):
     """A list of saboteurs in the order of their definition, added by rows of a table or by decorated functions.
 
-    `by` makes the whole scheme from the broken part. A decorated function's name is its saboteur's, with hyphens.
+    `by` makes the whole scheme from the broken part. A saboteur has its decorated function's name, with hyphens.
     """
 
     def __init__(self, name: str) -> None:
@@ -115,12 +115,12 @@ class Family(list[Saboteur]):
         self.name = name
 
     def rows(self, *rows: Row, by: By = unchanged) -> None:
-        """Add saboteurs by rows: name, fault in words, laws that find it, broken part, and the report if real."""
+        """Add saboteurs by rows: name, fault in words, laws that find it, broken part, and a real fault's report."""
         for name, broken, laws, fault, *thread in rows:
             self.append(Saboteur(name, self.name, broken, by(fault), laws, *thread))
 
     def made(self, broken: str, laws: Laws, by: By) -> Callable[[Fault], Fault]:
-        """Decorate the broken part of a saboteur, a function, from which `by` makes the scheme."""
+        """Decorate a function, the broken part of a saboteur, from which `by` makes the scheme."""
 
         def added(fault: Fault) -> Fault:
             self.rows((fault.__name__.replace("_", "-"), broken, laws, fault), by=by)
@@ -137,5 +137,5 @@ class Family(list[Saboteur]):
         return self.made(broken, laws, partial(implicit, **more))
 
     def around(self, broken: str, laws: Laws, memory: Any = None) -> Callable[[Fault], Fault]:
-        """Decorate a function of (step of (2.1), problem, y, h, dW), a broken step. `broken` is the fault in words."""
+        """Decorate a broken step: a function of (2.1)'s own step, problem, y, h, dW. `broken` is the fault in words."""
         return self.made(broken, laws, partial(around, memory=memory))

@@ -107,7 +107,7 @@ SABOTEURS.rows(
     ("reference",),
 )
 def one_evaluation_more(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    """Replace the solved y1 by y0 + R(y0, y1), with the right side R: its error is that of y1 times ∂R/∂y1."""
+    """Replace the solved y1 by y0 + R(y0, y1), R the right side of (2.1); the error is that of y1 times ∂R/∂y1."""
     return y + right_side(problem, y, step(problem, y, h, dW), random_step(problem, h, dW))
 
 

@@ -1,7 +1,7 @@
 """Faults of schemes that claim to keep the Poisson structure or the domain.
 
-Each saboteur claims what the scheme that it imitates claims. It imitates the midpoint rule, which is symplectic, or the
-splitting, whose step is a Poisson map and stays in the positive octant.
+Each saboteur has the claims of the scheme that it imitates: the midpoint rule, which is symplectic, or the splitting,
+whose step is a Poisson map and stays in the positive octant. One saboteur is (2.1) with two false claims.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def _like_splitting(update: Update) -> Callable[[], Scheme]:
     _like_splitting,
 )
 def time_of_place(problem: Problem, y: Array, step: Array) -> Array:
-    """Take the splitting over the time Δ(1 + Δ⁴ y_1/64): as it depends on y, the step is no Poisson map."""
+    """Take the splitting over the time Δ(1 + Δ⁴ y_1/64), which depends on y, so that the step is no Poisson map."""
     delta = step[0]
     return _split(problem, y, delta * (1 + delta**4 * y[0] / 64))
 
@@ -63,7 +63,7 @@ def time_of_place(problem: Problem, y: Array, step: Array) -> Array:
     _like_splitting,
 )
 def tangent_of_first(problem: Problem, y: Array, step: Array) -> Array:
-    """Replace the first exact flow of the splitting by an Euler step, which keeps only its linear invariants."""
+    """Replace the first exact flow of the splitting by an Euler step, which keeps only the flow's linear invariants."""
     if not problem.flows:
         return _split(problem, y, step[0])
     first, *others = problem.flows

@@ -1,4 +1,4 @@
-"""Faults that show only for some step sizes h, some noises, or problems with varying B and H not quadratic."""
+"""Faults that show only for some step sizes h, noises or states, for varying B, or for H that is not quadratic."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ from sepv.solve import Status
 
 
 def aligned(*shapes: tuple[int, ...]) -> list[np.ndarray]:
-    """Make arrays of zeros that begin at cache lines of one memory block, so that no 512-bit register crosses two."""
+    """Make arrays of zeros in one memory block, each from a cache line on, so that no 512-bit load spans two lines."""
     line = layout.CACHE_LINE // 8
     sizes = [-(-math.prod(shape) // line) * line for shape in shapes]
     room = np.zeros(sum(sizes) + line)
@@ -93,12 +93,12 @@ class Chunk:
                 self.raised = error
                 integers[layout.STATUS * L :][busy] = Status.NO_CONVERGENCE
                 return 0
-        for stage in range(module.STAGES):  # each gets the whole change: their weights have the sum 1
+        for stage in range(module.STAGES):  # each z_i is the whole change Σ b_i z_i, because Σ b_i = 1
             state[module.UNKNOWNS + stage * d :][:d, busy] = found.change
         integers[layout.STATUS * L :][busy] = found.status
         counts = found.iterations, found.gradient_evaluations, found.structure_evaluations
         for place, count in zip((layout.WORK, layout.EVALUATIONS, layout.STRUCTURES), counts, strict=True):
-            # If a kernel counts no evaluations, they are its iterations times the evaluations of one iteration.
+            # If a kernel counts no evaluations, their number is its iterations times the evaluations in an iteration.
             integers[4 * L + place] += count.sum() if place == layout.WORK or integers[4 * L + place] else 0
         return 0
 
@@ -106,8 +106,8 @@ class Chunk:
         """Take the next `steps` steps."""
         module, goal = self.kernel.module, self.done + steps
         if self.done == 0:
-            # The state of a block, its streams, right halves for later, and coarse increments. If blocks run to the
-            # end at once, they share one set of these arrays, which then stays in the cache.
+            # Arrays of each block: its state, streams, right halves for later steps, coarse increments. If blocks run
+            # to the end at once, they share one set of these arrays, which then stays in the cache.
             L, m, grid, streams = self.lanes, self.problem.noises, self.grid, len(self.words)
             blocks = 1 if goal == self.task.steps else -(-self.task.count // L)
             piece = max(16, 1024 // L)
@@ -119,7 +119,7 @@ class Chunk:
             self.I = I.view(np.int64)
             self.blocks = S, self.I, sums, rng.view(np.uint64), stack, top
         left_over = LEFT_OVER(self._solve)
-        # Not by `ctypes.cast`, which makes a cycle of references: the arrays would wait for the garbage collector.
+        # `ctypes.cast` would make a cycle of references: the garbage collector alone could then free the arrays.
         address = ctypes.c_void_p.from_buffer(left_over).value
         self.driver.run(
             self.draws.BEGINNING, self.draws.FILLING, self.draws.DRAWING, module.STARTING, module.ADVANCING, address,
@@ -152,7 +152,7 @@ class Chunk:
         return self.ends[:-2].copy()
 
     def result(self, kept: Array) -> Ensemble:
-        """The present states as an `Ensemble`, in the chunk's arrays; `kept` are the states at the chosen times."""
+        """The present states as an `Ensemble` of the chunk's own arrays; `kept` are the states at the chosen times."""
         self._settle()
         sums = self.I[:, 4 * self.lanes :].sum(axis=0).tolist()
         gradients, structures = sums[layout.EVALUATIONS], sums[layout.STRUCTURES]

@@ -1,4 +1,4 @@
-"""The schemes and problems that the compiled engine takes, with the reason for each that it cannot take."""
+"""The choice of schemes and problems that the compiled engine can run, with a reason for each that it cannot run."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ from sepv.simulate._compiled.writer import ExplicitWriter, Writer
 
 # Up to this number, paths run one by one, because a block of lanes would be mostly empty. The bits are the same.
 FEW = 8
-# The largest d and the most unknowns of a step: code is written out for each, and long code takes long to compile.
+# The largest d and the most unknowns of a step: code is written out for each component, and compiles slowly if long.
 LARGEST_DIMENSION = 16
 LARGEST_SYSTEM = 32
 
 
 class CannotCompile(Exception):
-    """The compiled engine cannot take a scheme or a problem; the message says why."""
+    """Raised if the compiled engine cannot run a scheme or a problem; the message says why."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ def _loaded(code: RecordedProblem, formula: Formula, lanes: int, compensated: bo
     noises = code.problem.noises
     text, parameters = _written(code, formula, noises, lanes, compensated)
     gradients, structures = code.cost(formula.recorded, formula.names(noises))
-    # `code.cost` is that of the method of one stage. With several stages, B is evaluated in each.
+    # `code.cost` is the cost of the method of one stage. With several stages, B is evaluated in each.
     read = np.array([*code.problem.c, *parameters], dtype=np.float64)
     collects = gc.isenabled()
     gc.disable()  # numba makes a million objects that stay; searching them would take a tenth of the time
@@ -107,7 +107,7 @@ def _written(
 
 
 def taken(scheme: Scheme, problem: Problem) -> Formula:
-    """Return the scheme's formula if the engine can take it for the problem; else raise CannotCompile."""
+    """Return the scheme's formula if the engine can compile it for the problem; else raise CannotCompile."""
     formula = formula_of(scheme)
     if formula is None:
         raise CannotCompile(f"the compiled engine has no code for the scheme {scheme.name!r}")
@@ -134,7 +134,7 @@ def taken(scheme: Scheme, problem: Problem) -> Formula:
 
 
 def code_of(problem: Problem) -> RecordedProblem:
-    """Return the problem's functions as code; raise CannotCompile if d is too large or they cannot be recorded."""
+    """Return the problem's functions as code; raise CannotCompile if d is too large or one cannot be recorded."""
     if problem.dimension > LARGEST_DIMENSION:
         raise CannotCompile(
             f"{problem.name} has {problem.dimension} components, the compiled engine takes {LARGEST_DIMENSION}"

@@ -1,7 +1,7 @@
 """The loop over the steps of a chunk, block by block: draw increments, sum them, and advance by a generated kernel.
 
-The kernel is passed as the address of a function, so that this file is compiled once for all kernels. A call costs 50
-ns and serves some thousand steps of paths. This file needs numba, and is loaded by `sepv.simulate._compiled.store`.
+The kernel is passed as the address of a function, so that this file is compiled once for all kernels. Its call costs 50
+ns, for more than a thousand steps of paths. This file needs numba, and is loaded by `sepv.simulate._compiled.store`.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ def run(  # noqa: PLR0912 - in one piece, as a block runs
 ) -> None:  # fmt: skip
     """Run a chunk of paths in blocks of lanes from step done[0] to step n1.
 
-    The state of each block is a set of arrays S, I, sums, rng, stack and top, set up if no step is done. If all blocks
-    run to the end at once, they share one set. The first path of the chunk has the number `path`. Results go to ends, W
-    and marks, see `sepv.simulate._compiled.block_run`.
+    The state of each block is a set of arrays S, I, sums, rng, stack and top, which is set up before step 0. If a call
+    runs all steps of the chunk, all blocks share one set. The first path of the chunk has the number `path`. Results
+    are written to ends, W and marks (see `sepv.simulate._compiled.block_run`).
 
-    If `given` (N, m, M) is empty, increments are drawn; else they are its columns from `place` on. If there are
-    `values`, each increment is replaced by the value of the last threshold that it reaches. `advance` calls
+    If `given` (N, m, M) is empty, increments are drawn; else they are the columns of `given` from `place` on. If there
+    are `values`, each increment is replaced by the value of the last threshold that it reaches. `advance` calls
     `left_over` for lanes that it has not solved. The last two arguments are scratch space.
     """
     for_simd()
     (piece, noises, lanes), n0 = buffer.shape, done[0]
     for first in range(0, ends.shape[1], lanes):
         alive, own, left = True, (first // lanes if S.shape[0] > 1 else 0), ends.shape[1] - first
-        living = left if left < lanes else lanes  # `min` takes numba longer to compile
+        living = left if left < lanes else lanes  # numba would need longer to compile `min`
         streams, waiting, coarse = rng[own], stack[own], top[own]
         if n0 == 0:  # one block at a time, so that its data are in the cache when they are used
             set_bits(S.shape[1], (S, (own, 0), 0))
@@ -83,5 +83,5 @@ def run(  # noqa: PLR0912 - in one piece, as a block runs
             copy_row(living, (sums, (own, j, 0), W, (j, first)))
         for i in range(2):
             copy_row(living, (I, (own, (STATUS + i) * lanes), marks, (i, first)))
-    # Written here and not by the caller, so that after an interrupt the states are not ahead of the number of steps.
+    # The number of steps is written here, not by the caller, so that states are never ahead of it after an interrupt.
     done[0] = n1

@@ -1,8 +1,8 @@
 """Sine, cosine and logarithm without branches or calls, so that a loop over lanes becomes SIMD code.
 
-The polynomials are those of fdlibm (k_sin.c, k_cos.c, e_log.c; errors below 1 ulp of their reduced argument). Only
-generated code imports this module, which needs numba. Its functions call no functions of other modules of sepv, because
-numba compiles a function anew only if the function's own file has changed.
+The polynomials are those of fdlibm (k_sin.c, k_cos.c, e_log.c; errors below 1 ulp on reduced arguments). This module
+needs numba, and is imported only by other code that needs numba. Its compiled functions call no functions of other
+modules of sepv, because numba compiles a function anew only if the function's own file has changed.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from sepv._patches import add_attribute
 
 _inline: Any = njit(error_model="numpy", forceinline=True, cache=True, _nrt=False)
 
-# π/2 in three parts of 22, 22 and 53 bits: k·part is exact for |k| < 2³¹.
+# π/2 in three parts of 22, 22 and 53 bits: k times one of the first two parts is exact for |k| < 2³¹.
 _PART_1 = float.fromhex("0x1.921fb0p+0")
 _PART_2 = float.fromhex("0x1.5110bp-22")
 _PART_3 = float.fromhex("0x1.18469898cc517p-44")
@@ -70,7 +70,7 @@ def fma(typingctx: Any, a: Any, b: Any, c: Any) -> Any:  # noqa: ARG001 - numba'
 def for_simd(typingctx: Any) -> Any:  # noqa: ARG001 - numba's signature
     """Ask LLVM for good SIMD code of the function's loops: registers of 512 bits, and arrays that do not overlap.
 
-    By default LLVM takes registers of 256 bits on Intel's processors, 1.4 times slower for loops of pure arithmetic.
+    By default LLVM uses registers of 256 bits on Intel's processors, which makes pure arithmetic 1.4 times slower.
     """
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:  # noqa: ARG001 - numba's
@@ -94,7 +94,7 @@ def place(context: Any, builder: Any, kind: Any, array: Any, *indices: Any, lane
 
 @intrinsic
 def part(typingctx: Any, array: Any, first: Any, lane: Any) -> Any:  # noqa: ARG001 - numba's signature
-    """A view of an array (N, m, M) from [first, 0, lane] on with its strides: past a row's end lies the next row."""
+    """A view of an array (N, m, M) from [first, 0, lane] on with the same strides; a row continues into the next."""
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         kind, (whole, first, lane) = signature.return_type, arguments
@@ -169,12 +169,12 @@ set_row = _on_rows(1, lambda builder, target, value: builder.store(value, target
 scale_row = _on_rows(1, lambda builder, x, factor: builder.store(builder.fmul(builder.load(x), factor), x))
 # Replace a row of increments and one of normals by the increments over the first and over the second halves of steps.
 halve_rows = _on_rows(2, _halve)
-# Set the elements of a row v to a value where those of a row u are at least a threshold.
+# Set the elements of a row v to a value where the elements of a row u are at least a threshold.
 raise_row = _on_rows(2, _raise)
 
 
 def _vectors(context: Any, builder: Any, kind: Any, array: Any, lanes: int) -> Iterator[tuple[int, Any]]:
-    """Loop over the last axis of an array (n, m, L), `lanes` at a time, then singly; yield how many, and the first."""
+    """Loop over the last axis of an array (n, m, L), `lanes` at a time, then singly; yield a group's size and start."""
     width = cgutils.unpack_tuple(builder, make_array(kind)(context, builder, array).shape)[2]
     whole = builder.and_(width, _INT(-lanes))
     for size, first, last in ((lanes, _INT(0), whole), (1, whole, width)):
@@ -184,7 +184,7 @@ def _vectors(context: Any, builder: Any, kind: Any, array: Any, lanes: int) -> I
 
 @intrinsic
 def add_rows(typingctx: Any, rows: Any, count: Any, j: Any, W: Any, b: Any) -> Any:  # noqa: ARG001 - numba's signature
-    """Add rows[:count, j] to W[b, j], for TOGETHER lanes at a time, whose sums stay in registers meanwhile."""
+    """Add rows[i, j] for all i < `count` to W[b, j]; the sums of TOGETHER lanes at a time stay in registers."""
 
     def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         rows, count, j, W, b = arguments
@@ -207,7 +207,7 @@ def _mixed(builder: Any, a: Any, b: Any, order: Sequence[int]) -> Any:
 
 
 def _drawn(builder: Any, words: Sequence[Any]) -> Any:
-    """Draw 64 bits of SFC64, whose state (a, b, c, counter) is at the addresses `words`, or a vector of such draws."""
+    """Draw 64 bits from SFC64, or a vector of such draws; the state (a, b, c, counter) is at the addresses `words`."""
     a, b, c, counter = (builder.load(word, align=8) for word in words)
     bits, out = a.type, builder.add(builder.add(a, b), counter)
     turned = builder.or_(builder.shl(c, bits(24)), builder.lshr(c, bits(40)))
@@ -257,7 +257,7 @@ def eight_normals(typingctx: Any, rng: Any, s: Any, k: Any, table: Any, out: Any
     """Draw normals for eight lanes from lane k on by the ziggurat's first test; return a bit for each lane that fails.
 
     A lane (path) of out[i, j] gets its normal or, if it fails the test, the 64 bits drawn from stream s. The width and
-    the limit of a layer in `table` are loaded together: first all widths, then all limits would take twice as long.
+    the limit of a layer in `table` are loaded together, because separate loads of the two would take twice as long.
     """
     bits, doubles = ir.VectorType(_INT, 8), ir.VectorType(_DOUBLE, 8)
 
@@ -314,7 +314,7 @@ def sincos(x: float) -> tuple[float, float]:
     quadrant = float_bits(shifted)
     reduced = (x - k * _PART_1) - k * _PART_2
     r = reduced - k * _PART_3
-    # The rounding error of r. Without it, all x of a binade and quadrant have a bias of a tenth of a rounding.
+    # The rounding error of r. Without it, results for all x of a binade and quadrant have a bias of 1/10 of a rounding.
     low = (reduced - r) - k * _PART_3
     r = select(abs(x) <= _LARGEST_ANGLE, r, np.nan)
     z = r * r
@@ -344,7 +344,7 @@ def cosine(x: float) -> float:
 
 @_inline
 def sinc(x: float) -> tuple[float, float]:
-    """sin(x)/x and its derivative, which has only a few digits for small x; these are enough for Newton's matrix."""
+    """sin(x)/x and its derivative, which has only a few digits for small x, enough for Newton's matrix."""
     sine, cos = sincos(x)
     flat = abs(x) < 1e-3
     safe = select(flat, 1.0, x)
@@ -401,7 +401,7 @@ def log1p_ratio(x: float) -> tuple[float, float]:
 
 @_inline
 def expm1_ratio(x: float) -> tuple[float, float]:
-    """expm1(x)/x (1 for x = 0) and its derivative, of few digits for small x, which are enough for Newton's matrix."""
+    """expm1(x)/x (1 for x = 0) and its derivative, which has few digits for small x, enough for Newton's matrix."""
     flat = abs(x) < 1e-3
     safe = select(x == 0.0, 1.0, x)
     value = select(x == 0.0, 1.0, math.expm1(x) / safe)

@@ -21,7 +21,7 @@ from sepv.simulate._compiled.signatures import OPTIONS, call_left_over
 _made: Any = None
 # The number of lanes in a block, and in a group of lanes that continue together.
 L = GROUP = 0
-# For `iterated`: the passes of the first loop, each of one lane or two; its iterations; the most further iterations.
+# For `iterated`: the first loop's passes (each for one or two lanes) and iterations; the most further iterations.
 TOGETHER = STEPS = FAST = 0
 # Offsets in I, the integers of a block.
 BUSY = ALIVE = STATUS = EVALUATIONS = STRUCTURES = LIVING = WORK = 0
@@ -76,7 +76,7 @@ def moved(
 ) -> bool:
     """End a step of all lanes: set the new states, statuses and defects of invariants.
 
-    trouble : the number of lanes whose step failed; if it is 0 and no path failed before, no lane needs a mask
+    trouble : the number of lanes whose step may have failed; if it is 0 and all L paths live, no lane needs a mask
 
     Return True if the path of at least one lane has not failed.
     """
@@ -105,7 +105,7 @@ def solved(S: Any, I: Any, buffer: Any, n: int, left_over: int) -> int:
 def explicit(
     S: Any, I: Any, buffer: Any, count: int, first: int, h: float, bound: float, P: Any, left_over: int,  # noqa: ARG001
 ) -> int:  # fmt: skip
-    """Take `count` steps of an explicit scheme, testing that states are finite; return 1 if all paths failed."""
+    """Take `count` steps of an explicit scheme, and test that states are finite; return 1 if all paths failed."""
     for_simd()
     q = loaded(P)
     for n in range(count):
@@ -121,7 +121,7 @@ def explicit(
 def iterated(
     S: Any, I: Any, buffer: Any, count: int, first: int, h: float, bound: float, P: Any, left_over: int
 ) -> int:
-    """Take `count` steps by Newton's iteration or a projection's, in lockstep; return 1 if all paths failed.
+    """Take `count` steps, in lockstep, by Newton's iteration or that of a projection; return 1 if all paths failed.
 
     The first iterations are one piece of code for all lanes; lanes not done after them continue in groups. `sepv.solve`
     solves lanes that are not done after FAST further iterations. BUSY is 1 in a lane (path) that continues, else 0.
@@ -198,7 +198,7 @@ def staged(  # noqa: PLR0912 - in one piece, as the method reads
 
 
 def sums(S: Any, I: Any, buffer: Any, group: int, rule: int, q: Any) -> None:
-    """Average ∇H by a quadrature rule, G_i = Σ_n W_in ∇H(u_n), in a group of lanes; not needed if nodes are stages."""
+    """Average ∇H by a quadrature rule, G_i = Σ_n W_in ∇H(u_n), in a group of lanes; do nothing if nodes are stages."""
     for_simd()
     if STRAIGHT:
         return

@@ -1,7 +1,7 @@
 """Normals and Wiener increments of a block of paths side by side: each lane (path) has its own streams of SFC64.
 
 The streams, their order and the ziggurat are numpy's (`Generator(SFC64).standard_normal`), so that the numbers are
-those of `sepv.simulate._wiener` to the bit. Only generated code imports this module, which needs numba.
+those of `sepv.simulate._wiener` to the bit. This file needs numba; `sepv.simulate._compiled.store` loads it.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ def normals(rng: Any, s: int, out: Any, first: int, apart: int, count: int) -> N
     for i in range(first, first + apart * count, apart):
         for j in range(noises):
             for block in range(0, lanes, 64):
-                # Bits mark the lanes that need more draws, one in 67. A branch for each lane would cost more.
+                # Bits mark the lanes that need more draws (one lane in 67). A branch for each lane would cost more.
                 bits = np.uint64(0)
                 for k in range(block, block + 64, 8):
                     bits |= eight_normals(rng, s, k, _LAYERS, out, i, j) << np.uint64(k - block)
@@ -110,8 +110,8 @@ def fill(
     """Write increments of the steps first … first + count − 1 of a block into out (count, m, L).
 
     drawing : the address of `normals`
-    stack (streams, m, L) keeps the right halves for later steps; top (n, m, L) has the coarse increments, which are
-    drawn here if n = 0; `above` is the number of halvings of the coarse part.
+    `stack` (streams, m, L) keeps right halves for later steps. `top` (n, m, L) has the coarse increments; if n = 0,
+    these are drawn here. `above` is the number of halvings of the coarse part.
     """
     for_simd()
     fine = select(rng.shape[0] == 0, 0, rng.shape[0] - 1)  # without noise there are no streams
@@ -134,7 +134,7 @@ def fill(
             copy_row(width, (top, (n, 0, 0), out, (i, 0, 0)))
         else:
             scale_row(width, (out, (i, 0, 0), factors[0]))
-        # The last levels are halved together if all their steps are to be written, and drawn together from here on.
+        # The last levels are halved together if all their steps are written; all their normals are drawn in one go.
         together = below if level <= fine - below and i + (1 << below) <= count else 0
         groups = (count - i) >> below if together > 0 and i >= drawn else 0
         drawn = select(groups > 0, i + (groups << below), drawn)
@@ -158,10 +158,10 @@ def begin(
 ) -> None:
     """Set up the streams rng (streams, 4, L) and the coarse increments of a block of L paths, numbered from `path` on.
 
-    The coarse increments are top (n, m, L), n = base·2^halvings or 0: `base` drawn ones, halved `halvings` times.
+    The coarse increments are top (n, m, L), n = base·2^halvings or 0: `base` increments, halved `halvings` times.
 
     drawing : the address of `normals`
-    words : the first words of the streams, (streams, 3) (`sepv.simulate._wiener.stream_words`)
+    words : (streams, 3), the state words of the streams of path 0 (`sepv.simulate._wiener.stream_words`)
     """
     for_simd()
     for s in range(rng.shape[0]):

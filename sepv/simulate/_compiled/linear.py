@@ -17,14 +17,14 @@ CRAMER = 3
 def correct(
     code: CodeBuilder, F: Sequence[Expression], A: Table, z: Sequence[str], near: str | None = None
 ) -> tuple[list[str], str | None]:
-    """Write code of z − A⁻¹F, and of 1/det A if Cramer's rule is used; m becomes the correction's size Σ|A⁻¹F|_i.
+    """Write code of z − A⁻¹F, and of 1/det A if Cramer's rule is used; m in it is the correction's size Σ|A⁻¹F|_i.
 
     `near` is 1/det of a matrix near A. If it is given, a Newton step for the reciprocal replaces the division, the
-    slowest operation, and squares the relative error of `near`. If `near` precedes a correction of size m, the next
-    correction has a relative error O(m²), as in Newton's iteration itself.
+    slowest operation, and squares the relative error of `near`. If `near` is from before a correction of size m, the
+    next correction has a relative error O(m²), as in Newton's iteration itself.
 
-    With sensible steps A is 1 − K with small K, and Newton's iteration computes the next residual afresh. A bad pivot
-    therefore costs iterations and shows as a lane (path) that does not converge, not as a wrong result.
+    For sensible steps A = 1 − ∂R/∂z is near 1, and Newton's iteration computes the next residual afresh. A bad pivot
+    therefore costs iterations or leads to a lane (path) that does not converge, but not to a wrong result.
     """
     before = [None if v == "0.0" else v for v in z]
     if len(F) > CRAMER:
@@ -46,9 +46,9 @@ def magnitude(c: Sequence[str], opened: str = "") -> str:
 
 
 def contraction(code: CodeBuilder, A: Table) -> str:
-    """Write a test that each sweep at least halves the error: ‖K‖ ≤ ½ for K = 1 − A in the Frobenius norm.
+    """Write a test that a sweep z ← R(z) at least halves the error: ‖K‖ ≤ ½ in the Frobenius norm for K = 1 − A.
 
-    The equation then has one solution near zero (Banach), which Newton's iteration finds from the sweeps' result.
+    The equation z = R(z) then has one solution near zero (Banach). Newton's iteration finds it from the sweeps' result.
     """
     K = [
         v if i != j else None if v == "(1.0)" else code.let(f"1.0 - {shown(v)}")

@@ -2,9 +2,9 @@
 
 For numba a piece of code is one call, which becomes exactly the instructions of the piece's lines, in their order. The
 loops around a piece are ordinary functions (`kernels`), and still become SIMD code. Kernels printed as a whole for
-numba would not be faster, and start later, because numba's type inference takes seconds for a thousand statements.
+numba would not be faster, and would start later: numba's type inference needs seconds for a thousand statements.
 
-Only straight-line code is printed: R and K = ∂R/∂z of an equation z = R, the correction, its test. The lines of two
+Only straight-line code is printed: R and K = ∂R/∂z of an equation z = R, a correction and its test. The lines of two
 lanes may be interleaved. Lines are assignments of +, −, ×, ÷, comparisons, &, |, `fma`, `select`, `not_`, `abs`,
 elements of arrays and functions of numbers. This module needs numba.
 """
@@ -28,7 +28,7 @@ _COMPARISONS = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: 
 
 
 class _Lines:
-    """Emits instructions for lines; `names` has values, numbers and functions, `arrays` pointers and their strides."""
+    """An emitter of instructions; `names` has values, numbers and functions, `arrays` has pointers with strides."""
 
     def __init__(
         self, context: Any, builder: Any, names: Mapping[str, Any], arrays: Mapping[str, Any]
@@ -104,7 +104,7 @@ class _Lines:
         return as_float(a), as_float(b)
 
     def named(self, name: str) -> Any:
-        """The LLVM value of a name; a name that stands for a Python number gives a constant."""
+        """The LLVM value of a name; for the name of a Python number it is a constant."""
         found = self.names[name]
         if isinstance(found, (int, np.integer)):
             return ir.Constant(_INT, int(found))
@@ -166,7 +166,7 @@ def _codegen(lines: Sequence[str], result: str, arguments: Sequence[str], known:
 
 
 def lane_piece(lines: Sequence[str], result: str, known: Mapping[str, Any]) -> Callable[..., Any]:
-    """Make f(S, I, buffer, n, k, first, h, bound, q) of the lines for lane k in step n; f returns the sum `result`.
+    """Make f(S, I, buffer, n, k, first, h, bound, q), which runs the lines for lane k in step n and returns `result`.
 
     `known` has the numbers and functions that the lines use, and under PARAMETERS the names of the numbers in q.
     """

@@ -1,14 +1,14 @@
 """Code of Newton's iteration for a block of lanes (paths) in lockstep.
 
 A lane is done if its correction leaves an error below rounding. Newton's corrections shrink quadratically: after two of
-sizes m_before and m the next is about m³/m_before², or m times the relative error of Newton's matrix if this is more.
+sizes m_before and m the next is about m³/m_before², or m times the relative error of Newton's matrix if this is larger.
 If a lane is not done after a few steps, overflows or leaves the domain, `sepv.solve` solves its step again from the
-start, with all tests and its status (`sepv.simulate._compiled.block_run`).
+start, makes all tests and sets the status (`sepv.simulate._compiled.block_run`).
 
-For H quadratic and B linear, the equation of (2.1) and of the midpoint rule is z = Δ P(ȳ), ȳ = y + z/2, with short
-polynomials P. The unknown is then ȳ at first. Products of ½Δ and coefficients are computed once, so a sweep
-ȳ ← y + ½Δ P(ȳ) costs a product and a sum for each term of P, and Newton's matrix 1 − ½Δ P′(ȳ) for each term of P′.
-The result is rounded at the size of y. Later steps take R as the formula writes it, with roundings of B∇H, not of P.
+If H is quadratic and B linear, the equation of (2.1) and of the midpoint rule is z = Δ P(ȳ) with ȳ = y + z/2 and short
+polynomials P. At first the unknown is then ȳ. Products of ½Δ and coefficients are computed once, so a sweep
+ȳ ← y + ½Δ P(ȳ) costs a product and a sum for each term of P, as Newton's matrix 1 − ½Δ P′(ȳ) does for each term of P′.
+The result is rounded at the size of y. Later steps compute R as in the formula, with roundings of B∇H, not of P.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from sepv.simulate._compiled.schemes import Formula, middle, scaled_field
 from sepv.simulate._compiled.writer import Writer
 from sepv.solve import LEFT
 
-# The sweeps z ← Δ f(ȳ) before Newton's iteration. For H at most quadratic they solve the equation itself: four leave
-# O(Δ⁵) and cost as much as a Newton step, which leaves O(Δ³). For other H two leave O(Δ³). Sweeps of ȳ cost less: for
-# the rigid body, a fifth saves a tenth of the time at h = 0.03 (where lanes go on in groups), costs 1/50 at h = 0.002.
+# Numbers of sweeps z ← Δ f(ȳ) before Newton's iteration. For H at most quadratic they solve the equation itself: four
+# have an error O(Δ⁵) and the cost of a Newton step, whose error is O(Δ³). For other H two have error O(Δ³). Sweeps of
+# ȳ cost less: in the rigid body the fifth saves 1/10 of the time at h = 0.03 (in groups), and costs 1/50 at h = 0.002.
 SWEEPS, MIDDLE_SWEEPS, ROUGH_SWEEPS = 4, 5, 2
 # Newton steps in registers, for up to LARGE unknowns; only the last is tested. With compensated summation there are one
-# or two more, because a correction below half a rounding of z is lost when it is applied. The error left has a mean of
-# 1e-4 roundings in a step of the path, and a tenth of this after each further Newton step.
+# or two more, because a correction below half a rounding of z is lost when it is applied. The error that remains has a
+# mean of 1e-4 roundings in a step of the path, and a tenth of this after each further Newton step.
 FIRST_STEPS = 2
 LARGE = 6
 # The most Newton steps of a group of lanes; `sepv.solve` solves the lanes that are not done after them.
@@ -83,9 +83,9 @@ class NewtonWriter(Writer):
         return [f"k_ = k + {self.lanes // 2}", *both]
 
     def first_steps(self) -> list[str]:
-        """Code of the first sweeps and Newton steps; only the last is tested, because a test costs a third of a step.
+        """Code of the first sweeps and Newton steps; only the last step is tested: a test costs a third of a step.
 
-        If a lane's sweeps do not contract, the size of its last correction is set to infinity: it restarts from z = 0.
+        If a lane's sweeps do not contract, its last correction gets the size ∞, and the lane restarts from z = 0.
         """
         code = CodeBuilder(self.parameters)
         y = self.loaded(code, "Y", "y")
@@ -103,7 +103,7 @@ class NewtonWriter(Writer):
         return code.lines
 
     def in_increments(self, code: CodeBuilder, y: list[str]) -> list[str]:
-        """Code of z by sweeps, then Newton steps; in it `before` and m are the sizes of the last two corrections."""
+        """Code of z by sweeps, then Newton steps; its variables `before` and m are the last two corrections' sizes."""
         z = ["0.0"] * self.unknowns
         for _ in range(self.sweeps):
             z = [shown(v) for v in self.swept(code, y, z)]
@@ -129,13 +129,13 @@ class NewtonWriter(Writer):
         return z
 
     def swept(self, code: CodeBuilder, y: list[str], z: list[str]) -> list[Expression]:
-        """Code of a sweep's new z: Δ f(ȳ), f = B∇H, if the scheme uses the random step Δ alone, else R(z)."""
+        """Code of a sweep's new z: Δ f(ȳ) with f = B∇H if the scheme uses only the random step Δ, else R(z)."""
         if self.known == ["delta"]:
             return scaled_field(code, self.problem, middle(code, y, z), "delta")
         return self.problem.increment(code, self.formula.recorded, y, z, self.known)
 
     def kept_inside(self, code: CodeBuilder, y: list[str], z: list[str]) -> list[str]:
-        """Code of the increment z, set to NaN if its state is outside the domain, so that the lane is never done."""
+        """Code of the increment z, or NaN if its end state is outside the domain, so that the lane is never done."""
         if not self.has_domain():
             return z
         code.lines.append(f"inside = {self.inside(code, y, z)}")
@@ -144,9 +144,9 @@ class NewtonWriter(Writer):
     def test(self, compared: bool) -> list[str]:
         """Test that the correction of size m, once applied, leaves an error below rounding.
 
-        If the correction before is below FIRST, FIRST is taken in its place, because m may then be mere rounding. If a
-        Newton step takes a relative error e to C e², the error left is then C³·2⁻¹²⁴, below LEFT for every C up to 2²⁰.
-        `compared` says that there surely was a correction before; if its size were infinite, m would be NaN.
+        If the size of the correction before is below FIRST, FIRST is used instead, because m may be mere rounding. If a
+        Newton step makes a relative error e to C e², the error left is then C³·2⁻¹²⁴, below LEFT for every C up to 2²⁰.
+        `compared` is True if there surely was a correction before; if that had infinite size, m would be NaN.
         """
         later = [] if compared else ["later = (before < INF) | (m <= FIRST * scale)"]
         others = ["next", "near", *["later"] * (not compared), *["inside"] * self.has_domain()]
@@ -196,7 +196,7 @@ class NewtonWriter(Writer):
 def _approach(
     code: CodeBuilder, P: Sequence[Polynomial], y: Sequence[str], sweeps: int
 ) -> tuple[list[str], str | None]:
-    """Code of ȳ = y + ½Δ P(ȳ): sweeps, then a Newton step (m: its size in z); return ȳ, and 1/det(1 − ½ΔP′) or None."""
+    """Write code for ȳ = y + ½Δ P(ȳ): sweeps, a Newton step (m: its size in z); return ȳ, 1/det(1 − ½ΔP′) or None."""
     middle = list(y)
     for _ in range(sweeps):
         middle = _swept(code, P, y, middle)

@@ -76,13 +76,13 @@ class ProjectedWriter(Writer):
         return [*code.lines, *end]
 
     def moved(self, code: CodeBuilder, y: list[str], z: list[str], found: list[Expression]) -> list[str]:
-        """Code of z minus the projection's correction along directions `found`; the variable m gets its size."""
+        """Code of z minus the projection's correction along directions `found`; m in it is the correction's size."""
         c = [shown(v) for v in self.problem.moved_back(code, y, z, found)]
         code.lines.append(magnitude(c))
         return [code.let(f"{a} - {b}") for a, b in zip(z, c, strict=True)]
 
     def ending(self, code: CodeBuilder, y: list[str], z: list[str], otherwise: str) -> list[str]:
-        """Code that sets BUSY: for busy lanes 0 if done and in the domain, else 1; for other lanes `otherwise`."""
+        """Code that sets BUSY: in busy lanes to 0 if done and in the domain, else to 1; in others to `otherwise`."""
         inside = self.problem.domain(code, [code.let(f"{a} + {b}") for a, b in zip(y, z, strict=True)])
         return [
             "later = (m * m <= LEFT * (scale * before)) & (before < INF)",

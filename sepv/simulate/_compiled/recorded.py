@@ -1,4 +1,4 @@
-"""Code of a problem's functions for the compiled engine, printed from the operations recorded of each."""
+"""Code of a problem's functions for the compiled engine, printed from the recorded operations of each function."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from sepv.record import symbol_array as array
 from sepv.simulate._compiled.code_builder import CodeBuilder, Expression, Table, shown
 from sepv.solve import Formula, Recorded
 
-# Functions in the code of a lane: the call for a value, and the place of the value if the result is a tuple.
+# Recorded functions by name: the function to call in the code of a lane, and the value's place if a tuple is returned.
 _CALLS: dict[str, tuple[str, int | None]] = {
     "sin": ("sincos", 0),
     "cos": ("sincos", 1),
@@ -79,7 +79,7 @@ _Term = tuple[Symbol, tuple[Expression, Expression] | None]
 def _sum(
     code: CodeBuilder, name: str, left: _Term, right: _Term, value: Callable[[int], Expression]
 ) -> Expression:
-    """Code of the sum or difference of two terms (symbol, factors); one may be a product to fuse, with its factors."""
+    """Code of the sum or difference of two terms (symbol, factors); a term has factors if it is a product to fuse."""
     (a, first), (b, second) = left, right
     if second is not None:
         before = value(a.index)
@@ -142,7 +142,7 @@ class RecordedProblem(Recorded):
 
     @property
     def convergence_rate(self) -> float:
-        """The relative error of Newton's matrix, which is the largest one of any recorded derivative."""
+        """The relative error of Newton's matrix: the largest relative error of any recorded derivative."""
         with suppress(NoClosedForm):  # a formula with the mean gradient has raised it already
             jacobian(self.mean.value, self.z)
         return max(_RATES.get(line.name, _EXACT) for line in self.tape.lines)
@@ -163,7 +163,7 @@ class RecordedProblem(Recorded):
         self, code: CodeBuilder, formula: Formula, y: Sequence[str], z: Sequence[str], step: Sequence[str],
         middle: Sequence[str] = (),
     ) -> list[Expression]:  # fmt: skip
-        """Code of the residual F = z − R(y, z; step); `middle` is ȳ = y + z/2 if this is already known."""
+        """Code of the residual F = z − R(y, z; step); `middle` is the midpoint ȳ = y + z/2 if already known."""
         equation, F = self.equation_of(formula, len(step)), self.system(formula, len(step))[0]
         inputs = [(self.y, y), (self.z, z), (equation.step, step), (self.middle, middle)]
         return printed(code, inputs, F)
@@ -237,7 +237,7 @@ class RecordedProblem(Recorded):
     def moved_back(
         self, code: CodeBuilder, y: Sequence[str], z: Sequence[str], known: Sequence[Expression]
     ) -> list[Expression]:
-        """Code of the correction of z along directions `known`, for the invariants' change from y to y + z."""
+        """Code of the correction of z along directions `known`, from the change of the invariants from y to y + z."""
         _, symbols, correction = self.directions
         return printed(code, [(self.y, y), (self.z, z), (symbols, [shown(v) for v in known])], correction)
 

@@ -31,11 +31,11 @@ from sepv.solve import formula
 
 @dataclass(frozen=True)
 class Formula:
-    """A scheme's step in the form that the compiled engine takes.
+    """A scheme's step in the form from which the compiled engine makes code.
 
-    recorded : the formula of the scheme, from its file
+    recorded : the formula of the scheme, from the scheme's file
     implicit : True for an equation z = R, which Newton's iteration solves
-    parts : the data of a step that the formula takes
+    parts : the function that computes the numbers of a step that the formula uses
     projected : True for an explicit increment that is projected on the invariants
     """
 
@@ -87,7 +87,7 @@ def middle(code: CodeBuilder, y: Sequence[str], z: Sequence[str]) -> list[str]:
 def scaled_field(
     code: CodeBuilder, problem: RecordedProblem, y: Sequence[str], delta: str = "(1.0)"
 ) -> list[Expression]:
-    """Code of Δ f(y); f = B∇H is multiplied out if it has few monomials, as B and ∇H have no other use here."""
+    """Code of Δ f(y), f = B∇H; if f has few monomials it is multiplied out, because only the product is needed."""
     if problem.field is not None:
         return [code.polynomial(p, y, delta) for p in problem.field]
     return [
@@ -119,7 +119,7 @@ class Collocation(Formula):
         self, code: CodeBuilder, problem: RecordedProblem, y: Sequence[str], z: Sequence[str], delta: str,
         averages: Sequence[Sequence[Expression]] | None,
     ) -> list[Expression]:  # fmt: skip
-        """Code of Δ B(Y_i) g_i, one stage after the other; `averages` has the g_i, which are ∇H(Y_i) if it is None."""
+        """Code of Δ B(Y_i) g_i, one stage after the other; `averages` has the g_i, or is None for g_i = ∇H(Y_i)."""
         R: list[Expression] = []
         for i, row in enumerate(gauss_tableau(self.stages).A):
             Y = at(code, y, z, row)

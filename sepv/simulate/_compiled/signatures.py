@@ -26,8 +26,8 @@ _integers, _int, _float = types.int64[::1], types.int64, types.float64
 ADVANCE = _int(_vector, _integers, _block, _int, _int, _float, _float, _vector, _int)
 # start(S, I, increments, P): compute the invariants at the start of a block whose states are set.
 START = types.void(_vector, _integers, _block, _vector)
-# See `sepv.simulate._compiled.lanes` and `sepv.simulate._compiled.driver`. Without signatures numba would compile a
-# function again if an argument is a constant.
+# Functions of `sepv.simulate._compiled.lanes` and `sepv.simulate._compiled.driver`. Without signatures numba would
+# compile a function again if an argument is a constant.
 _words = types.uint64[:, ::1]
 _streams, _stacks = types.uint64[:, :, :, ::1], types.float64[:, :, :, ::1]
 _states = types.uint64[:, :, ::1]
@@ -43,14 +43,14 @@ RUN = types.void(
 
 
 def address(function: Any) -> int:
-    """The address of the compiled code of a function with one signature."""
+    """The address of the compiled code of a function that has exactly one signature."""
     (arguments,) = function.overloads
     found = function.overloads[arguments]
     return int(found.library.get_pointer_to_function(found.fndesc.llvm_func_name))
 
 
 def calling(signature: Any) -> Callable[..., Any]:
-    """Make f(address, arguments), a call of the function at an address with a tuple of arguments."""
+    """Make f(address, arguments), which calls the function at an address with a tuple of arguments."""
 
     @intrinsic
     def call(_typingctx: Any, where: Any, arguments: Any) -> Any:
@@ -78,7 +78,7 @@ call_fill, call_normals = calling(FILL), calling(NORMALS)
 
 @intrinsic
 def call_left_over(typingctx: Any, where: Any, S: Any, I: Any, buffer: Any, n: Any) -> Any:  # noqa: ARG001 - numba's
-    """Call the C function at an address with the addresses of S, I and buffer[n], and the length of a row of buffer.
+    """Call the C function at an address with four integers: the addresses of S, I, buffer[n], and buffer's row length.
 
     The function is `Chunk._solve` of `sepv.simulate._compiled.block_run`.
     """

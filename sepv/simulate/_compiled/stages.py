@@ -5,8 +5,8 @@ eliminates s·d unknowns. Each sweep reduces the error by a factor of about Δ|f
 cost less than one elimination. A lane is done if its next correction, about m²/m_before after two of sizes m_before and
 m, is below rounding. If corrections do not shrink, `sepv.schemes.collocation` solves the step by Newton's iteration.
 
-If H is no polynomial, a last sweep with half as many nodes again must change z by roundings only. If even the finest
-rule fails this test, or if a point is outside the domain, `sepv.schemes.collocation` solves the lane's step as well.
+If H is no polynomial, a last sweep with 1½ times as many nodes must change z only by roundings. If even the finest rule
+fails this test, or if a point is outside the domain, `sepv.schemes.collocation` solves the step of the lane, too.
 """
 
 from __future__ import annotations
@@ -149,7 +149,7 @@ class StagesWriter(Writer):
         return code.lines
 
     def check(self) -> list[str]:
-        """Code of a last sweep by a finer quadrature rule, and of a test that y1, stages, nodes are in the domain."""
+        """Code of a last sweep by a finer rule, and of a test that y1, the stages and the nodes are in the domain."""
         code = CodeBuilder(self.parameters)
         y, z = self.lane(code)
         R = self.sweep(code, y, z)
@@ -203,11 +203,11 @@ class StagesWriter(Writer):
 
 
 def rules(stages: int, ladder: Sequence[int]) -> tuple[np.ndarray, np.ndarray, Array]:
-    """Quadrature rules of a generated module: with N nodes for N in `ladder`, each with a finer rule to compare.
+    """Quadrature rules of a generated module: for each N in `ladder` a rule of N nodes, and a finer one to compare.
 
     counts, firsts : (2 R,), the number of nodes of each rule, and the number of its first node
-    nodes : (N, 2s), for each node its weights in the averages g_i, and the weights of the z_j in the state at the node
-        (`sepv.schemes._tableaux.moments`); a rule of s nodes has identity weights, g_i = ∇H at the stage i
+    nodes : (N, 2s), for each node its weights in the averages g_i, then the weights of the z_j in the state at the node
+        (`sepv.schemes._tableaux.moments`); a rule of s nodes has identity weights, so that g_i = ∇H at stage i
     """
     counts = [n for nodes in ladder for n in (nodes, nodes + nodes // 2)]
     found = [moments(stages, n) for n in counts]

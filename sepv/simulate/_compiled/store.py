@@ -24,7 +24,7 @@ from llvmlite import binding
 from sepv._patches import put_off_blas
 from sepv.files import cache_folder
 
-# The line of a module's source that imports names from sepv.
+# The pattern of a line, in a module's source, that imports names from sepv.
 _IMPORTS = re.compile(r"^from (sepv[\w.]*) import (.+)$", re.MULTILINE)
 _Number = (bool, int, float, str, np.generic)
 
@@ -40,7 +40,7 @@ def _machine() -> bytes:
 
 
 def linked(text: str) -> Iterator[ModuleType]:
-    """The modules of sepv whose code a source runs: those that it imports, and those of the functions in them.
+    """The modules of sepv whose code a source text runs: modules that it imports, and modules of functions in these.
 
     Classes are not followed, because compiled code has only the numbers of an object.
     """
@@ -54,7 +54,7 @@ def linked(text: str) -> Iterator[ModuleType]:
     seen = set[str]()
     while open_:
         module = open_.pop()
-        # A package is left out, because its contents depend on earlier imports, and no linked function is in it.
+        # Packages are left out: their contents depend on earlier imports, and no linked function is defined in them.
         if module.__name__ in seen or not module.__name__.startswith("sepv.") or hasattr(module, "__path__"):
             continue
         seen.add(module.__name__)

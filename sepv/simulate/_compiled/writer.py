@@ -34,8 +34,8 @@ class Writer(ABC):
         self.unknowns = formula.stages * d
         self.offset = {}
         base = 0
-        # Rows: state, largest defects of energy and Casimirs, in the driver's order; unknowns of Newton's iteration,
-        # rounding of Kahan's sum, the last correction, the energy at the start. Numbers that few lanes need are
+        # Rows: state, largest defects of energy and of Casimirs (in the order of `driver`), unknowns of the iteration,
+        # roundings of Kahan's sums, size of the last correction, energy at the start. Numbers that few lanes need are
         # computed again, because a store takes as long as several operations.
         rows = {"Y": d, "WH": 1, "WC": 1, "Z": self.unknowns, "E": d if compensated else 0, "P": 1, "H": 1}
         for name, count in {**rows, **self.more_rows()}.items():
@@ -72,7 +72,7 @@ class Writer(ABC):
 
     @abstractmethod
     def pieces(self) -> dict[str, tuple[list[str], str]]:
-        """For each name in `kernels`: the lines of its code for a lane, and the variable that they add to."""
+        """For each piece named in `kernels`: the lines of code for a lane, and the variable that they add to."""
 
     def numbers(self) -> dict[str, Any]:
         """The constants that only this kind of kernel has."""

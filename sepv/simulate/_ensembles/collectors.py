@@ -64,7 +64,7 @@ class Total(ABC):
 
     @abstractmethod
     def take(self, number: int, task: Task, result: Any) -> bool | None:
-        """Take the result of a chunk; return True if no further chunks are needed."""
+        """Receive the result of a chunk; return True if no further chunks are needed."""
 
     @abstractmethod
     def finished(self) -> tuple[Any, Ensemble]:
@@ -89,7 +89,7 @@ class Reducing:
 
 
 def without_paths(chunk: Ensemble) -> Ensemble:
-    """The chunk's counts of work, without its paths."""
+    """The chunk with its counts of work, but without paths."""
     return replace(chunk, **{key: getattr(chunk, key)[..., :0] for key in AXES})
 
 
@@ -136,7 +136,7 @@ class InMemory(Total):
 
 
 class Reduced(Total):
-    """Collect the chunks' summaries and merge them in the order of chunks; an early summary waits for those before."""
+    """Merge the summaries of chunks in the order of chunks; a summary that comes early waits for the earlier chunks."""
 
     def __init__(
         self, task: Task, empty: Ensemble, progress: PathProgress, functionals: Functionals,
@@ -148,7 +148,7 @@ class Reduced(Total):
         self.early: dict[int, tuple[int, Ensemble, Mapping[str, Summary]]] = {}
 
     def take(self, number: int, task: Task, result: Any) -> bool:
-        """Take a chunk's counts and summaries."""
+        """Receive a chunk's counts and summaries; return True once the target standard errors are reached."""
         return self.add(number, task.count, *result)
 
     def add(self, number: int, paths: int, counts: Ensemble, summaries: Mapping[str, Summary]) -> bool:

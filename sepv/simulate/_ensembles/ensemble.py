@@ -30,11 +30,11 @@ from sepv.workers import count as threads_of
 ENGINES = ("auto", "numpy", "compiled")
 # The number of chunks for each worker: several, so that the other workers need not wait for a slow one.
 SHARES = 4
-# Paths × steps of a chunk that is sent or stored: tenths of a second of work, against a scheduler's millisecond.
+# Paths × steps of a chunk that is sent or stored: tenths of a second of work. A scheduler adds a millisecond to each.
 PATH_STEPS = 2**24
 # The most paths in a chunk that is sent or stored: the engine's arrays then take about 20 MB.
 LARGEST = 16 * CHUNK
-# The most paths in a chunk that sends the end of every path to a cluster's client: about 80 MB for each thread.
+# The most paths in a chunk if the ends of all its paths are sent to a cluster's client: about 80 MB for each thread.
 FARTHEST = 4 * LARGEST
 
 
@@ -62,10 +62,10 @@ def ensemble(
     until: Mapping[str, float] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Ensemble:
-    """Run many paths to T. Memory grows only with the number of paths, and with `store` or `reduce` it does not grow.
+    """Run many paths to T. Memory grows only with the number of paths; with `store` or `reduce` it is constant.
 
     Path number p has the same Wiener increments for any number of paths, any workers and both engines, and is the same
-    Wiener path for every h = T/(n·2^l) with the same odd n. Its bits depend on the engine, and not on the workers.
+    Wiener path for every h = T/(n·2^l) with the same odd n. The bits of its states depend on the engine, not workers.
 
     Parameters
     ----------
@@ -76,22 +76,22 @@ def ensemble(
         The seed of the increments.
     increments : "normal", "two-point", "three-point" or PointLaw, optional
         The distribution of the increments; by default the one that the scheme declares. A PointLaw replaces each normal
-        increment of path p by its own quantile at the same probability (`sepv.simulate._truncation.seen`).
+        increment by the law's quantile at the same probability (`sepv.simulate._truncation.seen`).
         `Ensemble.W` is always the sum of the normal increments.
     refine : int, optional
         See `sepv.simulate.increments`.
     dW : (N, m, M), optional
         Untruncated Wiener increments for N steps, m noises and M paths, instead of drawn ones.
     times : (K,), optional
-        Increasing multiples of h at which the states are kept in `Ensemble.states`; by default only those at T are.
+        Increasing multiples of h at which states are kept in `Ensemble.states`. By default only `Ensemble.y` is kept.
     compensated : bool
-        Use Kahan's summation for y + increment: the rounding error of this sum is carried to the next step, not lost.
-        It would cause the larger part of the random walk of an invariant.
+        Use Kahan's summation for y + increment: the rounding error of this sum is carried to the next step. If the
+        error were lost, it would cause the larger part of the random walk of an invariant.
     engine : "auto", "numpy" or "compiled"
-        "auto" takes the compiled engine (extra `fast`) if it can compile the scheme and the problem. `Ensemble.engine`
+        "auto" means the compiled engine (extra `fast`) if it can compile the scheme and the problem. `Ensemble.engine`
         names the engine used; `Ensemble.reason` says why it was not the compiled one. The engines agree to a few ulp,
-        except if a step has no solution near its start: Newton's iteration is then chaotic, and a path may fail with
-        one engine and go on with the other, as 6 of 3000 paths of (2.1) did for Lotka-Volterra at h = 2⁻³.
+        except if a step has no solution near its start. Newton's iteration is then chaotic: a path may fail with one
+        engine and go on with the other, as 6 of 3000 paths of (2.1) did for Lotka-Volterra at h = 2⁻³.
     workers : int, executor, map-like callable, Dask client or its address
         An int is a number of threads (compiled engine) or processes (NumPy). An executor, a map-like callable or a
         Dask client sends chunks to other processes or machines (docs/clusters.md). A chunk that a broken worker did
@@ -102,11 +102,11 @@ def ensemble(
         A Zarr group on disk (extra `store`) for the ends of the paths. The arrays of the result are then zarr arrays,
         read from disk when they are indexed. Complete chunks found in the group are not computed again.
     reduce : dict of callables, optional
-        Functionals by name. Each takes the `Ensemble` of a chunk and returns one number for each path of the chunk.
+        Functionals by name. Each is called with the `Ensemble` of a chunk, and returns one number for each path in it.
         `Ensemble.reduced` has the moments and quantiles of the numbers. Without `store`, no path is kept.
     until : dict of float, optional
-        Target standard errors of the means of functionals, by name. The run stops early, after the first chunk (in the
-        order of chunks) at which all targets are reached.
+        Target standard errors of the means of functionals, by name. The run stops after the first chunk (in the order
+        of chunks) with which all targets are reached.
     progress : callable (paths done, paths), optional
 
     Returns
@@ -117,10 +117,10 @@ def ensemble(
     Raises
     ------
     SchemeFault, TargetError
-        If the scheme returns something that is no state; if `scheme` is no scheme or `problem` is no problem.
+        SchemeFault if the scheme returns no state. TargetError if `scheme` is no scheme or `problem` is no problem.
     UsageError
         For invalid arguments, and for engine="compiled" if the engine cannot compile the scheme or the problem.
-        A failing path raises nothing: see `Ensemble.status`.
+        A path that fails raises nothing: see `Ensemble.status`.
     ChunkFailure
         If a chunk raises on its worker and again in this process, or if a cluster is gone. The exception carries the
         ends of all finished paths.
@@ -274,7 +274,7 @@ def _chunk_size(whole: Task, workers: Any, chunk: int | None, fixed: bool) -> in
     size = min(max(PATH_STEPS // whole.steps // LANES * LANES, LANES), LARGEST)
     if fixed:
         return size
-    # A scheduler's work is the same for chunks of all sizes, so chunks are large if there are enough for all threads.
+    # A scheduler has the same work for a chunk of any size, so chunks are large if there are enough for all threads.
     share = whole.count // (SHARES * max(threads_of(workers), 1)) // LANES * LANES
     return max(size, min(share, PATH_STEPS // whole.steps // LANES * LANES, FARTHEST))
 

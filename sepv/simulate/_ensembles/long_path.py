@@ -32,17 +32,17 @@ class LongPath:
     Attributes
     ----------
     steps, planned : int
-        The number of steps done, without one that was not solved, and the number of steps requested.
+        The number of steps that were solved, and the number of steps requested.
     t : float
     y : (d,), W : (m,)
-        The state and the Wiener process W at the time t that was reached.
+        The state at the time t that was reached, and W(t). If a step failed, W also has increments after t.
     times, states : (K,), (d, K)
-        The times n·h of the states that `every` keeps, and these states.
+        The times n·h of the states that were kept (see `every`), and these states.
     energy_defect, casimir_defect : float
-        The largest |H(y_n) − H(y_0)| and the largest |C(y_n) − C(y_0)| of any Casimir C, over all steps done.
+        The largest |H(y_n) − H(y_0)|, and |C(y_n) − C(y_0)| of any quadratic or linear Casimir C, over all steps done.
     energy_defects : (K,)
         H(y) − H(y_0) at `times`.
-    status, failed_step : the status of a step that was not solved, and the number of steps before it (−1: all solved).
+    status, failed_step : the status of the step that failed, and the number of steps before it (−1 if all were solved).
     iterations, gradient_evaluations : counts of the work.
     seconds : float
         Wall time without compilation.
@@ -90,7 +90,7 @@ def long_path(
     progress: Callable[[int, int], None] | None = None,
     resume: LongPath | None = None,
 ) -> LongPath:
-    """Run one path, number `path` of `ensemble`, over any number of steps in memory that does not grow with the steps.
+    """Run path number `path` of `ensemble` over any number of steps; the memory needed does not grow with this number.
 
     Parameters
     ----------

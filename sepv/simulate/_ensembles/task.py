@@ -22,10 +22,10 @@ PIECE = 256
 
 @dataclass(frozen=True)
 class Task:
-    """The data of a chunk of paths: numbers first … first + count − 1 of an ensemble, over `steps` steps.
+    """The data of a chunk: the paths with the numbers first … first + count − 1 of an ensemble, over `steps` steps.
 
-    problem : Problem, or the data from which a worker can build it again.
-    dW : (N, m, M), given untruncated increments, or None; the chunk has the columns `place` … `place` + count − 1.
+    problem : Problem, or the data from which a worker can build the problem again.
+    dW : (N, m, M), untruncated increments, or None to draw them; the chunk uses the columns place … place + count − 1.
     stops : increasing numbers of steps after which states are kept.
     track : if False, the NumPy engine does not compute the invariants, and reports their defects as 0.
     """

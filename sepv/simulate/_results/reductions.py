@@ -2,7 +2,7 @@
 
 Central moments of two samples are merged as in P. Pébay, *Formulas for robust, one-pass parallel computation of
 covariances and arbitrary-order statistical moments*, SAND2008-6212. Because of the fixed order of merging, results have
-the same bits for any workers; chunks of another size round differently.
+the same bits for any workers. Chunks of another size give other roundings.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from sepv.errors import UsageError
 from sepv.simulate._results.sketch import Sketch, sketch
 
-# A target standard error is not reached with fewer values than this: with few values, it may be small by chance.
+# The fewest values with which a target can be reached: the standard error of few values may be small by chance.
 FEWEST = 1024
 
 Functionals = Mapping[str, Callable[[Any], Any]]
@@ -82,7 +82,7 @@ class Summary:
         return min(max(self.sketch.quantile(p), self.minimum), self.maximum)
 
     def merge(self, other: Summary) -> Summary:
-        """The summary of the values of this summary and the other one together."""
+        """The summary of the values of both summaries together."""
         left = {"failed": self.failed + other.failed, "not_finite": self.not_finite + other.not_finite}
         if not self.count or not other.count:
             whole = self if self.count else other
@@ -145,7 +145,7 @@ def reduce_chunk(functionals: Functionals, chunk: Any) -> dict[str, Summary]:
 
 
 def validate(reduce: Any, until: Any) -> None:
-    """Raise UsageError if `reduce` is not a mapping of functionals, or `until` not one of target standard errors."""
+    """Raise UsageError if `reduce` is no mapping of functionals, or `until` no mapping of target standard errors."""
     if not isinstance(reduce, Mapping) or not reduce or not all(callable(f) for f in reduce.values()):
         raise UsageError(
             expected="reduce: functionals by name",

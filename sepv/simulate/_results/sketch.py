@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from sepv.errors import UsageError
 from sepv.record import TINY
 
-# The relative accuracy α of a quantile. The counts of values of a normal variable take about 100 kB, however many.
+# The relative accuracy α of a quantile. The counts for a normal variable take about 100 kB for any number of values.
 ACCURACY = 1e-3
 # ln γ, and the offset that makes every index positive.
 _LOG_GAMMA = math.log1p(ACCURACY) - math.log1p(-ACCURACY)
@@ -39,7 +39,7 @@ class Sketch:
     counts: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, dtype=np.int64))
 
     def merge(self, other: Sketch) -> Sketch:
-        """The sketch of the numbers of this sketch and the other one together."""
+        """The sketch of the numbers of both sketches together."""
         keys, place = np.unique(np.concatenate([self.keys, other.keys]), return_inverse=True)
         counts = np.zeros(keys.size, dtype=np.int64)
         np.add.at(counts, place, np.concatenate([self.counts, other.counts]))
@@ -66,7 +66,7 @@ class Sketch:
 
 
 def sketch(values: Any) -> Sketch:
-    """The sketch of finite numbers, (M,)."""
+    """The sketch of finite numbers `values` (M,)."""
     numbers = np.asarray(values, dtype=np.float64)
     size = np.abs(numbers)
     index = np.ceil(np.log(np.maximum(size, TINY)) / _LOG_GAMMA).astype(np.int32) + _OFFSET

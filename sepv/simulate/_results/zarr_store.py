@@ -61,7 +61,7 @@ class ZarrStore:
         )  # fmt: skip
 
     def save(self, number: int, chunk: Any) -> None:
-        """Write chunk `number`, an `Ensemble` of its paths. Its row of `work`, which marks it complete, is last."""
+        """Write chunk `number`, given as an `Ensemble`. Its row of `work` is written last and marks it as complete."""
         contents = {name: getattr(chunk, name) for name in self.arrays}
         for name, array in self.arrays.items():
             array[..., self._place(number)] = contents[name]

@@ -1,6 +1,6 @@
-"""The cases of the regression benchmark, as data: a saved record has its cases in it, so that it can be repeated.
+"""The cases of the regression benchmark, as data: a saved record contains its cases, so that it can be measured again.
 
-A portable case uses only + − × ÷ and √, whose results IEEE 754 fixes to the last bit on every machine, so that its
+A portable case uses only + − × ÷ and √. IEEE 754 fixes their results to the last bit on every machine, so the case's
 counters can be committed. Sines, logarithms and the nodes of a quadrature (from LAPACK) differ in the last bit between
 machines. In one of a few thousand solves, the number of iterations then differs too.
 """
@@ -55,7 +55,7 @@ CASES: tuple[Case, ...] = (
 
 
 def own_case(target: str) -> Case:
-    """Make a case of a user's problem: 16 steps h = 2⁻⁵ from the problem's initial state.
+    """Make a case of a user's problem: 16 steps of size h = 2⁻⁵ from the problem's initial state.
 
     The target is a name, a file or module:attribute. Raises UsageError for a problem without an initial state.
     """

@@ -1,8 +1,8 @@
 """The rules by which one benchmark record (head) is worse or better than another (base).
 
-A count of work is worse if it is larger, even by one, because counts have no noise. Of an error or a defect, the ratio
-head/base is taken on the same paths, with a jackknife's interval whose ends are each wrong with probability 1e-3. It is
-worse if the interval lies above 1 and the ratio above a tolerance. For times, see `sepv.studies._bench.pairs`.
+A count of work is worse if it is larger, even by one, because counts have no noise. For an error or a defect, the ratio
+head/base is computed on the same paths. Each end of its jackknife interval is wrong with probability 1e-3. The error is
+worse if the interval is above 1 and the ratio above a tolerance. For times, see `sepv.studies._bench.pairs`.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Change:
     """The change of one measured number of a case between two records.
 
     what : the name of the number: a count of work, the error, a defect or a time
-    verdict : "same", "better", "worse" or, for time alone, "not settled"
+    verdict : "same", "better", "worse" or, only for a time, "not settled"
     text : both values, or their ratio with its interval
     """
 

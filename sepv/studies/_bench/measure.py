@@ -1,7 +1,7 @@
 """Measurement of a scheme in one case: counts of work as exact integers, errors and defects of paths, times.
 
-This file also runs with another checkout (`sepv.studies._bench.timed_process`), which may be older. It relies therefore
-on the contract of a scheme and on names that every release has, such as `exact_flow`, `problems` and `truncate`.
+This file also runs with another checkout (`sepv.studies._bench.timed_process`), which may be older. So it uses only the
+contract of a scheme and names that every release has, such as `exact_flow`, `problems` and `truncate`.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _EPS = float(np.finfo(np.float64).eps)
 
 
 def measure(scheme: Scheme, case: dict[str, Any]) -> dict[str, Any]:
-    """Measure one case: `counters`, and `error`, `energy`, `casimir` as mean squares over groups of paths, in hex.
+    """Measure one case; return `counters`, and `error`, `energy`, `casimir` as hex mean squares over groups of paths.
 
     The rounding error of evaluating H and C is added to their defects, so that ratios of tiny defects are near 1.
     """
@@ -81,9 +81,9 @@ def increments(scheme: Scheme, problem: Problem, case: dict[str, Any]) -> np.nda
 def run(
     scheme: Scheme, problem: Problem, case: dict[str, Any], dW: np.ndarray, *, watch: bool = False
 ) -> tuple[tuple[np.ndarray, np.ndarray], dict[str, int]]:
-    """Run all paths: ((y (d, M), largest defects (2, M) of H and Casimirs), counts of iterations and failed solves).
+    """Run all paths; return (last states (d, M), largest defects (2, M) of H and Casimirs), and the counts of solves.
 
-    If a step fails, its path counts as failed and stops in its last state. Without `watch` the defects stay 0.
+    The counts are of iterations and failures. A path stops at its first failed step. Without `watch`, defects are 0.
     """
     y = np.repeat(np.asarray(problem.initial, dtype=np.float64)[:, None], dW.shape[2], axis=1)
     first = _invariants(problem, y) if watch else None
@@ -108,7 +108,7 @@ def run(
 def _advance(
     scheme: Scheme, problem: Problem, y: np.ndarray, h: float, dW: np.ndarray, carried: Carried
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    """Take one step of all M paths: the new states (d, M), flags (M,) of failed paths, the sum of Newton iterations."""
+    """Take one step of all M paths; return new states (d, M), flags (M,) of failed paths, and the sum of iterations."""
     if scheme.solve is not None:
         solution = scheme.solve(problem, y, h, dW)
         return solution.value, np.asarray(solution.status) != 0, int(np.sum(solution.iterations))

@@ -1,9 +1,9 @@
 """Times of two checkouts: the same cases in two processes that alternate, and bounds of the ratio of their times.
 
-A ratio is taken of two times measured one after the other, because a slow minute of the machine slows both. Within a
-batch the two processes alternate, and so does which of them is first. Each batch has new processes, because its place
-in memory makes a process faster or slower by a few per cent as long as it runs. The bounds are a bootstrap over batches
-and over the pairs of times within them.
+Both times of a ratio are measured one after the other, because a slow minute of the machine then slows both. Within a
+batch the two processes alternate, and each of them is first in half of the pairs. Each batch has new processes, because
+a process is faster or slower by a few per cent, as long as it runs, depending on its place in memory. The bounds are a
+bootstrap over batches and over the pairs of times within them.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ PAIRS = 8
 FEWEST_BATCHES = 4
 # A case needs no further batch if both bounds are within this fraction of its ratio.
 HALF_WIDTH = 0.02
-# Head is slower if the lower bound of the ratio is above this, and faster if the upper bound is below the inverse. Two
-# per cent allow for an effect that no pairing removes: other code lies in another place of memory.
+# Head is slower if the lower bound of the ratio is above this number, and faster if the upper bound is below its
+# inverse. Two per cent allow for an effect that pairing cannot remove: other code lies in another place of memory.
 TIME_TOLERANCE = 1.02
 RESAMPLES = 4000
 TIMEOUT = 600.0
@@ -132,17 +132,17 @@ class Times:
     batches: list[list[tuple[float, float]]] = field(default_factory=list)
 
     def bounds(self, clock: int) -> tuple[float, float, float]:
-        """The ratio head/base of times by CLOCKS[clock], and two bounds of it, each wrong with probability ALPHA."""
+        """The ratio head/base of times by CLOCKS[clock], and its two bounds, each wrong with probability ALPHA."""
         logs = [np.array(batch)[:, clock] for batch in self.batches]
         value, low, high = bootstrap(logs)
         return float(np.exp(value)), float(np.exp(low)), float(np.exp(high))
 
 
 def bootstrap(batches: Sequence[Array]) -> tuple[float, float, float]:
-    """The median of all pairs, with bounds by a bootstrap that resamples batches, and the pairs within each of them.
+    """The median of the log ratios of all pairs, and its bounds by a bootstrap over batches and over their pairs.
 
-    It is no mean of medians of batches, because a few disturbed pairs can move the median of a small batch. The spread
-    is multiplied by √(B/(B − 1)), because a bootstrap of B batches is too narrow by this factor.
+    The median is not a mean of the batches' medians, because a few disturbed pairs can move the median of a small
+    batch. The spread is multiplied by √(B/(B − 1)), because a bootstrap of B batches is too narrow by this factor.
     """
     rng = np.random.default_rng(0)
     pairs = np.stack(batches)

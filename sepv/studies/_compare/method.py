@@ -1,7 +1,7 @@
 """Methods of a comparison, made from the names that a user gives: solvers of many paths with given increments.
 
-A method is given the Wiener increments, so that all methods see the same paths. Its `prepare` does what is no work of
-the method, such as moving arrays into another library, and returns a job; only this job is timed.
+All methods get the same Wiener increments, and so compute the same paths. A method's `prepare` does work that is not
+the method's own, such as moving arrays into another library. It returns a job; only this job is timed.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ class Ends(NamedTuple):
 
 
 class Followed(NamedTuple):
-    """The results of a method's run that measures invariant defects and counts evaluations, but is not timed.
+    """The results of an untimed run of a method, in which invariant defects are measured and evaluations counted.
 
     energy_defect, casimir_defect : (M,), the largest |H(y_n) − H(y_0)| over the steps of each path, and the largest
         |C(y_n) − C(y_0)| over steps and Casimirs C
-    work : the evaluations, or None if those of the driver cannot be counted
+    work : the evaluations, or None if the driver's evaluations cannot be counted
     stated_error : the error that the method itself estimates; 0 for schemes
     """
 
@@ -46,7 +46,7 @@ class Followed(NamedTuple):
     stated_error: float = 0.0
 
 
-# Functions of (problem, y0 (d,), h, dW (N, m, M) untruncated): a job to be timed, and the same run with its defects.
+# Functions of (problem, y0 (d,), h, untruncated dW (N, m, M)). `Prepare` returns a job; `Follow` runs it with defects.
 Prepare = Callable[[Problem, Array, float, Array], Callable[[], Ends]]
 Follow = Callable[[Problem, Array, float, Array], Followed]
 # A function of (problem, y0, h, dW, keep) that returns a job, and the job returns states: see `from_states`.
@@ -59,7 +59,7 @@ class Method:
 
     Attributes
     ----------
-    prepare, follow : functions that make the timed run, and do the run with defects (`Prepare`, `Follow`)
+    prepare, follow : functions that prepare the timed run, and that do the untimed run with defects
     source : where the method comes from and how it is run
     batched : False for a method that computes one path at a time, which is given fewer paths
     evaluations : evaluations of f = B∇H per step, if they are known from the method but cannot be counted
@@ -82,7 +82,7 @@ class Method:
 
 
 def invariant_defects(problem: Problem, states: Array) -> tuple[Array, Array]:
-    """Largest defects of H and of the Casimirs along states (N+1, d, M), each (M,), evaluated in binary64."""
+    """The largest defects (M,) of H and (M,) of the Casimirs along states (N+1, d, M), evaluated in binary64."""
     with np.errstate(all="ignore"):
         values = invariants(problem, np.moveaxis(states, 1, 0))
         worst = np.max(np.abs(values - values[:, :1]), axis=1)
@@ -168,7 +168,7 @@ def _compiled(scheme: Scheme) -> tuple[Prepare, Follow]:
 def _watched(scheme: Scheme, problem: Problem, y0: Array, h: float, dW: Array, work: Work) -> Problem:
     """A copy of the problem that counts its evaluations in `work`, after a first step that is not counted.
 
-    The first step may compute values that are kept for the problem, and whose evaluations are no work of a step.
+    The first step may compute values that are kept for the problem. Their evaluations are not part of a usual step.
     """
     watched = counted(problem, work)
     _run(scheme, watched, y0, h, dW[:1], track=False)
@@ -186,7 +186,7 @@ def _run(scheme: Scheme, problem: Problem, y0: Array, h: float, dW: Array, *, tr
 
 
 def from_states(name: str, run: Run, source: str, **more: Any) -> Method:
-    """The `Method` of a solver that returns states only, so that failures are told from the states.
+    """The `Method` of a solver that returns states only, from which failures are recognized.
 
     run : a function (problem, y0, h, dW, keep) that returns a job. The job returns all states (N + 1, d, M) from y0 on
         if `keep` is true, else an array whose last entry is the states at T
@@ -238,8 +238,8 @@ def load_method(target: str, problem: Problem) -> Method:
     """The `Method` that a user's `target` names, for a comparison on `problem`.
 
     A target is a built-in scheme, ``exact-flow``, a peer's solver, or module:attribute with a scheme or a `Method`.
-    ``numpy/SCHEME`` runs in NumPy batches even if the compiled engine could run it. The scheme takes one step first, so
-    that TargetError says what is wrong with its result, such as the shape, without a traceback.
+    ``numpy/SCHEME`` runs in NumPy batches even if the compiled engine could run it. The scheme first takes one step. If
+    its result is wrong, for example has a wrong shape, TargetError says so without a traceback.
     """
     if target == EXACT:
         return exact_time_change()

@@ -48,7 +48,7 @@ def _error_curve(axes: Any, points: list[Point], look: Look) -> None:
 
 
 def _curve(axes: Any, pairs: list[tuple[float, float]], points: list[Point], look: Look) -> None:
-    """Draw a curve, with filled markers if every path was finished and hollow markers if some failed."""
+    """Draw a curve; a marker is filled if every path was finished at this step size, and hollow if some failed."""
     axes.plot([x for x, _ in pairs], [y for _, y in pairs], **line(look, size=SIZE))
     whole = [xy for xy, p in zip(pairs, points, strict=True) if not p.failures]
     axes.plot([x for x, _ in whole], [y for _, y in whole], **_filled(look) | {"linestyle": "none"})

@@ -23,7 +23,7 @@ class Seconds:
 
     median, low, high : the median and both quartiles of the processor time. Another program on the same core can double
         the clock's time of a run, but not its processor time
-    wall : the median by the clock, which is much larger only if a driver waits for another process
+    wall : the median clock time, which is many times the processor time only if a driver waits for another process
     first : the time of the first call less the median: the time of compilation, if any, else noise around 0
     """
 
@@ -65,7 +65,7 @@ class Point:
 
     @property
     def error(self) -> float:
-        """The strong error with `clipping`, which no sample shows, added in squares: √(strong² + clipping²)."""
+        """The error √(strong² + clipping²): the strong error of the sample, and `clipping`, which no sample shows."""
         return math.hypot(self.strong.value, self.clipping)
 
     @property
@@ -102,7 +102,7 @@ class Point:
 
 @dataclass(frozen=True)
 class TimeToError:
-    """The time in µs per path in which a method reaches a target error, and its energy defect at that time.
+    """The time in µs per path in which a method reaches a target error, and its energy defect at the finest h used.
 
     how : "between" (interpolated log-log between two step sizes), "beyond" (extrapolated from the two finest step
     sizes), "coarsest" (the coarsest step size is good enough) or "never" (errors do not decrease)
@@ -140,7 +140,7 @@ class Comparison:
         return sorted((p for p in self.points if p.method == method), key=lambda p: p.steps)
 
     def times_to_error(self) -> list[TimeToError]:
-        """The time in which each method reaches each of `targets` as strong error."""
+        """The time that each method needs to reach each of `targets` as its strong error."""
         return [time_to_error(self.of(m), target) for m in self.sources for target in self.targets]
 
     def times_to_energy_error(self) -> list[TimeToError]:
@@ -172,7 +172,7 @@ class Comparison:
 
 
 def time_to_error(points: list[Point], target: float) -> TimeToError:
-    """The time in which one method reaches the error `target`, by log-log interpolation of its (error, time).
+    """The time in which one method reaches the error `target`, by log-log interpolation of time against error.
 
     Errors are those of `Point.error`. A step size counts only if every path was finished, because a method that loses
     its worst paths would look too good.

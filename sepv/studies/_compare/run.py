@@ -1,4 +1,4 @@
-"""Run the methods of a comparison on the same paths, alternating, so that a slow minute of the machine slows all."""
+"""Run the methods of a comparison on the same paths in turn, so that a slow minute of the machine slows all methods."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ class _Cell(NamedTuple):
 
     job : runs all paths, to be timed
     first : processor seconds of the first call of the job
-    watched : the method's `follow` and its arguments, for a further run, not timed, that measures defects
+    watched : the method's `follow` and its arguments, for a further, untimed run that measures defects
     """
 
     method: Method
@@ -148,7 +148,7 @@ def _prepared(
     methods: Sequence[Method], problem: Problem, start: Array, T: float, coarse: dict[int, Array],
     begin: Callable[[str], None],
 ) -> tuple[list[_Cell], dict[str, str]]:  # fmt: skip
-    """Run each method once with each number of steps; return its `_Cell`s if all succeed, else its error by name."""
+    """Run each method once with each number of steps; return the cells of methods without an error, and the errors."""
     cells: list[_Cell] = []
     failed: dict[str, str] = {}
     for method in methods:
@@ -168,7 +168,7 @@ def _prepared(
 
 
 def _follow(watched: tuple[Any, ...]) -> Followed | str:
-    """Run a `watched` of `_Cell`: the results with their defects, or the message if the method raises an error."""
+    """Run `follow` as `_Cell.watched` says; return its results, or the message if the method raises an error."""
     follow, *arguments = watched
     try:
         return follow(*arguments)
@@ -181,8 +181,8 @@ def _alternate(
 ) -> list[list[tuple[float, float]]]:
     """Measure (processor seconds, clock seconds) of each job in each of `repeats` rounds.
 
-    Rounds begin with different jobs. `begin` is the fraction of the whole comparison that is done before, from which
-    `progress` goes on.
+    Rounds begin with different jobs. `begin` is the fraction of the whole comparison that is already done; `progress`
+    goes on from this fraction.
     """
     inner = [max(1, int(SHORTEST / max(_time(job)[1], 1e-9))) for job in jobs]
     times: list[list[tuple[float, float]]] = [[] for _ in jobs]
@@ -290,7 +290,7 @@ def _validate(
 
 @contextmanager
 def one_core() -> Iterator[bool]:
-    """Keep this process on one core within a `with` block, so that no library is faster because it takes two.
+    """Keep this process on one core within a `with` block, so that no library is faster because it uses two.
 
     The block is given True, or False if the operating system cannot do this.
     """

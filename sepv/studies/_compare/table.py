@@ -13,12 +13,12 @@ from sepv.console import Table, columns, longest
 from sepv.statistics import Estimate
 from sepv.studies._compare.record import Comparison, Point, TimeToError
 
-# The error of clipping is noted if it is more than this fraction of the strong error, a tenth in squares.
+# The error of clipping is noted if it is more than this fraction of the strong error (its square is about a tenth).
 CLIPPED = 0.3
 # The mark before a time to an error, for each value of `TimeToError.how`.
 MARKS = {"between": "", "beyond": "~", "coarsest": "≤"}
-# A driver waits for something outside this process if its quotient of clock time to processor time is this many times
-# the median of all drivers. On a busy machine, the quotient is larger for all drivers.
+# A driver is said to wait for something outside this process if its quotient of clock time to processor time is this
+# many times the median of all drivers. On a busy machine, the quotient is larger for all drivers.
 WAITS = 10.0
 
 # The headings of the columns, with their least widths.
@@ -116,7 +116,7 @@ def _target_table(comparison: Comparison, times: list[TimeToError], title: str) 
 
 
 def notes(comparison: Comparison) -> list[str]:
-    """Notes below the table: on compilation, on methods with fewer paths, on failed paths, on waiting for processes."""
+    """Notes below the table: on marks, compilation, methods with fewer paths, clipping, failed paths, slow drivers."""
     lines = []
     ways = {t.how for t in comparison.times_to_error()}
     if "beyond" in ways:

@@ -30,7 +30,7 @@ from sepv.solve import (
 )
 
 MOST_STEPS = 4000
-# Arclengths of a step: the longest, times 1 + |z| so that a branch can escape to infinity, and the shortest.
+# The longest arclength of a step, to be multiplied by 1 + |z| so that a branch can reach infinity; and the shortest.
 LONGEST, SHORTEST = 0.05, 1e-9
 # The arclength to which a fold is located. Δ has a maximum at the fold, so that the error of Δ is about its square.
 FOLD = 1e-6
@@ -49,7 +49,7 @@ EQUATIONS: dict[str, tuple[IncrementFunction, JacobianFunction]] = {
     if isinstance(step := scheme.step, Implicit)
 }
 
-# `newton` solves with the matrix ∂F/∂w whose last row is the tangent, instead of with 1 − K.
+# `newton` solves with ∂F/∂w, to which the tangent is added as last row, instead of with 1 − K.
 _BORDERED = DENSE._replace(correction=linear_solve)
 
 
@@ -69,7 +69,7 @@ class Branch:
 
     reach : (M,), the |Δ| up to which the branch is a function y1(Δ), at most the end of the range of Δ
     end : (M,), the `End` of each branch
-    delta, z : (P, M), (P, d, M), points (Δ, y1 − y0) of the curves from Δ = 0 to the end of each, then NaN
+    delta, z : Δ (P, M) and y1 − y0 (P, d, M) at P points of each curve from Δ = 0 to its end, with NaN after the end
     """
 
     reach: Array
@@ -100,7 +100,7 @@ def follow(problem: Problem, y0: Array, furthest: float, scheme: Scheme = energy
 class _Follower:
     """The curves (z, Δ) of solutions, z = y1 − y0, for M states y0 while they are followed.
 
-    The unknowns w (d + 1, M) are z over the largest component of y0, and Δ over `furthest`, the end of its range.
+    The unknowns w (d + 1, M) are z divided by the largest |component| of y0, and Δ divided by `furthest`.
     """
 
     def __init__(self, problem: Problem, y0: Array, furthest: float, increment: IncrementFunction) -> None:
@@ -113,7 +113,7 @@ class _Follower:
         self.end = np.full(M, -1)
 
     def equations(self, w: Array, lanes: np.ndarray) -> tuple[Array, Array]:
-        """The scaled F = z − Δ G at w (d + 1, M), of shape (d, M), and ∂F/∂w (d, d + 1, M), for the states `lanes`."""
+        """The scaled F = z − Δ G (d, M) and ∂F/∂w (d, d + 1, M) at w (d + 1, M), for the states `lanes`."""
         y0, scale = self.y0[:, lanes], self.scale[lanes]
         delta, z = self.furthest * w[-1], scale * w[:-1]
         one = np.ones((1, lanes.size))
@@ -128,7 +128,7 @@ class _Follower:
     def slope(self, y0: Array, y1: Array, one: Array, k: int) -> Array:
         """The derivative ∂G/∂y1_k by central differences, with an error of about 1e-10.
 
-        Folds are located by these derivatives. The analytic ones are averages that are exact for some H only.
+        Folds are located by these derivatives, because the analytic ones are averages that are exact for some H only.
         """
         size = np.abs(y1[k])
         width = WIDTH * np.where(size > 1e-3 * self.scale_of(y1), size, 1e-3 * self.scale_of(y1))

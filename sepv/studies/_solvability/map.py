@@ -17,8 +17,8 @@ from sepv.simulate import truncation_bound
 from sepv.solve import Status, Worded, solve
 from sepv.studies._solvability.branch import EQUATIONS, Branch, End, follow
 
-# A solution found is the connected one if they differ by at most this fraction of |y0| plus the distance moved. Both
-# have errors of rounding times a condition number, which grows towards the fold.
+# A solution found by Newton counts as the connected one if the two differ by at most this fraction of |y0| + |y1 − y0|.
+# Both have errors of rounding times a condition number, which grows towards the fold.
 SAME = 1e-4
 # The search for shorter branches between the states: rounds, minima per round, new states on either side of a minimum.
 ROUNDS, LOWEST, POINTS = 3, 2, 4
@@ -27,7 +27,7 @@ NODES = 128
 
 
 class Ending(Worded):
-    """The result at one state y0 and one Δ: if a solution connected to y0 exists, and if Newton's method finds it."""
+    """The result at one y0 and Δ: whether a solution connected to y0 exists, and whether Newton's method finds it."""
 
     FOUND = 0, "connected solution, found"
     MISSED = 1, "connected solution, not found"
@@ -38,7 +38,7 @@ class Ending(Worded):
 
 @dataclass(frozen=True)
 class Shortest:
-    """Branches from R further states, near those with the shortest branches, at times theta (R,) on the exact orbit.
+    """Branches from R further states of the exact orbit, at times theta (R,), near states with the shortest branches.
 
     forward, backward : (R,), the |Δ| that the branches reach for Δ > 0 and for Δ < 0
     """
@@ -54,7 +54,7 @@ class Map:
 
     Attributes
     ----------
-    theta, states : (M,), (d, M), times of the exact flow from the initial state, and the states at these times. Exact
+    theta, states : times (M,) of the exact flow from the initial state, and the states (d, M) at these times. Exact
         solutions of (1.1) stay on this orbit; numerical paths may leave it (`sepv.studies._solvability.paths`).
     delta : (K,), the grid of Δ, with both signs
     findings : (K, M), the `Ending` for each Δ and state
@@ -76,7 +76,7 @@ class Map:
     def safe(self) -> tuple[float, float]:
         """The range (−a, b) of Δ in which all branches found, of the map and of `refined`, have solutions.
 
-        For other states of the orbit this is no bound; where branches end in folds, their ends vary continuously.
+        For other states of the orbit this is no bound, but the end of a branch in a fold varies continuously with y0.
         """
         ends = [(self.backward.reach, self.forward.reach), (self.refined.backward, self.refined.forward)]
         low, high = (float(min(r[side].min(initial=np.inf) for r in ends)) for side in (0, 1))
@@ -163,7 +163,7 @@ def solvability_map(
 
 
 def _refine(problem: Problem, scheme: Scheme, y0: Array | None, furthest: float, known: Array) -> Shortest:
-    """Follow branches from further states, 5 times closer in each round, where the |Δ| that they reach is smallest.
+    """Follow branches from further states where the |Δ| reached is smallest; in each round they are 5 times closer.
 
     `known` (3, M): times of the exact flow, and the |Δ| that branches from these states reach for Δ > 0 and Δ < 0.
     """
@@ -183,7 +183,7 @@ def _refine(problem: Problem, scheme: Scheme, y0: Array | None, furthest: float,
 def _between(theta: Array, reach: Array, furthest: float) -> list[float]:
     """New times next to the local minima of `reach`: POINTS times between a minimum and each of its two neighbours.
 
-    Only the LOWEST smallest minima below `furthest` are used.
+    Only minima below `furthest` are used, and only the LOWEST smallest of these.
     """
     padded = np.concatenate([[np.inf], reach, [np.inf]])
     minima = np.flatnonzero((reach <= padded[:-2]) & (reach <= padded[2:]) & (reach < furthest))
@@ -227,7 +227,7 @@ def _on_branch(problem: Problem, scheme: Scheme, y: Array, delta: float, branch:
 
 
 def _place(branch: Branch, delta: float) -> tuple[np.ndarray, Array]:
-    """Numbers of the points of each curve before and after |Δ|, and the position (0 to 1) of |Δ| between them."""
+    """Indices (2, M) of each curve's points before and after |Δ|, and the position (0 to 1) of |Δ| between them."""
     reached = np.abs(branch.delta)
     before = np.nanargmax(np.where(reached <= abs(delta), reached, -1.0), axis=0)
     lanes = np.arange(branch.reach.size)
@@ -255,7 +255,7 @@ def chance_outside(h: float, noise: ArrayLike, low: ArrayLike, high: ArrayLike, 
 
     Notes
     -----
-    For one noise, these are two tails of a normal law, which are 0 beyond √h A_h if truncated (|ΔŴ_j| ≤ √h A_h). Of
+    For one noise, P is the sum of two tails of a normal law. If ΔŴ is truncated, tails beyond |ΔŴ| = √h A_h are 0. For
     several truncated noises, all but one are integrated, by Gauss nodes on (−A_h, A_h) and the two atoms ±A_h.
     """
     c = np.asarray(noise, dtype=np.float64).reshape(-1)

@@ -1,8 +1,8 @@
 """Numerical paths of a scheme, each until a step is refused, to see for how long a step size is safe.
 
-The map of solvability takes states of the exact orbit. A numerical path leaves this orbit if the scheme does not keep
-all invariants. Scheme (2.1), for example, steadily loses the logarithmic Casimir of Lotka-Volterra, and comes to states
-with shorter branches. Only numerical paths show when this happens.
+The map of solvability uses states of the exact orbit. A numerical path leaves this orbit if the scheme does not keep
+all invariants. Scheme (2.1), for example, steadily loses the logarithmic Casimir of Lotka-Volterra, and so reaches
+states whose branches of solutions are shorter. Only numerical paths show when this happens.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ CONFIDENCE = 0.95
 class Exits:
     """The times at which paths of one scheme and step size ended because a step was refused.
 
-    until, asked : the time to which paths were followed, and the time requested, which is later if seconds ran out
+    until, asked : the time to which paths were followed, and the requested time, which is later if `seconds` ran out
     times : (F,), the start of the refused step of each of the F paths that failed, increasing
     statuses : the number of refused steps by name of `Status`
     """

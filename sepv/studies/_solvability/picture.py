@@ -1,4 +1,4 @@
-"""Picture of a map of solvability: solutions by state and Δ, the probability of Δ without one, exits of paths.
+"""Picture of a map of solvability: solutions by state and Δ, the probability of a Δ without solution, exits of paths.
 
 Needs the extra ``plots``.
 """

@@ -1,4 +1,4 @@
-"""A case, which is the input of a law about single steps (a problem, a state and a step), and its JSON and token."""
+"""A case (a problem, a state and a step: the input of a law about single steps), and its forms as JSON and token."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def _with_coefficients(data: Description, c: tuple[float, ...]) -> Description:
 
 
 def quiet(case: Case) -> Case | None:
-    """The case without noise, c = (), whose h is the Δ of `case`; None if the noises have other fields than B∇H."""
+    """The case without noise, c = (), whose h is the Δ of `case`; None if a noise has another field than B∇H."""
     if not case.dW:
         return case
     problem, _, h, dW = case.build()
@@ -170,13 +170,13 @@ def of_valid(data: dict[str, Any], objects: Iterable[Problem] = ()) -> Case:
 
 
 def has_words(witness: Any) -> bool:
-    """True if a command can name the problem of a witness; False if it was given as a Python object."""
+    """True if a command can name the problem of a witness; False if the problem was given as a Python object."""
     problem = witness.get("problem") if isinstance(witness, dict) else None
     return not (isinstance(problem, dict) and problem.get("given") == "")
 
 
 def require_named(witness: dict[str, Any], scheme: Scheme) -> None:
-    """Raise unless the user named the code that a witness's problem loads: anybody may have written the witness."""
+    """Raise an error if a witness's problem loads code that the user did not name: anybody can write a witness."""
     problem = witness.get("problem")
     target = problem.get("given") if isinstance(problem, dict) else None
     named = [p if isinstance(p, str) else getattr(p, "text", "") for p in scheme.problems]
@@ -184,7 +184,7 @@ def require_named(witness: dict[str, Any], scheme: Scheme) -> None:
 
 
 def _given_problem(data: dict[str, Any], objects: Iterable[Problem]) -> GivenProblem:
-    """The problem of a stored case that has only its name: the one of that name in `objects`, else loaded by name."""
+    """The problem that a stored case names: the one of this name in `objects` if there is one, else a loaded one."""
     target = data["given"]
     own = [problem for problem in objects if not target and problem.name == data.get("object")]
     if ":" not in target and target not in problems.EXTENSIONS | problems.HAMILTONIANS and len(own) != 1:

@@ -1,4 +1,4 @@
-"""The classes of systems for which schemes are made: one record each, with a space of test cases and named problems."""
+"""Records of the classes of systems for which schemes are made, each with a space of test cases and named problems."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from sepv.verification._cases.strata import Axis, Space, Strata
 
 _SIZES = (strata.STATE, strata.DIMENSION, strata.DEGREE, strata.TERMS)
 _STEPS = (strata.SIZE, strata.STEP, strata.SIGN, strata.SHARE, strata.GIVEN, strata.BATCH)
-# Strata (ranges) in which a wrong quadrature, or a wrong place of B, does not show: most laws need cases without them.
+# Strata (ranges) in which a wrong quadrature, or B taken at a wrong place, does not show: most laws need other cases.
 _RIGHT = {"degree of H": ("1–2",), "degree of B": ("0",), "degree of C": ("1", "2")}
 
 
@@ -30,9 +30,9 @@ class SystemsClass:
     space : Space
         The space of random cases: a system of the class, a state and a step.
     named : names of problems
-        Built-in problems of the class; the random search also takes steps from near their initial states.
+        Built-in problems of the class; the random search also draws steps from states near their initial states.
     more : Random -> Case or None
-        Functions that draw steps of systems of the class that the space does not contain, for the random search.
+        Functions for the random search, which draw steps of systems that are in the class but not in the space.
     fixed : () -> cases
         Cases that are measured with every seed.
     problems : names of problems
@@ -47,7 +47,7 @@ class SystemsClass:
 
 
 def _space(make: strata.Make, *axes: Axis, **left: Strata) -> Space:
-    """A space with properties `axes` and those of all classes; `left` restricts ranges, as degree_of_H=("1–2",)."""
+    """A space with the properties `axes` and those of all classes; `left` restricts ranges: degree_of_H=("1–2",)."""
     wanted = {name.replace("_", " "): names for name, names in left.items()}
     kept = [
         replace(a, strata=tuple(s for s in a.strata if s.name in wanted.get(a.name, (s.name,))))
@@ -58,14 +58,14 @@ def _space(make: strata.Make, *axes: Axis, **left: Strata) -> Space:
     return replace(whole, pool=whole.part(blind=_RIGHT))
 
 
-# Kinds of steps for several fields. No noise cancels h, because there is no Δ. _OF_PATHS leaves out h = 0 with ΔW ≠ 0:
-# no path has such a step, and schemes for several fields take areas or other increments whose size is that of h.
+# Kinds of steps for several fields. Such systems have no Δ, so no noise cancels h. _OF_PATHS omits h = 0 with ΔW ≠ 0:
+# no path has such a step, and schemes for several fields use areas or other increments, whose size h determines.
 _OF_PATHS = tuple(kind.name for kind in (strata.UNEVEN, strata.NEAR, *strata.FAR))
 _OF_STRUCTURES = (strata.STILL.name, *_OF_PATHS)
 _NOISY = ("1", "2", "3–4", "5–20")
 _MIDDLE = ("2", "3", "4–6", "7–9")
 _GENERAL = (strata.JACOBI, strata.CASIMIRS, strata.STRUCTURE)
-# Fewer terms of H, because a system of several fields has the terms of each field.
+# Each H has fewer terms here, because a system of several fields has the terms of all fields.
 _FEWER = {"degree_of_H": ("1–2", "3–4", "5–6"), "terms_of_H": ("1–2", "3–9", "10–19")}
 _SMALL = {**_FEWER, "terms_of_H": ("1–2", "3–9")}
 
@@ -120,5 +120,5 @@ CLASSES: dict[Systems, SystemsClass] = {
         _space(families.damped, *_GENERAL, kinds=_OF_PATHS, d=_MIDDLE, **_SMALL), problems=("damped-top",)
     ),
 }  # fmt: skip
-# Narrow classes that users name. All cases of a scheme for such a class come from the class.
+# Narrow classes, which users can name. For a scheme for such a class all cases come from the class.
 FAMILIES = {systems: own for systems, own in CLASSES.items() if own.problems}

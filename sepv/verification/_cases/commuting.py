@@ -1,4 +1,4 @@
-"""Steps with several Hamiltonians that all commute with H_0, near its critical points and away from them."""
+"""Steps of systems with several Hamiltonians that all commute with H_0, from states that are not critical points."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from sepv.verification._cases.strata import monomials
 
 
 def commuting_step(random: Random) -> Case | None:
-    """A step with Hamiltonians that are polynomials in the actions ½(q² + p²) of one or two planes, where ∇H_0 ≠ 0.
+    """A step whose Hamiltonians are polynomials in the actions ½(q² + p²) of one or two planes; None if ∇H_0 is small.
 
-    The field of such a noise is written G_j∇H_0, and G_j is singular where ∇H_0 = 0. No majorant bounds G_j near such a
-    point, so the length of the step is measured: a sixteenth of the length that the slopes of the fields at y allow.
+    The field of each noise is written G_j∇H_0, and G_j is singular where ∇H_0 = 0. No majorant bounds G_j near such a
+    point. So the step's length is measured: it is a sixteenth of the length that the slopes of the fields at y allow.
     """
     n, m = random.randint(1, 2), random.randint(1, 2)
     H = poly.add(poly.linear((1.0,) * n), of_actions(n, random))
@@ -41,7 +41,7 @@ def of_actions(n: int, random: Random) -> Polynomial:
 
 
 def _steepest(problem: Problem, y: Array) -> float:
-    """The largest component at y, or difference quotient of it, of the fields B∇H and c_j G_j∇H."""
+    """The largest component at y of the fields B∇H and c_j G_j∇H and of their difference quotients."""
     assert isinstance(problem, StructuresProblem)
     worst = 0.0
     for c, G in zip((1.0, *problem.c), (problem.structure, *problem.noise_structures), strict=True):

@@ -1,8 +1,8 @@
 """Pairwise covering designs for test inputs, whose properties (factors) each have a few values (levels).
 
-A design is a short list of rows, with one level of each factor, in which every possible pair of levels occurs. It shows
-each fault that depends on the levels of one or two factors alone. The construction is greedy, with constraints, like
-that of Cohen, Dalal, Fredman and Patton (IEEE Trans. Softw. Eng. 23, 1997); the smallest of several tries is returned.
+A row has one level of each factor. A design is a short list of rows in which every possible pair of levels occurs. It
+shows each fault that depends on the levels of at most two factors. The construction is greedy, with constraints, like
+that of Cohen, Dalal, Fredman and Patton (IEEE Trans. Softw. Eng. 23, 1997). The smallest of several designs is kept.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ Level = tuple[int, int]  # a factor and its level
 Pair = tuple[Level, Level]
 # The number of ways in which ties are broken.
 ATTEMPTS = 4
-# An offered row is taken only if it meets at least this many pairs not met before; else a newly made row meets more.
+# An offered row is taken only if it covers at least this many new pairs; otherwise a newly made row covers more.
 LEAST = 4
 
 
@@ -38,10 +38,10 @@ def pairwise(
 ) -> Design:
     """Find few rows in which all possible pairs of levels occur; factor f has levels[f] levels.
 
-    `allowed` tests a partial row, with None for a level not chosen yet; a row that it refuses must stay refused however
-    it is completed. A level in `hiding` may hide faults of other factors: in a row with such a level, pairs without it
-    count as not covered, unless no other row can have them. The rows `offered` are allowed and cost less than new rows,
-    so those that cover many pairs are taken first.
+    `allowed` tests a partial row, with None for each level not chosen yet. If it refuses a row, it must refuse every
+    completion of this row. A level in `hiding` may hide faults of other factors: in a row with such a level, pairs
+    without this level count as not covered, unless no other row can have them. The rows `offered`, which must be
+    allowed, cost less than new rows, so those that cover many pairs are taken first.
     """
     taken = _Greedy(levels, allowed, hiding, 0).taken(offered)
     designs = [_Greedy(levels, allowed, hiding, shift).design(taken) for shift in range(ATTEMPTS)]
@@ -49,13 +49,13 @@ def pairwise(
 
 
 def shown_pairs(row: Row, hiding: frozenset[tuple[int, int]] = frozenset()) -> list[Pair]:
-    """The pairs of levels that a row covers: those that contain all of its levels in `hiding`, if there are any."""
+    """The pairs of levels that a row covers: all, or if the row has levels in `hiding`, the pairs with all of these."""
     hidden = {level for level in enumerate(row) if level in hiding}
     return [pair for pair in combinations(enumerate(row), 2) if hidden <= set(pair)]
 
 
 class _Greedy:
-    """One greedy construction of a design. The bits of an integer are a set of levels of all factors."""
+    """One greedy construction of a design. A set of levels is stored as the bits of an integer."""
 
     def __init__(
         self, levels: Sequence[int], allowed: Callable[[Partial], bool], hiding: frozenset[Level], shift: int
@@ -69,7 +69,7 @@ class _Greedy:
         ]
 
     def design(self, taken: Sequence[Row]) -> Design:
-        """Complete the rows `taken` to a design."""
+        """A design that consists of the rows `taken` and of new rows."""
         rows, impossible = [*taken], set[Pair]()
         for known in taken:
             self._meet(known)
@@ -100,7 +100,7 @@ class _Greedy:
         return rows
 
     def _partners(self, row: Row) -> list[tuple[int, int, int]]:
-        """For each level of a row: (factor, level, bits of the levels whose pairs with it count by `shown_pairs`)."""
+        """For each level of a row: (factor, level, bits of the levels with which it forms a pair of `shown_pairs`)."""
         levels = list(enumerate(row))
         everyone = sum(1 << self._number(level) for level in levels)
         hidden = [level for level in levels if level in self.hiding]

@@ -14,8 +14,8 @@ from sepv.record import Polynomial, poly
 from sepv.verification._cases.case import Case
 from sepv.verification._cases.strata import FAR, SIZE, STEP, Levels, Stratum
 
-# The largest |exponent of 2| of coefficients and powers of y: none overflows, and an underflow, whose error is 2⁻¹⁰⁷⁴,
-# changes the smallest of them by less than a relative 2⁻⁵³.
+# The largest |exponent of 2| of coefficients and of powers of y. So none of them overflows, and an underflow, whose
+# error is 2⁻¹⁰⁷⁴, changes even the smallest of them by a relative error below 2⁻⁵³.
 EXPONENTS = 960
 # Sizes |y| that every scheme must take, and the largest exponent of 2 of other sizes: |y| = 1e±100, whose squares
 # neither overflow nor lose digits.
@@ -26,7 +26,7 @@ LONG = 8.0
 
 
 def is_usual(size: float) -> bool:
-    """True for a size |y| near enough to 1 that no scheme may refuse a state of this size."""
+    """True if a size |y| is so near to 1 that no scheme may refuse a state of this size."""
     return USUAL[0] <= size <= USUAL[1]
 
 
@@ -37,12 +37,12 @@ def beyond(case: Case) -> bool:
 
 
 def is_long(case: Case) -> bool:
-    """True if |h| + Σ|c_j ΔW_j| is so long that a scheme may refuse it, although it is a usual step in other units."""
+    """True if |h| + Σ|c_j ΔW_j| is so large that a scheme may refuse the step, although it is usual in other units."""
     return isinstance(case.problem, PolynomialSystem) and _length(case) > LONG
 
 
 def usual(levels: Levels) -> Levels:
-    """Replace extreme ranges of |y| and |Δ| by the usual ones in which a case is drawn; `at_the_end` rescales it."""
+    """Replace extreme ranges of |y| and |Δ| by usual ones. A case is drawn in these, then rescaled by `at_the_end`."""
     ranges = {a.name: {s.name: s._replace(end=0.0) for s in a.strata} for a in (SIZE, STEP)}
     found = {a: ranges[a].get(s.name, s) if a in ranges else s for a, s in levels.items() if s not in FAR}
     far = next((s for s in levels.values() if s in FAR), None)
@@ -73,11 +73,11 @@ def _length(case: Case) -> float:
 
 
 def in_other_units(case: Case, power: int, time: int = 0) -> Case:
-    """Convert a case to other units: y times 2ⁿ and time times 4ᵏ with k = `time`, so that the step leads to 2ⁿy1.
+    """Convert a case to other units: y is multiplied by 2ⁿ and time by 4ᵏ, so that the step leads to 2ⁿy1.
 
-    H becomes 4ⁿ⁻ᵏH(2⁻ⁿy) and B becomes B(2⁻ⁿy), so that canonical and mechanical systems remain such systems. The noise
-    vectors become 2ⁿ4⁻ᵏg_j, the damping 4⁻ᵏγ and the step 4ᵏh; c_j and ΔW_j are multiplied by 2ᵏ. n is `power`, or a
-    number nearer to 0 if numbers would otherwise overflow.
+    Here k = `time`, and n is `power`, or a number nearer to 0 if numbers would otherwise overflow. H becomes
+    4ⁿ⁻ᵏH(2⁻ⁿy) and B becomes B(2⁻ⁿy), so that canonical and mechanical systems remain such systems. The noise vectors
+    become 2ⁿ4⁻ᵏg_j, the damping 4⁻ᵏγ and the step 4ᵏh; c_j and ΔW_j are multiplied by 2ᵏ.
     """
     system = case.problem
     assert isinstance(system, PolynomialSystem)
@@ -102,7 +102,7 @@ def in_other_units(case: Case, power: int, time: int = 0) -> Case:
 
 
 def _scaled(p: Polynomial, weight: int, power: int, time: int = 0) -> Polynomial:
-    """The polynomial 4⁻ᵏ 2^(n weight) p(2⁻ⁿy): p in units of y and time changed by n = `power` and k = `time`."""
+    """The polynomial 4⁻ᵏ 2^(n·weight) p(2⁻ⁿy) with n = `power` and k = `time`: p after a change of units."""
     terms = [(e, math.ldexp(c, power * (weight - sum(e)) - 2 * time)) for e, c in p.terms]
     return poly.polynomial(p.dimension, terms)
 
@@ -112,7 +112,7 @@ def _of(B: Structure, power: int) -> Structure:
 
 
 def _exponents(case: Case, system: PolynomialSystem, power: int) -> Iterator[float]:
-    """Exponents of 2, in new units, of coefficients and powers of y; one is above EXPONENTS if |y| leaves its range."""
+    """Exponents of 2 of coefficients and of powers of y in new units; if |y| leaves its range, one is > EXPONENTS."""
     sizes = [abs(v) for v in case.y if v]
     ends = [math.log2(v) + power for v in (max(sizes), min(sizes))] if sizes else []
     yield from (EXPONENTS + 1 for end in ends[:1] if abs(end) > LARGEST)

@@ -1,4 +1,4 @@
-"""Narrow classes of systems, such as H = T(p) + V(q), for which many schemes are made; systems have random parts."""
+"""Random systems of narrow classes for which many schemes are made, such as the systems with H = T(p) + V(q)."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ def mechanical(parts: Parts) -> PolynomialSystem:
     """H = ½ pᵀM⁻¹p + V(q) with y = (q, p) and B = J: q̇ = M⁻¹p, ṗ = −∇V.
 
     M⁻¹ = LᵀDL with powers of two in D and halves in L, so that M and M⁻¹ are exact. Momenta have few bits, so that M⁻¹p
-    is exact. A library that stores velocities computes p = M(M⁻¹p) in each step. The row sums of |M||M⁻¹| bound its
-    roundings of p, so they are at most 16 for a full M. A potential that is bounded below has even powers of the
-    positions alone, with positive coefficients.
+    is exact. A library that stores velocities computes p = M(M⁻¹p) in each step. The row sums of |M||M⁻¹| bound the
+    roundings of p in this product, so they are kept at most 16 for a full M. If the potential is to be bounded below,
+    it has only even powers of the positions, with positive coefficients.
     """
     n, random, scale = parts.d // 2, parts.random, parts.unit**-2
     full = parts.levels["mass"].name == "full"
@@ -72,7 +72,7 @@ def _of(places: range, parts: Parts, degree: int, least: int = 1) -> Polynomial:
     return some.embedded(found, parts.d, places)
 
 
-# For each algebra d, structure constants (i, j, k, c) of {y_i, y_j} = Σ_k c y_k, quadratic and linear Casimirs.
+# For each algebra: d, the structure constants (i, j, k, c) of {y_i, y_j} = Σ_k c y_k, quadratic and linear Casimirs.
 _ALGEBRAS: dict[str, tuple[int, Constants, tuple[dict[tuple[int, int], float], ...], Matrix]] = {
     "so(3)": (3, HAT, ({(0, 0): 1.0, (1, 1): 1.0, (2, 2): 1.0},), ()),
     "sl(2)": (3, ((0, 1, 2, 1.0), (0, 2, 1, 1.0), (1, 2, 0, -1.0)),
@@ -97,20 +97,20 @@ def algebra(name: str) -> tuple[int, Structure, tuple[Matrix, ...], Matrix]:
 
 
 def lie_poisson(parts: Parts) -> PolynomialSystem:
-    """A Lie-Poisson system: B(y)_ij = Σ_k c_ij^k y_k, c_ij^k the structure constants of an algebra, and any H."""
+    """A Lie-Poisson system with any H: B(y)_ij = Σ_k c_ij^k y_k with the structure constants c_ij^k of an algebra."""
     d, B, quadratic, linear = algebra(parts.levels["algebra"].name)
     return PolynomialSystem(d, parts.hamiltonian(), B, parts.noise(), quadratic, linear)
 
 
 def rigid_body(parts: Parts) -> PolynomialSystem:
-    """The rigid body of §4.2 with random moments of inertia I_k: H = ½ Σ w_k y_k², w_k = 1/I_k in eighths."""
+    """The rigid body of §4.2 with random moments of inertia I_k: H = ½ Σ w_k y_k², w_k = 1/I_k a multiple of 1/8."""
     d, B, quadratic, linear = algebra("so(3)")
     weights = [parts.random.choice([8, 4, 6, 10, 12, 16, 20, 24]) / 8 for _ in range(d)]
     return PolynomialSystem(d, poly.squares(weights), B, parts.noise(), quadratic, linear)
 
 
 def matrix_hamiltonians(parts: Parts) -> PolynomialSystem | None:
-    """The Lie-Poisson B of so(3), so(4) or su(3), with a random H_0 and H_j for the noises, some {H_0, H_j} ≠ 0."""
+    """A system with the Lie-Poisson B of so(3), so(4) or su(3) and random H_0, H_j; None if all {H_0, H_j} vanish."""
     H, c = parts.hamiltonian(), parts.noise()
     others = tuple(parts.further() for _ in c)
     return general(matrix_system(parts.levels["matrices"].name, H, c, others))
@@ -142,8 +142,8 @@ _UNDAMPED = maker(_homogeneous, shows=False)
 def damped(levels: Levels, random: Random, attempt: int | None) -> Case | None:
     """A step of a system with damping −γy dt, homogeneous H and |γh| from 1/16 to 1/8: e^{−2γh} is far from 1 − 2γh.
 
-    For γh < 0 damping makes the state larger by 7 % at most, so that the step is less than twice as long as the
-    contraction radius.
+    For γh < 0 half a step of damping makes the state larger by 7 % at most, so that the step is less than twice as long
+    as the contraction radius.
     """
     case = _UNDAMPED(levels, random, attempt)
     if case is None or not isinstance(case.problem, PolynomialSystem) or not case.h:
@@ -155,7 +155,7 @@ def damped(levels: Levels, random: Random, attempt: int | None) -> Case | None:
 def additive(parts: Parts) -> PolynomialSystem:
     """A system with additive noise Σ c_j g_j∘dW_j: a random B, and H = ½ Σ w_k p_k² + p_1 q_1 + V(q) with y = (p, q).
 
-    The g_j have components in p alone. Sometimes y has no components q: then H = ½ Σ w_k p_k².
+    The g_j have nonzero components in p alone. Sometimes y has no part q: then H = ½ Σ w_k p_k².
     """
     d, random = parts.d, parts.random
     B, quadratic, linear = parts.structure()

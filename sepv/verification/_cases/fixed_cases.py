@@ -1,8 +1,8 @@
 """Cases that are the same for every seed; each law to which they apply measures them in each run.
 
 Some faults show only for a high degree and a long step. A search with a hundred random examples finds such a fault with
-most seeds, but not with all. A law measures these cases after its list of small random cases (its design), so that the
-counterexample that is found first is a small one.
+most seeds, but not with all. A law measures the fixed cases after its list of small random cases (its design), so that
+the first counterexample found is a small one.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def fixed_cases() -> tuple[Case, ...]:
 
 
 def may_be_refused(case: Case) -> bool:
-    """True if a scheme may refuse the step, because it is longer than `longest_step` of its built-in problem."""
+    """True if a scheme may refuse the step, because it is longer than the built-in problem's `longest_step`."""
     if not isinstance(case.problem, NamedProblem):
         return False
     problem, _, h, dW = case.build()
@@ -48,7 +48,7 @@ def _polynomial() -> list[Case]:
 
 
 def many() -> tuple[Case]:
-    """The largest d and m, with the last components and noises as important as the others."""
+    """A case with the largest d and m, in which the last components and noises matter as much as the others."""
     d, m = 40, 20
     H = poly.add(poly.squares((1.0,) * d), poly.polynomial(d, {(*(0,) * (d - 2), 1, 3): 0.25}))
     c = tuple(2.0 ** -(n % 5) for n in range(m))
@@ -56,7 +56,7 @@ def many() -> tuple[Case]:
 
 
 def _dominated(d: int, degree: int) -> Polynomial:
-    """The Hamiltonian H = ½|y|² + ½ y1^n − ¼ y1 y2^(n−1) of degree n, with y1 and y2 the first components of y."""
+    """The Hamiltonian H = ½|y|² + ½ y1^n − ¼ y1 y2^(n−1) of degree n, where y1, y2 are the first components of y."""
     first = (degree, *(0,) * (d - 1))
     mixed = (1, degree - 1, *(0,) * (d - 2))
     return poly.add(poly.squares((1.0,) * d), poly.polynomial(d, {first: 0.5, mixed: -0.25}))

@@ -38,7 +38,7 @@ _SIGNS = st.sampled_from([1.0, -1.0])
 _PERTURBED, _AWAY = st.floats(0.5, 1.5), st.sampled_from([0.0, 0.1, 0.3])
 # A quarter of the steps is short, because a scheme may be wrong for short steps alone.
 _LENGTHS = st.sampled_from([1.0, 1.0, 1.0, 2.0**-10])
-# Half of all parts are 1, because a quadrature error grows like a high power of the step's length.
+# Half of all factors of h and of ΔW_j are 1, because a quadrature error grows like a high power of the step's length.
 _PARTS = st.one_of(st.just(1.0), st.floats(0, 1 - 2.0**-10).map(lambda x: 1 - x))
 _SHARES = st.sampled_from([1.0, 0.5, 0.25, 2.0**-6])
 # Components below 1e-6 become zero: states of extreme size have their own cases.
@@ -48,7 +48,7 @@ _COMPONENTS = st.one_of(
 
 
 def describe(problem: Problem, text: str = "") -> Description:
-    """The problem's data if they agree with its functions and can be evaluated with many digits; else the problem."""
+    """The problem's data if they agree with its functions and can be evaluated to many digits; else the problem."""
     data = problem.data
     known = isinstance(data, PolynomialSystem) or (data is not None and data.name in EXACT_NAMES)
     # Data contain no flows of parts of H and H_j, so a problem built from data would lack flows.
@@ -58,7 +58,7 @@ def describe(problem: Problem, text: str = "") -> Description:
 
 
 def _agrees(problem: Problem, data: PolynomialSystem | NamedProblem) -> bool:
-    """True if data describe the problem's functions; `dataclasses.replace` of a function may have changed them."""
+    """True if data describe the problem's functions, one of which `dataclasses.replace` may have exchanged."""
     other = named.build(data)
     if other.dimension != problem.dimension or not np.array_equal(other.c, problem.c):
         return False
@@ -90,7 +90,7 @@ def near(draw: st.DrawFn, description: Description) -> Case:
     """A state near the problem's initial state, inside its domain, and a step from it.
 
     If the problem has no initial state, the components of y lie between −2 and 2. The step is no longer than the
-    contraction radius, which is derived from majorants for polynomial data, and measured for functions.
+    contraction radius, which is derived from majorants for polynomial data and measured for functions.
     """
     problem = named.build(description)
     y = _state(draw, problem)
@@ -142,15 +142,15 @@ def _inside(problem: Problem, y: Array) -> bool:
     return problem.domain is None or bool(np.all(problem.domain(y)))
 
 
-# Balls of radius 2⁻¹ to 2⁻⁵ about a state are sampled; in a narrow domain smaller ones, until one lies inside.
+# Balls about y with radii from (1 + |y|)2⁻¹ to (1 + |y|)2⁻⁵ are sampled; in a narrow domain smaller balls as well.
 USUAL, NARROWEST = 5, 20
 
 
 def measured_radius(problem: Problem, y: Array) -> float:
     """Half of an estimated contraction radius, from maxima of B, ∇H and their derivatives at some states around y.
 
-    `sepv.verification._contraction.contraction_radius` takes bounds instead of maxima. Maxima at some states are no
-    bounds, because values may be larger between them; the factor ½ is a heuristic for that. If a scheme refuses a step
+    `sepv.verification._contraction.contraction_radius` uses bounds instead of maxima. Maxima at some states are no
+    bounds, because values may be larger elsewhere; the factor ½ is a heuristic allowance. If a scheme refuses a step
     inside this radius, the radius may be too large, so the step is reported as not solved and not as a violation.
     """
     rng = np.random.default_rng(0)

@@ -80,7 +80,7 @@ class Cases:
     Attributes
     ----------
     adapt : case -> case or None
-        Changes a case so that the law applies, or returns None if it cannot apply. A second call changes nothing.
+        Changes a case so that the law applies, or returns None if that is impossible. A second call changes nothing.
     why : str
         The reason to report if `adapt` returns None for all of a user's problems.
     where : axis -> strata
@@ -89,17 +89,17 @@ class Cases:
     blind : axis -> strata
         Ranges in which no violation can show. Pairs of other ranges must occur in cases outside these ranges.
     not_of : class of systems -> str
-        The reason why the law does not apply to a class. Additive noise takes that of several Hamiltonians by default.
+        The reason why the law does not apply to a class. By default additive noise has that of several Hamiltonians.
     damped : bool
         True if the law applies to damped systems too.
     stays : bool
-        True if the law takes steps of the case's problem alone. If False, users' problems are not measured.
+        True if the law makes steps of the case's problem alone. If False, users' problems are not measured.
     instead : class -> class, or () -> strategy
-        For a scheme of this class, the source of cases instead of the class: a narrower class, or a strategy.
+        For schemes for a class, the source of cases that replaces the class: a narrower class, or a strategy.
     fixed : class -> (() -> cases)
         Cases that are measured with every seed, in addition to the fixed cases of the class.
     made : class -> (count, Random -> case)
-        The number of cases that replace the design, and the function that makes these and the random search's cases.
+        The number of cases that replace the design, and a function that makes them and the cases of the random search.
     """
 
     adapt: Adapt = unchanged
@@ -150,7 +150,7 @@ class Cases:
         return replace(self, adapt=partial(_adapted_and_rounded, self.adapt))
 
     def admits(self, case: Case) -> bool:
-        """True if the law takes the case unchanged."""
+        """True if the law applies to the case without a change of the case."""
         return self.adapted(case) == case
 
     def of_class(self, systems: Systems) -> Question | str:
@@ -235,7 +235,7 @@ EVERYTHING = Cases(damped=True)
 
 
 def class_of(description: Description | Problem) -> Systems:
-    """The class of a problem; for one structure B and one Hamiltonian H it is the whole class (1.1), none narrower."""
+    """The class of a problem. With one B, one H and no damping it is the whole class (1.1), never a narrower one."""
     problem = description if isinstance(description, Problem) else named.build(description)
     if isinstance(problem, HamiltoniansProblem):
         return Systems.ADDITIVE if problem.noise_vectors else Systems.HAMILTONIANS

@@ -32,18 +32,18 @@ from sepv.verification._cases.strata import KIND, NEAR, STILL, UNDONE, UNEVEN, L
 from sepv.verification._contraction import contraction_ball, contraction_radius
 from sepv.verification._tolerance import gradient_majorant, structure_majorant
 
-# After this many draws a rest point may be the origin, because the monomials may be too few for any other.
+# After this many draws a rest point may be the origin, because the monomials may be too few for another rest point.
 ATTEMPTS = 30
 # The smallest B∇H in a design, relative to the sum of its terms' absolute values; a random search allows smaller B∇H.
 GENERIC = 1 / 64
-# After this many draws a case is accepted although some fault would not show.
+# After this many draws a case is accepted although some fault would not show in it.
 TRIES = 24
 # For a step from y = 0, Δ as a share of the radius inside which y1(Δ) is analytic. The share balances the terms that
 # the law "expansion" omits against rounding.
 ORIGIN_SHARE = 2.0**-9
 # Near a rest point some components are multiplied by ½ to a power in this range; the motion still exceeds rounding.
 NEARNESS = (8, 30)
-# In steps with uneven noises the |c_jΔW_j| are scaled by powers of ten with exponents between minus and plus this.
+# In steps with uneven noises the |c_jΔW_j| are scaled by powers of ten with exponents from −UNEVENNESS to UNEVENNESS.
 UNEVENNESS = 4.0
 
 
@@ -74,7 +74,7 @@ class Parts:
             self.y, self.unit = (0.0,) * self.d, 1.0
 
     def hamiltonian(self) -> Polynomial:
-        """Draw H. If ∇H should vanish at y, or nearly, all terms have degree ≥ 2 in components made zero or small."""
+        """Draw H. If ∇H must (nearly) vanish, each term has degree ≥ 2 in components of y that become zero or small."""
         d, n, random = self.d, self.degree, self.random
         if self.at_rest:
             self.zero, kept = some.rest_monomials(d, n, self.terms, random)
@@ -116,7 +116,7 @@ class Parts:
         return some.structure(self.levels["Casimirs"].name, self.d, degree, self.unit, self.random)
 
     def noise(self) -> tuple[float, ...]:
-        """Draw the noise coefficients c_j, of which c_1 is a power of two, and exactly 1 if y = 0."""
+        """Draw the noise coefficients c_j; c_1 is a power of two, and exactly 1 if y = 0."""
         c = some.noise(self.levels["m"], self.random)
         return (1.0, *c[1:]) if c and self.at_origin else c
 
@@ -127,8 +127,8 @@ SystemOf = Callable[[Parts], PolynomialSystem | None]
 def maker(system_of: SystemOf, dimensions: Sequence[int] = (), *, shows: bool = True) -> Make:
     """Return a function that makes test cases of a class of systems; `system_of` makes a system from `Parts`.
 
-    `dimensions` lists the dimensions that the class can have; empty if all. If `shows`, a case is drawn again (a few
-    times, and not in a random search) until it would show faults (`sepv.verification._cases.shows_faults`).
+    `dimensions` lists the dimensions that the class can have; it is empty if all are possible. If `shows`, a case of a
+    design is drawn again, a few times, until it would show faults (`sepv.verification._cases.shows_faults`).
     """
 
     def drawn(levels: Levels, random: Random, attempt: int | None) -> Case | None:
@@ -204,7 +204,7 @@ def hamiltonians(parts: Parts) -> PolynomialSystem | None:
 
 
 def general(system: PolynomialSystem) -> PolynomialSystem | None:
-    """Keep the system if some bracket {H_0, H_j} of its Hamiltonians does not vanish."""
+    """Return the system if some bracket {H_0, H_j} of its Hamiltonians does not vanish; else None."""
     return system if isinstance(problems.build(system), HamiltoniansProblem) else None
 
 
@@ -224,7 +224,7 @@ def from_origin(system: PolynomialSystem, levels: Levels, random: Random) -> Cas
 def placed(
     system: PolynomialSystem, y: tuple[float, ...], levels: Levels, random: Random, *, moving: bool = True
 ) -> Case | None:
-    """A case with H scaled such that |h| + Σ|c_jΔW_j| is the share of the contraction radius that `levels` asks for.
+    """A case with H scaled such that |h| + Σ|c_jΔW_j| is the share of the contraction radius given in `levels`.
 
     None if the field vanishes at y, or if the rounding of its terms would hide any fault.
     """

@@ -1,8 +1,8 @@
 """Random parts of a case: states, polynomials, skew B and their Casimirs, with degrees and sizes in given ranges.
 
 Coefficients are small dyadic rationals times powers of two, so that a Casimir's B∇C = 0 holds exactly for the stored
-numbers. If |y| is far from 1, the terms of one degree in H or B would be far larger than all others. So in three cases
-of four each coefficient is divided by |y| to the degree of its monomial.
+numbers. If |y| is far from 1, the terms of one degree in H or B would be far larger than all others. To avoid this, in
+three cases of four each coefficient is divided by |y| to the degree of its monomial.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from sepv.verification._cases.strata import Levels, Stratum, monomials
 FEW = 300
 # The most entries of B above the diagonal for large d, because the derivatives of B are d³ polynomials.
 MOST_ENTRIES = 8
-# If d is larger than this, H gets a linear form of all components, and B an entry in the last row, because few terms
-# leave most components at rest: then a component that a scheme forgets does not show.
+# If d is larger than this, H gets a linear form of all components, and B an entry in the last row. Otherwise few terms
+# would leave most components at rest, and a component that a scheme forgets would not show.
 MANY = 12
 # The probability of special parts: components of a state near zero, an H with a constant, a B with one nonzero block.
 SOMETIMES = 1 / 8
@@ -108,7 +108,7 @@ def with_constant(p: Polynomial, y: tuple[float, ...], random: Random) -> Polyno
 
 
 def rest_monomials(d: int, n: int, terms: int, random: Random) -> tuple[set[int], list[Exponents]]:
-    """Choose components to set to zero, and `terms` monomials that have degree ≥ 2 in these, so that ∇H = 0."""
+    """Choose components to set to zero, and `terms` monomials of degree ≥ 2 in these components, so that ∇H = 0."""
     for size in (*random.sample(range(1, d), d - 1), d):
         # Monomials of degree 0 or 1 in the components of the set are not counted.
         left = d - size
@@ -152,7 +152,7 @@ def scalar(d: int, degree: Stratum, unit: float, random: Random) -> Polynomial:
 
 
 def noise(m: Stratum, random: Random) -> tuple[float, ...]:
-    """Draw coefficients c_j ≥ 0 of the noise; c_1 is a power of two, so that a ΔW_1 cancels or reverses h exactly."""
+    """Draw coefficients c_j ≥ 0 of the noise; c_1 is a power of two, so that a ΔW_1 can cancel or reverse h exactly."""
     count = integer(m, random)
     more = [random.choice([1.0, 0.5, 0.25, 0.3, 1.7, 0.0, random.uniform(0.25, 2)]) for _ in range(count - 1)]
     c = (random.choice([1.0, 0.5, 2.0]), *more)
@@ -183,7 +183,7 @@ def skew(d: int, degree: Stratum, unit: float, random: Random) -> Structure:
 
 
 def with_constants(d: int, degree: Stratum, random: Random) -> Structure:
-    """Skew B with B(0) ≠ 0 and, unless constant, with more terms, so that f = B∇H has f(0) ≠ 0 and f′(0) ≠ 0."""
+    """A random skew B with B(0) ≠ 0 and, if not constant, further terms: f = B∇H has f(0) ≠ 0 and f′(0) ≠ 0."""
     n, B = integer(degree, random), []
     for i, j in combinations(range(d), 2):
         if j == i + 1 or random.random() < 1 / d:
@@ -198,9 +198,9 @@ def with_constants(d: int, degree: Stratum, random: Random) -> Structure:
 def poisson(d: int, degree: Stratum, unit: float, random: Random) -> Structure:
     """A random skew B of this degree that satisfies Jacobi's identity.
 
-    B is constant; or B_ij = b_ij y_i y_j with a constant skew b, so that {ln y_i, ln y_j} is constant; or a sum of
-    blocks. A block is either b(y)J of size 2 with J = ((0, 1), (−1, 0)), or of size 3 the matrix of v ↦ w × v with
-    w = g∇C. Any b and b(y) satisfy the identity, and so does this w, because w · curl w = 0.
+    B is constant; or B_ij = b_ij y_i y_j with any constant skew b, so that {ln y_i, ln y_j} is constant; or B consists
+    of diagonal blocks. A block of size 2 is b(y)J with any b(y) and J = ((0, 1), (−1, 0)). A block of size 3 is the
+    matrix of v ↦ v × w with w = g∇C, and satisfies the identity because w · curl w = 0.
     """
     if degree.high == 0:
         return skew(d, degree, unit, random)
@@ -221,7 +221,7 @@ def poisson(d: int, degree: Stratum, unit: float, random: Random) -> Structure:
 
 
 def _block(size: int, n: int, unit: float, random: Random) -> Structure:
-    """A Poisson structure of degree n and size 2, b(y)J with J skew, or size 3, v ↦ g(y)∇C(y) × v."""
+    """A Poisson structure of degree n: b(y)J with J skew for size 2, the matrix of v ↦ v × g(y)∇C(y) for size 3."""
     if size == 2:
         return ((0, 1, exactly(2, n, unit, random)),)
     of_casimir = random.randint(1, n + 1)
@@ -253,9 +253,9 @@ def structure(
 ) -> tuple[Structure, tuple[Matrix, ...], Matrix]:
     """Draw B with given kinds of Casimirs, and return B, its quadratic Casimirs and its linear Casimirs.
 
-    B_ij = g Σ T_ijk… v_k … with a scalar g(y), T totally antisymmetric, and one v for each Casimir: Ay for yᵀAy, b for
-    bᵀy. A constant B with a quadratic Casimir has a row and column of zeros, for a component that is conserved. Two
-    Casimirs are both linear if B has degree 0, one of each kind for degree 1, both quadratic for higher degrees.
+    B_ij = g Σ T_ijk… v_k … with a scalar g(y), a totally antisymmetric T, and a vector v for each Casimir: Ay for yᵀAy,
+    b for bᵀy. A constant B with a quadratic Casimir has a row and column of zeros, for a component that is conserved.
+    Of two Casimirs, both are linear if B has degree 0, one is linear for degree 1, and none for higher degrees.
     """
     if casimirs == "none":
         return skew(d, degree, unit, random), (), ()
@@ -305,7 +305,7 @@ def linear_forms(A: Matrix) -> list[Polynomial]:
 def tensor_terms(
     d: int, indices: Sequence[int], weight: float, forms: list[list[Polynomial]]
 ) -> Iterator[tuple[tuple[int, int], Polynomial]]:
-    """The terms of B_ij = Σ T_ijk… v_k …, i < j, from T's entry `weight` at `indices`; `forms` lists the vectors v."""
+    """The terms, for i < j, that T's entry `weight` at `indices` adds to B_ij = Σ T_ijk… v_k …; `forms` lists the v."""
     for i, j, *others in permutations(indices):
         if i < j:
             parity = (-1) ** sum(a > b for a, b in combinations((i, j, *others), 2))
@@ -316,7 +316,7 @@ def tensor_terms(
 
 
 def contracted(d: int, forms: list[list[Polynomial]], random: Random) -> Structure:
-    """B_ij = Σ T_ijk… v_k … for a random antisymmetric T with few entries, v from `forms`; empty if B = 0."""
+    """Draw B with B_ij = Σ T_ijk… v_k … for a random sparse antisymmetric T and the v in `forms`; empty if B = 0."""
     rank = 2 + len(forms)
     entries: dict[tuple[int, int], list[Polynomial]] = {}
     for n in range(random.randint(1, 3) if d > rank else 1):

@@ -1,4 +1,4 @@
-"""A test whether usual faults of a scheme, such as a wrong quadrature, would exceed the bound of rounding in a case."""
+"""A test of a case: in it usual faults of a scheme, such as a wrong quadrature, must exceed the bound of rounding."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from sepv.verification._cases.case import Case
 from sepv.verification._cases.strata import Levels
 from sepv.verification._tolerance import casimir_bound, energy_bound, step_residual
 
-# The least ratios to rounding. MOTION: of a step's increment, of which a small share may be wrong. SHOWN: of a fault
-# that errs by a power of the step, to the law's bound. `benchmarks.power` measures the effect of both.
+# MOTION is the least ratio of a step's increment to rounding, because a fault may change a small share of it alone.
+# SHOWN is the least ratio of a fault's effect to the law's bound. `benchmarks.power` measures the effect of both.
 MOTION, SHOWN = 1e7, 64.0
-# In steps longer than this share of the contraction radius, errors of a power of the step exceed rounding.
+# In steps longer than this share of the contraction radius, errors of the size of a power of h exceed rounding.
 LONG = 0.5
 
 
 def shows_faults(case: Case, levels: Levels) -> bool:
     """True if usual faults, such as B taken at y0 instead of the midpoint, would exceed rounding in this case.
 
-    Let z = Δ B∇H be an explicit step. The step z, and the part of z from each structure, must exceed rounding. Taking
-    ∇H at the midpoint instead of its average must change H. Taking B at y instead of the midpoint must change y1 and
-    every quadratic Casimir. Each change must exceed SHOWN times the bound of rounding. Short steps, quadratic H and
-    constant B are not tested, because such faults change nothing in them.
+    Let z = Δ B∇H be an explicit step. The step z, and its parts from h and from each c_jΔW_j, must exceed MOTION times
+    rounding. Taking ∇H at the midpoint instead of its average must change H. Taking B at y instead of the midpoint must
+    change y1 and every quadratic Casimir. Each change must exceed SHOWN times the bound of rounding. These changes are
+    not tested for short steps, quadratic H or constant B, because then the faults change nothing.
     """
     if levels["step/radius"].high < LONG:
         return True
@@ -41,7 +41,7 @@ def shows_faults(case: Case, levels: Levels) -> bool:
 
 
 def _curved(problem: Problem, levels: Levels, y: Array, z: Array, residual: Array) -> bool:
-    """True if gradients averaged with one node, too few, would show in H and in a Casimir C of degree > 2."""
+    """True if averages of gradients with one node (too few) would show in H and in a Casimir C, if of degree > 2."""
     found = []
     if levels["degree of H"].high > 2:
         found.append((problem, energy_bound(problem, y, y + z, residual)))

@@ -23,8 +23,8 @@ from sepv.verification._contraction import contraction_radius
 def shrunk(case: Case, fails: Callable[[Case], bool | None]) -> Case:
     """The simplest case found that still fails.
 
-    `fails` tells if a candidate is one of the law's cases and still fails; None ends the search. Candidates outside the
-    contraction radius are not tried: they may have no solution.
+    `fails` returns True if a candidate is one of the law's cases and still fails; None ends the search. Candidates
+    outside the contraction radius are not tried, because they may have no solution.
     """
     simpler = True
     while simpler:
@@ -43,7 +43,7 @@ def _stands(case: Case) -> bool:
     """True if the simplified case is a valid problem with a step inside its contraction radius."""
     try:
         problem, y, h, dW = case.build()
-    except SepvError:  # a matrix is no longer a Casimir, a structure no longer that of its factor
+    except SepvError:  # a matrix is no longer a Casimir, or a structure no longer agrees with its factor g
         return False
     if not isinstance(case.problem, PolynomialSystem):
         return True
@@ -79,7 +79,7 @@ def _put(entries: tuple[Any, ...], n: int, *new: Any) -> tuple[Any, ...]:
 
 
 def _rounded(v: float) -> float:
-    """The power of two next to v towards zero, with the sign of v."""
+    """The largest power of two that is at most |v|, with the sign of v; 0 for v = 0."""
     return float(np.sign(v) * 2.0 ** np.floor(np.log2(abs(v)))) if v else 0.0
 
 

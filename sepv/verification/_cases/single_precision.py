@@ -14,7 +14,7 @@ from sepv.verification._tolerance import gradient_majorant, structure_majorant
 # The largest error of B and ∇H in single precision, relative to the sum of their terms: a few thousand roundings. A
 # larger error means that powers overflow or underflow, which no order of summation avoids.
 LOST = 2.0**-12
-# The range of coefficients that single precision has with all digits, and whose sums do not overflow.
+# The range in which single precision represents coefficients with all digits, and in which their sums do not overflow.
 LEAST, MOST = 2.0**-126, 2.0**120
 
 

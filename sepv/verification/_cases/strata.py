@@ -4,7 +4,7 @@ An axis is a property of cases, such as the dimension d, and a stratum is a rang
 row has one stratum of each axis; a design is a list of rows in which each possible pair of strata occurs. Each class of
 systems has a space, and a law uses a part of it (`Space.part`). `Space.cases` makes a random case inside the strata of
 each row, by `sepv.verification._cases.random_cases`; `Space.strategy` draws cases for Hypothesis. Laws with the same
-row share its case. So a design first takes rows from the design of a larger space, its pool.
+row share the case of this row. So a design first takes rows from the design of a larger space, the pool.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Stratum(NamedTuple):
 class Axis:
     """A property of cases, such as the dimension, divided into strata (ranges or values).
 
-    A law that asks for no particular strata of it gets the first `usual` of them, or all if `usual` is 0.
+    A law that names no strata of an axis gets the first `usual` strata of the axis, or all if `usual` is 0.
     """
 
     name: str
@@ -59,7 +59,7 @@ NOTHING: Mapping[str, Strata] = MappingProxyType({})
 
 @dataclass(frozen=True)
 class Rule:
-    """A rule against combining strata: `forbids` gets one stratum of each of `axes`, and is True for forbidden ones."""
+    """A rule against combining strata: `forbids` gets one stratum of each of `axes` and is True if it forbids these."""
 
     axes: tuple[str, ...]
     forbids: Callable[..., bool]
@@ -101,8 +101,8 @@ MATRICES = _axis("matrices", "so(3)", "so(4)", "su(3)")
 STRUCTURES = _axis("structures", "any", "common Casimir", "all are B", usual=2)
 CASIMIR_DEGREE = _axis("degree of C", ("1", 1, 1), ("2", 2, 2), ("3–4", 3, 4), ("5–6", 5, 6))
 KIND = "kind of step"
-# Kinds of steps in which little moves, or in which one part of Δ is nearly all. Most faults do not show in them, so
-# they are no strata of the design: one case of each kind follows the design.
+# Kinds of steps in which little moves, or in which one part of Δ is nearly all of Δ. Most faults do not show in them.
+# So the design has no strata for them; one case of each kind follows the design.
 UNEVEN, STILL, UNDONE, NEAR = map(Stratum, ("noises 1e-4–1e4 of h", "h = 0", "Δ = 0", "near ∇H = 0"))
 FAR = Stratum("|y| = 1e-100", 1e-100, 1e-100), Stratum("|y| = 1e100", 1e100, 1e100)
 KINDS = (UNEVEN, STILL, UNDONE, NEAR, *FAR)
@@ -143,7 +143,7 @@ RULES = (
 HIDING = ("step/radius", "2⁻¹⁰")
 
 
-# The share of cases beyond the usual range of a stratum with an `end`: small for integers like d, which cost time.
+# In a stratum with an `end`, the share of cases beyond the usual range: smaller for integers like d, which cost time.
 TAIL = {int: 1 / 4, float: 1 / 2}
 
 
@@ -166,17 +166,17 @@ def monomials(d: int, degree: int) -> int:
     return math.comb(d + degree, degree) - 1
 
 
-# A function that makes a random case inside the strata; None if the drawn numbers allow no case. Its last argument
-# counts attempts. It is None for the random search, which accepts cases in which not every fault would show.
+# A function that makes a random case inside the strata, or returns None if the drawn numbers allow no case. Its last
+# argument counts attempts; None stands for the random search, which accepts cases in which some faults do not show.
 Make = Callable[[Levels, Random, int | None], Case | None]
 
 
 @dataclass(frozen=True)
 class Space:
-    """A space of cases: axes (properties), and the function that makes a case from one stratum (range) of each.
+    """A space of cases: axes (properties), and the function that makes a case from a stratum (range) of each axis.
 
     `beside` lists strata, as (axis, stratum), in which some faults cannot show, such as a wrong quadrature if H is
-    quadratic. If a case has such a stratum, its pairs of other strata count as not tested yet.
+    quadratic. A case in such a stratum does not count as a test of its pairs of other strata.
     """
 
     axes: tuple[Axis, ...]
@@ -263,7 +263,7 @@ class Space:
         return _drawn(self)
 
     def offered(self) -> list[Row]:
-        """The rows of the pool's design that this space has; an axis that the pool lacks takes every stratum."""
+        """The rows of the pool's design that this space has, with every stratum of each axis that the pool lacks."""
         found: list[Row] = []
         if self.pool is None:
             return found
@@ -283,15 +283,15 @@ class Space:
         return self.forbidden(row) or "no other strata go with both"
 
     def shown(self, row: Row) -> list[Pair]:
-        """The pairs of strata that count as tested by the case of a row, as `hiding` allows."""
+        """The pairs of strata that the case of a row tests; strata in `hiding` exclude some of its pairs."""
         return shown_pairs(row, self.hiding)
 
 
 def _fits(kind: Stratum, levels: Levels) -> bool:
     """True if cases in the strata `levels` can have a step of this kind.
 
-    All kinds need long steps and a state drawn without a condition such as y = 0. Kinds that are about noises need a
-    noise, and kinds with an extreme |y| need low degrees, so that powers of y do not overflow.
+    For every kind, `levels` must have long steps and a state drawn without a condition such as y = 0. For kinds about
+    noises it must have a noise (or two), and for an extreme |y| low degrees, so that powers of y do not overflow.
     """
     usual = (
         levels[STATE.name].name == STATE.strata[0].name and (SHARE.name, levels[SHARE.name].name) != HIDING
@@ -317,7 +317,7 @@ def _design(space: Space) -> Design:
 
 @cache
 def _content(make: Make, levels: tuple[tuple[str, Stratum], ...], seed: int) -> Case:
-    """The random case in these strata for a seed, stored between runs; a batch changes the number of states alone."""
+    """The random case in these strata for a seed, stored between runs; a batch changes only its number of states."""
     alone = _without_batch(levels)
     if alone != levels:
         stratum, random = dict(levels)[BATCH.name], Random(f"{seed} {levels}")
@@ -330,7 +330,7 @@ def _content(make: Make, levels: tuple[tuple[str, Stratum], ...], seed: int) -> 
 
 def _drawn_until_made(make: Make, levels: tuple[tuple[str, Stratum], ...], seed: int) -> Case:
     random = Random(f"{seed} {[(axis, stratum.name) for axis, stratum in levels]}")
-    # Sizes beyond the usual range are drawn before the attempts; else those that show fewer faults would be rarer.
+    # Sizes beyond the usual range are drawn before the attempts; else sizes that show fewer faults would be rarer.
     wanted = {axis: ended(stratum, random) for axis, stratum in levels}
     for attempt in range(MOST_ATTEMPTS):
         if (case := make(dict(wanted), random, attempt)) is not None:
@@ -338,7 +338,7 @@ def _drawn_until_made(make: Make, levels: tuple[tuple[str, Stratum], ...], seed:
     raise AssertionError(f"no case of these strata: {[(axis, stratum.name) for axis, stratum in levels]}")
 
 
-# After this many draws the strata are taken to have no case; the rules of the class then forbid too little.
+# After this many draws it is concluded that the strata have no case: the rules of the class forbid too little.
 MOST_ATTEMPTS = 10_000
 _CHOICES = [st.integers(0, n) for n in range(25)]
 _RANDOM = st.randoms(use_true_random=False)
@@ -366,7 +366,7 @@ def _drawn(draw: st.DrawFn, space: Space) -> Case:
 
 
 def possible(axes: list[Axis], rules: tuple[Rule, ...]) -> list[Axis]:
-    """The axes without strata that occur in no combination that the rules allow."""
+    """The axes, from which strata are removed that occur in no combination allowed by the rules."""
     for rule in rules:
         named = [axis for axis in axes if axis.name in rule.axes]
         if len(named) < len(rule.axes):

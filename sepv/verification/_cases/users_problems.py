@@ -31,8 +31,8 @@ class Item:
     """One problem, family or strategy that a scheme is for."""
 
     text: str  # the name that a user gave, for commands; empty for an object
-    values: st.SearchStrategy[Any]  # gives a Case, a Problem or the data of one
-    problems: tuple[Problem, ...] = ()  # those with an initial state, for laws about many steps
+    values: st.SearchStrategy[Any]  # gives a Case, a Problem or a problem's data
+    problems: tuple[Problem, ...] = ()  # problems with an initial state, for laws about many steps
     fixed: Problem | None = None  # the only problem: a law then needs no draws to see if it applies
     space: Space | None = None  # the space of cases of a family
 
