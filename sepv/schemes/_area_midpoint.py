@@ -27,7 +27,7 @@ def require_derivatives(problem: Problem) -> None:
     second = problem.noise_hessians if isinstance(problem, HamiltoniansProblem) else problem.hessian
     if problem.noises > 1 and not (second and problem.structure_derivative):
         raise Skipped(
-            f"{problem.name} gives no second derivatives of its Hamiltonians, or none of B, for brackets"
+            f"{problem.name} gives no second derivatives of its Hamiltonians, or no derivatives of B, for brackets"
         )
 
 
