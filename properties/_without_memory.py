@@ -82,21 +82,26 @@ def refuses_again(scheme: Scheme, case: Case) -> None:
             )
 
 
-def reads_again(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> None:
-    """Step from an array `y` that held other numbers in the last call, and from a copy, and compare the results.
+def reads_again(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, share: float) -> None:
+    """Step with arrays that held other numbers in the last call: with y, then with dW after `dW *= share`.
 
-    Loops often overwrite their state in place. A scheme that recognises a state by `y is last` then returns old values.
+    Both results are compared with those from new arrays. Loops often overwrite arrays in place, and a scheme that
+    recognises a state by `y is last` then returns old values. The second step has the length share·h, so that Δ is not
+    longer.
     """
-    copied = y.copy()
-    answer = check_answer(raw_answer(scheme, problem, y, h, dW), y, scheme.dtype)
-    from_copy = ask(scheme, problem, copied, h, dW)
-    if not np.array_equal(answer, from_copy):
-        raise SchemeFault(
-            expected="one answer for one question, whichever array holds the state",
-            received=f"{answer.tolist()} from an array that held another state before, "
-            f"and {from_copy.tolist()} from a copy",
-            remedy="recognise a state by its numbers, not by the array (y is last, id(y)), or remember nothing",
-        )
+    answers = []
+    for factor in (1.0, share):
+        dW *= factor
+        raw = raw_answer(scheme, problem, y, factor * h, dW)
+        answers.append((factor * h, dW.copy(), check_answer(raw, y, scheme.dtype).copy()))
+    for step, noise, answer in answers:
+        anew = ask(scheme, problem, y, step, noise)
+        if not np.array_equal(answer, anew):
+            raise SchemeFault(
+                expected="one answer for one question, whichever arrays hold y and dW",
+                received=f"{answer.tolist()} from arrays that held other numbers before, {anew.tolist()} from others",
+                remedy="recognise arguments by their numbers, not as objects (y is last, id(y)), or remember nothing",
+            )
 
 
 def tells_apart(y: Array, other: Array, answer: Array, to_other: Array, least: float) -> None:

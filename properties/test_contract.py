@@ -114,7 +114,7 @@ def _keeps(
     moved = np.where(y == 0, np.max(np.abs(y)) / 64, y)
     if may_ask(scheme, problem, between[0] * moved) and not np.shares_memory(answer, copied):
         copied[...] = between[0] * moved
-        reads_again(scheme, problem, copied, h, noise)
+        reads_again(scheme, problem, copied, h, noise, between[0])
     _takes_any_layout(scheme, problem, y, h, dW, first)
     if max(scheme.solver_tolerance, scheme.eps) <= LEAST_APART and may_ask(scheme, problem, NEAR * y):
         tells_apart(y, NEAR * y, first, ask(scheme, problem, NEAR * y, h, dW), LEAST_APART)

@@ -29,8 +29,8 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     problem, y, h, dW = case.build()
     alone = ask(scheme, problem, y, h, dW)
     worst = Measurement(0.0, 0.0)
-    third = max(1, case.batch // 3)
-    for sizes in ((1,), (third, case.batch - third) if case.batch else (len(y), *PARTS)):
+    first = _beside_a_power(case.batch)
+    for sizes in ((1,), (first, case.batch - first) if case.batch else (len(y), *PARTS)):
         size = sum(sizes)
         place = size // 2
         # Other states are nearer to 0 than y, with smaller noise, so that their steps have solutions too.
@@ -58,6 +58,15 @@ def check(scheme: Scheme, case: Case) -> Measurement:
             unit = state_ulp(states[:, places[k]], answers[:, k])
             worst = max(worst, Measurement(float(off[k]) / unit, 0.0, detail), key=lambda m: m.defect)
     return worst
+
+
+def _beside_a_power(size: int) -> int:
+    """Return the size of the first part of a batch: 2^k − 1, 2^k or 2^k + 1, where 2^k is about half of `size`.
+
+    Blocks of vectors, threads and caches mostly have 2^k states, so a code for what is left over begins there.
+    """
+    power = 1 << max(0, size.bit_length() - 2)
+    return max(1, min(size - 1, power + size % 3 - 1))
 
 
 def one_at_a_time(scheme: Scheme) -> str:

@@ -105,14 +105,13 @@ def _hidden(names: list[str], sizes: Array) -> Array:
 
 
 def mean_orders(scheme: Scheme) -> tuple[float, ...]:
-    """Return possible orders of the means: the claimed weak order, else the mean-square order (or ½), and 1 if larger.
+    """Return possible orders of the means: the claimed weak order, else 1 or the mean-square order, and at last ½.
 
-    A scheme of mean-square order ½ often has the weak order 1 without claiming it.
+    A scheme of mean-square order ½ often has the weak order 1 without claiming it. A scheme whose order is ½, and not
+    the claimed order, has shares in powers of h^½; extrapolated in powers of h, they would contradict its right limit.
     """
-    if scheme.weak_order is not None:
-        return (scheme.weak_order,)
-    order = 0.5 if scheme.mean_square_order is None else scheme.mean_square_order
-    return (order,) if order >= 1 else (1.0, order)
+    order = scheme.weak_order if scheme.weak_order is not None else max(1.0, scheme.mean_square_order or 0.5)
+    return (order,) if order < 1 else (order, 0.5)
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:

@@ -258,7 +258,7 @@ def load_object(target: str) -> Any:
         )
     module = _module(module_name)
     value: Any = module
-    for part in attribute.split("."):
+    for part in [attribute] if hasattr(module, attribute) else attribute.split("."):
         try:
             value = getattr(value, part)
         except AttributeError as error:
