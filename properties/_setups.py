@@ -11,7 +11,7 @@ from sepv.properties._sampled import sparing
 
 from sepv import problems
 from sepv.problem import NamedProblem, Problem, Systems
-from sepv.schemes import Scheme
+from sepv.schemes import Scheme, order_of
 from sepv.verification._law import Effort
 from sepv.verification._units import units_of
 
@@ -69,17 +69,25 @@ def setups_for(scheme: Scheme, effort: Effort | None = None) -> tuple[Setup, ...
     """Return the setups for a scheme: for its class and claims, or for the user's problems.
 
     For class (1.1) a third problem has B(y), a quartic H and two noises. A run that must spare steps uses only this.
+    For several Hamiltonians a third problem has two noises that commute, if the order claimed for such noises differs.
     """
     facts = (scheme.truncation, scheme.mean_square_order)
     users = problems_of(scheme)
     if users is not None:
         return tuple(_given(p, *facts) for p in users)
     usual = setups(scheme.systems, *facts)
+    if scheme.systems == Systems.HAMILTONIANS and _differs(scheme.mean_square_order):
+        return *usual, _setup("commuting-twists", *facts)
     if scheme.systems != Systems.SINGLE:
         return usual
     top = two_noises()
     both = replace(_setup(top.name, *facts), given=top)
     return (both,) if effort and sparing(scheme, effort) else (*usual, both)
+
+
+def _differs(order: float | None) -> bool:
+    """True if an order claimed for two commuting noises differs from the order claimed for noises in general."""
+    return order is not None and order_of(order, "commutative") != order_of(order, "general")
 
 
 def _given(problem: Problem, truncation: int | None, order: float | None) -> Setup:

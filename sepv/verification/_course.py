@@ -113,8 +113,6 @@ def _kept(law: str, problem: Problem, path: Array) -> tuple[str, Array, Array]:
 
 def _rounded(values: Array) -> Any:
     """Nested lists of the values with five digits, enough for a picture; null for a value that is not finite."""
-    return (
-        finite(np.vectorize(lambda v: float(f"{v:.5g}"), otypes=[float])(values).tolist())
-        if values.size
-        else []
-    )
+    if not values.size:
+        return []
+    return finite(np.vectorize(lambda v: float(f"{v:.5g}"), otypes=[float])(values).tolist())

@@ -98,13 +98,9 @@ class Course:
         words = [f"{len(self.found)} of {len(self.found) + len(self.left)} laws"]
         for law in running:
             spent, expected = late.get(law, (0.0, 0.0))
-            # The pace is unknown before the first law is done.
-            more = (
-                f" for {spent:.0f} s where {max(1.0, expected):.0f} s were expected"
-                if spent and self.found
-                else ""
-            )
-            words.append(law + more)
+            words.append(law)
+            if spent and self.found:  # the pace is unknown before the first law is done
+                words[-1] += f" for {spent:.0f} s where {max(1.0, expected):.0f} s were expected"
         since = time.monotonic() - journal.since if journal and journal.cases and len(running) == 1 else 0.0
         if journal and since > SLOW:
             first = not self.found and journal.cases == 1

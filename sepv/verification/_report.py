@@ -169,12 +169,8 @@ def _unguarded(report: Report) -> str:
     unguarded = [f.law for f in report.findings if f.verdict is Verdict.HOLDS and f.law not in ALWAYS]
     text = "Nothing is claimed, so nothing is guarded but the contract of a step."
     if not report.target:
-        claims = (
-            f' To guard what held today: sepv.verify(scheme, claims="{",".join(unguarded)}").'
-            if unguarded
-            else ""
-        )
-        return f"{text}{claims}"
+        claims = f' To guard what held today: sepv.verify(scheme, claims="{",".join(unguarded)}").'
+        return text + claims if unguarded else text
     named, guard = f"sepv verify {report.target}", "To guard what is violated"
     if unguarded:
         guard = (

@@ -317,6 +317,8 @@ def test_one_case_of_each_kind_follows_the_design(systems: Systems) -> None:
             # The brackets of several Hamiltonians are products of three coefficients.
             assert abs(np.log10(np.abs(y).max())) > (90 if systems is Systems.SINGLE else 20)
         assert length(case) <= contraction_radius(problem, y)
+        if systems is Systems.RIGID_BODIES:
+            assert {abs(c) for _, _, p in case.problem.structure for _, c in p.terms} == {1.0}
     assert {NEAR.name, FAR[0].name} <= set(found) or systems not in (Systems.SINGLE, Systems.HAMILTONIANS)
 
 

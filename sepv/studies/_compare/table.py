@@ -33,11 +33,9 @@ DROPPED = ("±%", "B", "∇H", "Newton", "|ΔC|", "ns/step", "weak error", "|ΔH
 def heading(comparison: Comparison) -> str:
     """The line above the tables of points: the problem, T, and the meaning of errors, defects and times."""
     rounds = comparison.repeats
-    known = (
-        "without noise: errors"
-        if comparison.deterministic
-        else f"errors with {comparison.confidence:.0%} intervals"
-    )
+    known = "without noise: errors"
+    if not comparison.deterministic:
+        known = f"errors with {comparison.confidence:.0%} intervals"
     return (
         f"{comparison.problem}, T = {comparison.T:g}: {known}, the largest "
         "defects; ns of processor time for a step of one path on one core, "

@@ -60,11 +60,8 @@ def at_the_end(case: Case, levels: Levels) -> Case:
 
 def _power(wanted: Stratum, ordinary: Stratum, value: float) -> int:
     """The n for which 2ⁿ times `value` has the `wanted` size; 0 if this size is in the `ordinary` range."""
-    return (
-        0
-        if ordinary.low <= wanted.low <= ordinary.high or not value
-        else round(math.log2(wanted.low / value))
-    )
+    unchanged = ordinary.low <= wanted.low <= ordinary.high or not value
+    return 0 if unchanged else round(math.log2(wanted.low / value))
 
 
 def _length(case: Case) -> float:
@@ -76,8 +73,8 @@ def in_other_units(case: Case, power: int, time: int = 0) -> Case:
     """Convert a case to other units: y is multiplied by 2ⁿ and time by 4ᵏ, so that the step leads to 2ⁿy1.
 
     Here k = `time`, and n is `power`, or a number nearer to 0 if numbers would otherwise overflow. H becomes
-    4ⁿ⁻ᵏH(2⁻ⁿy) and B becomes B(2⁻ⁿy), so that canonical and mechanical systems remain such systems. The noise vectors
-    become 2ⁿ4⁻ᵏg_j, the damping 4⁻ᵏγ and the step 4ᵏh; c_j and ΔW_j are multiplied by 2ᵏ.
+    4⁻ᵏ2ʷⁿH(2⁻ⁿy) and B becomes 2²ⁿ⁻ʷⁿB(2⁻ⁿy) with w of `_weight`. The noise vectors become 2ⁿ4⁻ᵏg_j, the damping 4⁻ᵏγ
+    and the step 4ᵏh; c_j and ΔW_j are multiplied by 2ᵏ.
     """
     system = case.problem
     assert isinstance(system, PolynomialSystem)
@@ -85,16 +82,17 @@ def in_other_units(case: Case, power: int, time: int = 0) -> Case:
     most = (EXPONENTS / 3 if system.noise_hamiltonians else EXPONENTS) - 2 * abs(time)
     while power and any(abs(e) > most for e in _exponents(case, system, power)):
         power = int(power / 1.25)
+    w = _weight(system)
     changed = replace(
         system,
-        hamiltonian=_scaled(system.hamiltonian, 2, power, time),
-        structure=_of(system.structure, power),
+        hamiltonian=_scaled(system.hamiltonian, w, power, time),
+        structure=_of(system.structure, 2 - w, power),
         noise=tuple(math.ldexp(c, time) for c in system.noise),
         damping=math.ldexp(system.damping, -2 * time),
         nambu=system.nambu and (_scaled(system.nambu[0], -1, power), _scaled(system.nambu[1], 2, power)),
         polynomial_casimirs=tuple(_scaled(p, 2, power) for p in system.polynomial_casimirs),
-        noise_structures=tuple(_of(G, power) for G in system.noise_structures),
-        noise_hamiltonians=tuple(_scaled(p, 2, power, time) for p in system.noise_hamiltonians),
+        noise_structures=tuple(_of(G, 2 - w, power) for G in system.noise_structures),
+        noise_hamiltonians=tuple(_scaled(p, w, power, time) for p in system.noise_hamiltonians),
         noise_vectors=tuple(tuple(math.ldexp(v, power - 2 * time) for v in g) for g in system.noise_vectors),
     )
     y, dW = (tuple(math.ldexp(v, e) for v in vector) for vector, e in ((case.y, power), (case.dW, time)))
@@ -107,8 +105,15 @@ def _scaled(p: Polynomial, weight: int, power: int, time: int = 0) -> Polynomial
     return poly.polynomial(p.dimension, terms)
 
 
-def _of(B: Structure, power: int) -> Structure:
-    return tuple((i, j, _scaled(entry, 0, power)) for i, j, entry in B)
+def _weight(system: PolynomialSystem) -> int:
+    """The exponent w of `in_other_units`: 1 for linear B, else 2, so that Lie-Poisson and canonical systems keep B."""
+    entries = [p for B in (system.structure, *system.noise_structures) for _, _, p in B]
+    linear = system.nambu is None and all(sum(e) == 1 for p in entries for e, _ in p.terms)
+    return 1 if linear else 2
+
+
+def _of(B: Structure, weight: int, power: int) -> Structure:
+    return tuple((i, j, _scaled(entry, weight, power)) for i, j, entry in B)
 
 
 def _exponents(case: Case, system: PolynomialSystem, power: int) -> Iterator[float]:
@@ -116,8 +121,10 @@ def _exponents(case: Case, system: PolynomialSystem, power: int) -> Iterator[flo
     sizes = [abs(v) for v in case.y if v]
     ends = [math.log2(v) + power for v in (max(sizes), min(sizes))] if sizes else []
     yield from (EXPONENTS + 1 for end in ends[:1] if abs(end) > LARGEST)
-    fields = [(2, p) for p in (system.hamiltonian, *system.noise_hamiltonians, *system.polynomial_casimirs)]
-    fields += [(0, p) for B in (system.structure, *system.noise_structures) for _, _, p in B]
+    w = _weight(system)
+    fields = [(w, p) for p in (system.hamiltonian, *system.noise_hamiltonians)]
+    fields += [(2, p) for p in system.polynomial_casimirs]
+    fields += [(2 - w, p) for B in (system.structure, *system.noise_structures) for _, _, p in B]
     if system.nambu is not None:
         fields += [(-1, system.nambu[0]), (2, system.nambu[1])]
     for weight, p in fields:
