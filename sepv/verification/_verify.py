@@ -277,8 +277,8 @@ def measure(
         with deadline(timeout):
             finding = law.replay(law, scheme, failure.witness) if failure else law.run(law, scheme, run)
     except TimedOut:
-        text = f"the scheme did not come back: stopped after {timeout:g} s (--timeout)"
-        text += "; if it divides long steps, state the longest one: Scheme(…, longest_step=…)"
+        text = f"stopped after {timeout:g} s (--timeout): a step did not come back, or there were too many steps; "
+        text += "if the scheme divides long steps, state the longest one: Scheme(…, longest_step=…)"
         finding = law.finding(Verdict.ERROR, message=text)
     except Skipped as skipped:
         finding = law.finding(Verdict.NOT_APPLICABLE, message=str(skipped), skipped=1)
