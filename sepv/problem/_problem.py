@@ -58,9 +58,10 @@ class Systems(StrEnum):
     matrix-hamiltonians
         Several Hamiltonians with B of a Lie algebra of matrices: so(3), so(4) or su(3).
     separable-hamiltonians
-        H_0 = ½|p|² + V(q), and noise that is additive in p.
+        H_0 = ½ Σ w_k p_k² + V(q), and noise that is additive in p.
     additive
-        dy = B(y)∇H dt + Σ c_j g_j dW_j with constant g_j, in the image of B or not, and H quadratic along them.
+        dy = B(y)∇H dt + Σ c_j g_j dW_j with constant g_j, in the image of B or not, and H quadratic along them. Some
+        problems give vectors (`sepv.problem.noise_vectors`), others linear H_j with g_j = B∇H_j.
     damped
         dy = (B(y)∇H − γy) dt + Σ c_j B(y)∇H ∘dW_j with a homogeneous H (`sepv.problem.DampedProblem`).
     """
