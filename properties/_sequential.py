@@ -131,14 +131,14 @@ def sampled(scheme: Scheme, setup: Setup, paths: int, run: Run) -> StrongErrors:
 
 def judge(
     law: Law, scheme: Scheme, run: Run, assess: Assess, *,
-    at_least: bool = True, setups: Sequence[Setup] | None = None,
+    at_least: bool = True, setups: Sequence[Setup] | None = None, confirm: Assess | None = None,
 ) -> Finding:  # fmt: skip
     """Return the worst verdict over the problems, with more paths as needed. If `at_least`, bounds are lower bounds.
 
-    `setups` are setups of the law's own problems. By default those of the scheme are used. A violation on the law's
-    own problems is not measured again.
+    `setups` are setups of the law's own problems. By default those of the scheme are used. A violation is measured
+    again at finer steps, and judged by `confirm` (by default `assess`), but not a violation on the law's own problems.
     """
-    again = setups is None
+    confirm = (confirm or assess) if setups is None else None
     setups = [_taken(scheme, s) for s in (setups_for(scheme, run.effort) if setups is None else setups)]
     alpha = share(scheme, run.effort, len(setups))
     judged: list[tuple[Setup, StrongErrors, Assessment]] = []
@@ -147,7 +147,7 @@ def judge(
     for setup in setups:
         try:
             used, errors, assessment, refused = _judge_one(
-                scheme, setup, run, assess, alpha, slope=at_least, again=again
+                scheme, setup, run, assess, alpha, slope=at_least, confirm=confirm
             )
         except Skipped as skip:  # programs may refuse some problems
             skipped.append(skip)
@@ -232,14 +232,21 @@ def worst_path(problem: Problem, errors: StrongErrors, seed: int, *, drawn: bool
 
 
 def _judge_one(
-    scheme: Scheme, setup: Setup, run: Run, assess: Assess, alpha: float, *, slope: bool, again: bool = True
+    scheme: Scheme,
+    setup: Setup,
+    run: Run,
+    assess: Assess,
+    alpha: float,
+    *,
+    slope: bool,
+    confirm: Assess | None = None,
 ) -> tuple[Setup, StrongErrors, Assessment | None, str]:
     """Judge one problem at its step sizes, or at halved ones if paths failed or a `slope` is too near its bound.
 
-    If `again`, a violation is measured again at finer steps. The returned string says why step sizes were halved. If
-    paths fail at the smallest sizes too, the assessment is None. Each look (number of paths) at halved steps adds to
-    the probability of a false alarm: its part of FALSE_ALARM times the probability that a path fails only at a later
-    look (a few per cent), or that a slope is near its bound.
+    With a test `confirm` a violation is measured again at finer steps. The returned string says why step sizes were
+    halved. If paths fail at the smallest sizes too, the assessment is None. Each look (number of paths) at halved steps
+    adds to the probability of a false alarm: its part of FALSE_ALARM times the probability that a path fails only at a
+    later look (a few per cent), or that a slope is near its bound.
     """
     why, halved = "", 0
     while True:
@@ -254,8 +261,8 @@ def _judge_one(
         else:
             break
         halved += 1
-    if again and assessment is not None and assessment.verdict is Verdict.VIOLATED:
-        assessment = _confirmed(scheme, used, run, assess, alpha, assessment, slope=slope)
+    if confirm and assessment is not None and assessment.verdict is Verdict.VIOLATED:
+        assessment = _confirmed(scheme, used, run, confirm, alpha, assessment, slope=slope)
         unknown = errors.reference > KNOWN * errors.rms()[-1]
         if unknown and assessment.verdict is Verdict.VIOLATED:
             doubt = f"{assessment.text}, but the reference is known to {errors.reference:.1e} only"

@@ -105,20 +105,27 @@ def _hidden(names: list[str], sizes: Array) -> Array:
 
 
 def mean_orders(scheme: Scheme) -> tuple[float, ...]:
-    """Return possible orders of the means: the claimed weak order, else 1 or the mean-square order, and at last ½.
+    """Return possible orders of the means: the claimed weak order, else the mean-square order (or ½), and 1 if larger.
 
-    A scheme of mean-square order ½ often has the weak order 1 without claiming it. A scheme whose order is ½, and not
-    the claimed order, has shares in powers of h^½; extrapolated in powers of h, they would contradict its right limit.
+    A scheme of mean-square order ½ often has the weak order 1 without claiming it.
     """
-    order = scheme.weak_order if scheme.weak_order is not None else max(1.0, scheme.mean_square_order or 0.5)
-    return (order,) if order < 1 else (order, 0.5)
+    if scheme.weak_order is not None:
+        return (scheme.weak_order,)
+    order = 0.5 if scheme.mean_square_order is None else scheme.mean_square_order
+    return (order,) if order >= 1 else (1.0, order)
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
-    """Extrapolate to h = 0 the shares by which drift and noise are wrong, on every problem, and judge the limit."""
+    """Extrapolate to h = 0 the shares by which drift and noise are wrong, on every problem, and judge the limit.
+
+    A violation must also be one if the true order is ½, whatever is claimed: such a scheme has shares in powers of h^½,
+    which contradict its right limit if they are extrapolated in powers of h.
+    """
     resolution = SPARED if sparing(scheme, this_run.effort) else RESOLUTION
-    assess = assessing(is_tilted(scheme), mean_orders(scheme), resolution)
-    return judge(law, scheme, this_run, assess, at_least=False)
+    orders = mean_orders(scheme)
+    assess = assessing(is_tilted(scheme), orders, resolution)
+    confirm = assessing(is_tilted(scheme), (*orders, 0.5), resolution)
+    return judge(law, scheme, this_run, assess, at_least=False, confirm=confirm)
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
