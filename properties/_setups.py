@@ -86,7 +86,7 @@ def setups_for(scheme: Scheme, effort: Effort | None = None) -> tuple[Setup, ...
 
 
 def _differs(order: float | None) -> bool:
-    """True if an order claimed for two commuting noises differs from the order claimed for noises in general."""
+    """True if the claim `order` states different orders for two commuting noises and for noises in general."""
     return order is not None and order_of(order, "commutative") != order_of(order, "general")
 
 

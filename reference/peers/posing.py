@@ -43,7 +43,7 @@ class Formulas:
     kind : str
         A problem's name, or "polynomial".
     powers : int
-        For polynomials, the largest exponent, rounded up if padded.
+        For polynomials, the largest exponent, or more if the arrays are padded.
     texts : tuple of str
         For a problem by name, generated code of B, ∇H, H and f; empty for polynomials.
     """

@@ -28,7 +28,7 @@ FEW = 96
 
 
 def _is_small(A: Array, products: int) -> bool:
-    """True if A holds numbers (not symbols), and so few `products` are needed that one NumPy call beats a loop."""
+    """True if A holds numbers (not symbols), and `products` are few: one NumPy call is then faster than a loop."""
     return products <= FEW * A.shape[1] and isinstance(A, np.ndarray) and A.dtype != object
 
 

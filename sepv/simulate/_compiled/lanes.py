@@ -110,8 +110,8 @@ def fill(
     """Write increments of the steps first … first + count − 1 of a block into out (count, m, L).
 
     drawing : the address of `normals`
-    `stack` (streams, m, L) keeps right halves for later steps. `top` (n, m, L) has the coarse increments; if n = 0,
-    these are drawn here. `above` is the number of halvings of the coarse part.
+    An increment is halved into two. `stack` (streams, m, L) keeps the right halves for later steps. `top` (n, m, L) has
+    the coarse increments, which `above` earlier halvings have made; if n = 0, they are drawn here.
     """
     for_simd()
     fine = select(rng.shape[0] == 0, 0, rng.shape[0] - 1)  # without noise there are no streams

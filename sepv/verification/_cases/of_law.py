@@ -54,7 +54,7 @@ def unchanged(case: Case) -> Case:
 
 
 def only(holds: Callable[[Problem], object], *, data: bool = False) -> Adapt:
-    """A filter that keeps a case if `holds` is true of its problem and, with `data`, the problem is stored as data."""
+    """A filter that keeps a case if `holds` is true of its problem; `data` also requires a problem stored as data."""
 
     def adapt(case: Case) -> Case | None:
         lacks = data and isinstance(case.problem, GivenProblem)
@@ -188,7 +188,7 @@ class Cases:
         )
 
     def of_problems(self, items: Sequence[Item]) -> Question | str:
-        """The cases of a scheme's own problems, or the reason why the law does not apply to them."""
+        """The cases of the problems given with a scheme, or the reason why the law does not apply to them."""
         if not self.stays:
             return "the law leads out of the problems that the scheme is for"
         everything = self.adapt is unchanged and not self.not_of
