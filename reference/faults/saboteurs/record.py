@@ -120,7 +120,7 @@ class Family(list[Saboteur]):
             self.append(Saboteur(name, self.name, broken, by(fault), laws, *thread))
 
     def made(self, broken: str, laws: Laws, by: By) -> Callable[[Fault], Fault]:
-        """Decorate the broken part of a saboteur, a function; `by` makes the scheme from it. `broken` states the fault."""
+        """Decorate the broken part of a saboteur, a function; `by` makes the scheme. `broken` states the fault."""
 
         def added(fault: Fault) -> Fault:
             self.rows((fault.__name__.replace("_", "-"), broken, laws, fault), by=by)
