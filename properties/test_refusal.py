@@ -150,7 +150,7 @@ def _returned(scheme: Scheme, seed: int) -> str:
             except StepFailure:
                 seen["a refusal"] += 1
             except SepvError as error:
-                seen[type(error).__name__] += 1
+                seen[f"{type(error).__name__}: {str(error).splitlines()[0]:.70}"] += 1
     return f"at {SHOWN} steps without a solution of (2.1) came: " + ", ".join(
         f"{what} ({n})" for what, n in seen.most_common()
     )
