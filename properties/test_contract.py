@@ -32,7 +32,7 @@ from sepv.properties._without_memory import (
 )
 from sepv.properties._without_solution import MADE, made, proof
 
-from sepv.errors import SchemeFault, SepvError, StepFailure
+from sepv.errors import NotFinite, SchemeFault, SepvError, Skipped, StepFailure
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.schemes import Scheme, SchemeCrash, ask, check_answer, raw_answer, require_unchanged, takes
 from sepv.verification import Case, Effort, Finding, Law, Measurement, Run, Verdict, require, searched
@@ -208,6 +208,17 @@ def _moves(scheme: Scheme, case: Case) -> bool:
     return noisy and not np.array_equal(ask(scheme, problem, y, h, dW), y)
 
 
+def keeps_type(scheme: Scheme, case: Case) -> None:
+    """Raise SchemeFault if a step returns another shape or dtype than that of y. A step that fails is not judged.
+
+    At y = 0 many systems rest, and a shortcut for rest points may return other numbers, such as integers.
+    """
+    problem, y, h, dW = case.build()
+    if may_ask(scheme, problem, y):
+        with suppress(NotFinite, StepFailure, SchemeCrash, Skipped):
+            ask(scheme, problem, y, h, dW)
+
+
 def _step_seconds(scheme: Scheme, case: Case) -> float | None:
     """Measure the seconds for one state in a short step, in a batch of MANY if the scheme takes batches.
 
@@ -249,6 +260,7 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
         more: list[partial[Any]] = [
             partial(again, scheme, case, answer) for case, answer in reversed(measured)
         ]
+        more.append(partial(keeps_type, scheme, replace(simplest, y=(0.0,) * len(simplest.y))))
         more += [partial(check, scheme, case) for case in _refused(scheme, this_run.effort.seed)]
         if not any(case.times for case, _ in measured):
             more.append(partial(check, scheme, replace(simplest, times=TIMES)))
