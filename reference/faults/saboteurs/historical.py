@@ -150,7 +150,7 @@ def _fixed_numbers(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 _in(
     TAYLOR,
     ("overwritten-temporary",
-     "the temporary for f(y) is overwritten by y + Δf before f′ is applied to it",
+     "y + Δf overwrites the temporary for f(y), to which f′ is then applied",
      ("expansion", *_LIMIT, *_LOCAL), partial(_by_taylor, wrong=True),
      f"{_SCIML}/StochasticDiffEq.jl/issues/636, mended in pull 651: ImplicitRKMil without noise went elsewhere"),
 )  # fmt: skip
