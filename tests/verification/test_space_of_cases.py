@@ -17,7 +17,6 @@ from sepv.reference.faults.saboteurs import SABOTEURS
 
 from sepv import Skipped, problems, schemes
 from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem, Systems, mechanics
-from sepv.problem import Problem as ProblemRecord
 from sepv.problems.shown_to_schemes import GIVEN, shown
 from sepv.schemes import Scheme, ask, energy_preserving, milstein
 from sepv.verification import Case, Cases, Verdict, load_laws, replay, step_residual, verify
@@ -173,7 +172,7 @@ def test_bare_functions_say_nothing_of_themselves(kind: Systems) -> None:
 
 
 def test_a_scheme_sees_the_problem_as_it_is_given() -> None:
-    seen: list[ProblemRecord] = []
+    seen: list[Problem] = []
 
     def step(problem, y, h, dW):
         seen.append(problem)
