@@ -292,12 +292,12 @@ def test_a_long_path_is_path_number_p_of_the_ensemble_and_can_be_interrupted() -
 def test_a_long_path_runs_without_the_compiled_engine_and_stops_at_a_failure() -> None:
     problem = problems.rigid_body()
     plain = sepv.long_path(EP, problem, h=1 / 16, T=2.0, seed=3, every=16, engine="numpy")
-    one = sepv.integrate(EP, problem, h=1 / 16, T=2.0, seed=3)
-    assert np.array_equal(plain.states, one.y[:, [16, 32]])
+    assert np.array_equal(plain.states, sepv.integrate(EP, problem, h=1 / 16, T=2.0, seed=3).y[:, [16, 32]])
     failed = sepv.long_path(EP, problems.lotka_volterra(), h=1 / 4, T=400.0, seed=0, engine="numpy")
     assert failed.status != Status.CONVERGED
     assert 0 <= failed.failed_step == failed.steps < failed.planned
-    assert failed.t == failed.steps / 4
+    drawn = sepv.simulate.increments(0, T=400.0, steps=1600, noises=1, paths=1)[: failed.steps]
+    assert (failed.t, failed.W.tolist()) == (failed.steps / 4, np.add.accumulate(drawn)[-1, :, 0].tolist())
 
 
 def test_a_problem_that_cannot_be_recorded_says_why() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from typing import Any, Literal
 
 import numpy as np
@@ -17,7 +18,7 @@ from sepv.problem import Array, Problem
 from sepv.schemes import PointLaw, Scheme, Step
 from sepv.simulate._ensembles.collectors import chunk_of
 from sepv.simulate._ensembles.ensemble import choose
-from sepv.simulate._ensembles.task import Task
+from sepv.simulate._ensembles.task import NumpyChunk, Task
 from sepv.simulate._run_arguments import checked, require_drawable
 from sepv.solve import Status
 
@@ -35,7 +36,7 @@ class LongPath:
         The number of steps that were solved, and the number of steps requested.
     t : float
     y : (d,), W : (m,)
-        The state at the time t that was reached, and W(t). If a step failed, W also has increments after t.
+        The state at the time t that was reached, and W(t).
     times, states : (K,), (d, K)
         The times n·h of the states that were kept (see `every`), and these states.
     energy_defect, casimir_defect : float
@@ -158,13 +159,16 @@ def long_path(
         interrupted = True
     ends = chunk.result(np.empty((0, problem.dimension, 1)))
     done = chunk.done if ends.failed_step[0] < 0 else int(ends.failed_step[0])
+    W = ends.W[:, 0].copy()
+    if ends.failed_step[0] >= 0:  # increments after t were added too
+        W = sum(islice(NumpyChunk(task, problem).increments, done), np.zeros((problem.noises, 1)))[:, 0]
     table = np.array(states).reshape(-1, problem.dimension).T
     return LongPath(
         steps=done,
         planned=count,
         t=done * h,
         y=ends.y[:, 0].copy(),
-        W=ends.W[:, 0].copy(),
+        W=W,
         times=np.array(times),
         states=table,
         energy_defect=float(ends.energy_defect[0]),
