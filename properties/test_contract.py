@@ -32,7 +32,7 @@ from sepv.properties._without_memory import (
 )
 from sepv.properties._without_solution import MADE, made, proof
 
-from sepv.errors import NotFinite, SchemeFault, SepvError, Skipped, StepFailure
+from sepv.errors import NotFinite, SchemeFault, SepvError, StepFailure
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.schemes import Scheme, SchemeCrash, ask, check_answer, raw_answer, require_unchanged, takes
 from sepv.verification import Case, Effort, Finding, Law, Measurement, Run, Verdict, require, searched
@@ -214,9 +214,12 @@ def keeps_type(scheme: Scheme, case: Case) -> None:
     At y = 0 many systems rest, and a shortcut for rest points may return other numbers, such as integers.
     """
     problem, y, h, dW = case.build()
-    if may_ask(scheme, problem, y):
-        with suppress(NotFinite, StepFailure, SchemeCrash, Skipped):
+    try:
+        if may_ask(scheme, problem, y):
             ask(scheme, problem, y, h, dW)
+    except SepvError as error:
+        if isinstance(error, SchemeFault) and not isinstance(error, NotFinite):
+            raise
 
 
 def _step_seconds(scheme: Scheme, case: Case) -> float | None:

@@ -63,7 +63,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 def _beside_a_power(size: int) -> int:
     """Return the size of the first part of a batch: 2^k − 1, 2^k or 2^k + 1, where 2^k is about half of `size`.
 
-    Blocks of vectors, threads and caches mostly have 2^k states, so a code for what is left over begins there.
+    Code that computes blocks of 2^k states has other formulas for the states left over, which these sizes reach.
     """
     power = 1 << max(0, size.bit_length() - 2)
     return max(1, min(size - 1, power + size % 3 - 1))

@@ -188,6 +188,12 @@ def nan_at_rest(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> 
         return y + move * (move / move)
 
 
+@SABOTEURS.around("a rest point at 0 is returned as integers", _CONTRACT)
+def integers_at_rest(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    y1 = step(problem, y, h, dW)
+    return y1 if np.any(y1) else np.zeros(y.shape, dtype=np.int64)
+
+
 @SABOTEURS.around("the answer is a column where the problem has no noise", _CONTRACT)
 def column_without_noise(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     y1 = step(problem, y, h, dW)
