@@ -113,12 +113,15 @@ class HamiltoniansProblem(Problem):
             if getattr(self, key) or key in ("noise_hamiltonians", "noise_gradients"):
                 require_one_for_each_noise(self, key, "H_j")
         if check:
-            for j, H in enumerate(self.noise_hamiltonians):
+            checked = tuple(
                 Problem(
                     self.dimension, self.structure, H, self.noise_gradients[j], domain=self.domain,
                     hessian=self.noise_hessians[j] if self.noise_hessians else None, initial=self.initial,
                     name=f"{self.name}, H_{j + 1}",
-                )  # fmt: skip
+                ).hamiltonian
+                for j, H in enumerate(self.noise_hamiltonians)
+            )  # fmt: skip
+            object.__setattr__(self, "noise_hamiltonians", checked)
 
     def random_step(self, h: float, dW: Array) -> Array:  # noqa: ARG002  (the signature of `Problem`)
         """Raise SystemsError: a step has the random length Δ = h + Σ c_j ΔW_j for a single Hamiltonian only."""

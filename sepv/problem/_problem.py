@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sepv._arguments import floats, is_number, is_whole
 from sepv.errors import ProblemError, UsageError
+from sepv.problem._batches import ConstantStructure, taking_batches
 from sepv.problem._derived import derive, to_be_derived
 from sepv.problem._nambu import Nambu
 from sepv.record import Polynomial
@@ -136,11 +137,12 @@ class Problem:
     ----------
     dimension : int
         The dimension d ≥ 1 of states.
-    structure : callable, (d, ...) -> (d, d, ...)
-        The structure matrix B(y), skew-symmetric.
+    structure : callable, (d, ...) -> (d, d, ...), or matrix (d, d)
+        The structure matrix B(y), skew-symmetric, or B itself if it is constant.
     hamiltonian : callable, (d, ...) -> (...)
         H. If H and B consist of arithmetic, indexing and NumPy's elementwise functions, nothing else is needed: both
-        are called once with symbols, and ∇H and other parts not given below are derived (`sepv.problem._derived`).
+        are called once with symbols, and ∇H and other parts not given below are derived (`sepv.problem._derived`). A
+        function of one state alone, such as ``lambda y: y @ y``, is turned into one of batches in the same way.
     gradient : callable, (d, ...) -> (d, ...), optional
         ∇H. If it is given, it is compared with H, and no other part is derived.
     noise : array_like, shape (m,)
@@ -233,6 +235,10 @@ class Problem:
                 received=f"{d!r:.80}",
                 remedy="give the number of components of y",
             )
+        if not callable(self.structure) and isinstance(self.structure, (np.ndarray, list, tuple)):
+            object.__setattr__(
+                self, "structure", ConstantStructure(constant("structure", self.structure, (d, d)))
+            )
         if check:
             _check_kinds(self)
             object.__setattr__(self, "dimension", int(d))
@@ -244,6 +250,11 @@ class Problem:
             object.__setattr__(self, key, arrays)
         if self.initial is not None:
             object.__setattr__(self, "initial", constant("initial", self.initial, (d,)))
+        if check:
+            y = np.ones(d) if self.initial is None else np.asarray(self.initial)
+            shapes: dict[str, tuple[int, ...]] = {"structure": (d, d), "hamiltonian": ()}
+            for key, of_value in shapes.items():
+                object.__setattr__(self, key, taking_batches(key, getattr(self, key), y, of_value))
         if self.gradient is to_be_derived:
             derived = derive(d, self.structure, self.hamiltonian)
             object.__setattr__(self, "gradient", derived.gradient)

@@ -56,7 +56,7 @@ class StructuresProblem(Problem):
 
     Parameters
     ----------
-    noise_structures : callables, (d, ...) -> (d, d, ...)
+    noise_structures : callables, (d, ...) -> (d, d, ...), or constant matrices (d, d)
         G_1, …, G_m, one for each coefficient in `noise`.
     noise_structure_derivatives : callables, optional
         ∂G_ij/∂y_k at [i, j, k] for each G. Without them Newton's Jacobian is formed from differences.
@@ -79,12 +79,15 @@ class StructuresProblem(Problem):
         super().__post_init__(check)
         require_one_for_each_noise(self, "noise_structures", "G_j")
         if check:
-            for G in self.noise_structures:
+            checked = tuple(
                 Problem(
                     self.dimension, G, self.hamiltonian, self.gradient, casimirs=self.casimirs,
                     linear_casimirs=self.linear_casimirs, domain=self.domain, initial=self.initial,
                     name=f"{self.name}, a noise structure",
-                )  # fmt: skip
+                ).structure
+                for G in self.noise_structures
+            )  # fmt: skip
+            object.__setattr__(self, "noise_structures", checked)
 
     @property
     def noise_gradients(self) -> tuple[Function, ...]:

@@ -303,6 +303,10 @@ class Symbol(Element):
     def __pos__(self) -> Symbol:
         return self
 
+    def conjugate(self) -> Symbol:
+        """The symbol itself, because states are real: `np.vdot` asks for it."""
+        return self
+
     __add__ = __radd__ = _operator(_add)
     __sub__, __rsub__ = _operator(_subtract), _operator(_subtract, swapped=True)
     __mul__ = __rmul__ = _operator(_multiply)
