@@ -115,7 +115,7 @@ class InMemory(Total):
                 remedy="store= keeps them on disk, reduce= their moments and quantiles; or fewer paths at a time",
             ) from error
         super().__init__(task, replace(empty, **room), progress)
-        self.done = np.zeros(task.count, dtype=bool)
+        self.there, self.done = np.zeros(task.count, dtype=bool), 0
 
     def take(self, _number: int, task: Task, chunk: Any) -> None:
         """Copy the ends of a chunk into the ensemble's arrays. A chunk of all paths is kept without a copy."""
@@ -126,13 +126,14 @@ class InMemory(Total):
             for key in AXES:
                 getattr(whole, key)[..., here] = getattr(chunk, key)
             self.ensemble = _more(whole, chunk)
-        self.done[here] = True
-        self.progress(int(self.done.sum()), self.paths)
+        self.there[here] = True
+        self.done += task.count  # a sum of `there` at each chunk would cost O(paths²) in all
+        self.progress(self.done, self.paths)
 
     def finished(self) -> tuple[np.ndarray, Ensemble]:
         """The numbers of the finished paths, and an ensemble of these paths alone."""
-        kept: dict[str, Any] = {key: getattr(self.ensemble, key)[..., self.done] for key in AXES}
-        return np.flatnonzero(self.done), replace(self.ensemble, **kept)
+        kept: dict[str, Any] = {key: getattr(self.ensemble, key)[..., self.there] for key in AXES}
+        return np.flatnonzero(self.there), replace(self.ensemble, **kept)
 
 
 class Reduced(Total):
@@ -189,7 +190,7 @@ class OnDisk(Total):
         super().__init__(task, replace(empty, **arrays), progress)
         self.empty, self.size, self.functionals = empty, size, functionals
         self.reduced = Reduced(task, empty, None, functionals, until) if functionals is not None else None
-        self.there = np.zeros(self.store.chunks, dtype=bool)
+        self.there, self.done = np.zeros(self.store.chunks, dtype=bool), 0
 
     def missing(self, numbers: range) -> Sequence[int]:
         """The numbers of chunks not complete in the store; none if stored chunks reach the target standard errors."""
@@ -217,8 +218,9 @@ class OnDisk(Total):
 
     def _take(self, number: int, chunk: Ensemble, summaries: Mapping[str, Summary] | None = None) -> bool:
         self.there[number] = True
+        self.done += chunk.status.size
         self.ensemble = _more(self.ensemble, chunk)
-        self.progress(min(int(self.there.sum()) * self.size, self.paths), self.paths)
+        self.progress(self.done, self.paths)
         if self.reduced is None or self.functionals is None:
             return False
         if summaries is None:
