@@ -17,6 +17,8 @@ from numba import njit
 from sepv.simulate._compiled.functions import for_simd, prefetch
 from sepv.simulate._compiled.signatures import OPTIONS, call_left_over
 
+# A line number beyond the end of every file. (Lines of another function make Python 3.13 raise TokenError.)
+BEYOND = 10**6
 # Placeholders for names that a generated module defines; the values here are never used.
 _made: Any = None
 # The number of lanes in a block, and in a group of lanes that continue together.
@@ -42,8 +44,10 @@ def compiled(
     """Compile a copy of a function in which global names have the values in `names`, a generated module's globals.
 
     With a signature it is compiled at once, else at its first call. Compiled code is cached beside the module's file.
+    That file has none of the copy's lines: numba looks for them there, and finds nothing BEYOND its end.
     """
-    code = function.__code__.replace(co_filename=names["__file__"])
+    code = function.__code__
+    code = code.replace(co_filename=names["__file__"], co_firstlineno=BEYOND + code.co_firstlineno)
     own = FunctionType(code, names, function.__name__)
     return njit(inline="always")(own) if inline else njit(signature, **OPTIONS)(own)
 
