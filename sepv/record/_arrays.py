@@ -140,5 +140,6 @@ def evaluator(inputs: Sequence[Any], outputs: Any) -> Evaluator:
     """Compile an array of symbols to a function that takes an array for each vector of inputs."""
     flat = np.asarray(outputs, dtype=object).ravel()
     tape = inputs[0][0].tape
-    places = tuple(i for i, v in enumerate(flat) if tape.symbol(v).number != 0)
+    zero = tape.constant(0.0)  # by far the most entries of a derivative are this very symbol
+    places = tuple(i for i, v in enumerate(flat) if v is not zero and tape.symbol(v).number != 0)
     return Evaluator(source(inputs, [flat[i] for i in places]), np.shape(outputs), places)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from sepv.record._functions import FUNCTIONS
-from sepv.record._numpy_protocol import CannotRecord, select
+from sepv.record._numpy_protocol import CannotRecord, SymbolArray, select
 from sepv.record._symbols import Symbol, array
 
 # Operations whose derivative is taken as 0: inputs, constants, and comparisons, which are piecewise constant.
@@ -73,9 +73,12 @@ def jacobian(outputs: Any, inputs: Any) -> Any:
             slopes[index] = _chain(declared.items(), slopes)
         elif symbol.line.name not in _CONSTANT and any(i in slopes for i in symbol.line.arguments):
             slopes[index] = _chain(zip(symbol.line.arguments, _partials(symbol), strict=True), slopes)
-    zero = tape.constant(0.0)
-    entries = [[slopes.get(row.index, {}).get(k, zero) for k in range(len(inputs))] for row in rows]
-    return array((v for row in entries for v in row), (len(rows), len(inputs)))
+    # Most of the entries are zero: B′ has d³ entries, of which the user's B has some.
+    entries = np.full((len(rows), len(inputs)), tape.constant(0.0), dtype=object)
+    for place, row in enumerate(rows):
+        for k, slope in slopes.get(row.index, {}).items():
+            entries[place, k] = slope
+    return entries.view(SymbolArray)
 
 
 def _chain(partials: Iterable[tuple[int, Any]], slopes: dict[int, dict[int, Symbol]]) -> dict[int, Symbol]:

@@ -117,16 +117,29 @@ class InMemory(Total):
         super().__init__(task, replace(empty, **room), progress)
         self.there, self.done = np.zeros(task.count, dtype=bool), 0
 
+    def fill(self, task: Task) -> Ensemble:
+        """Run a chunk on a thread of this process, copy its ends on this thread, and return its counts of work.
+
+        If the one thread that collects copied them, it alone would wait for all pages of the ensemble's new arrays.
+        """
+        chunk = run(task)
+        self._copy(task, chunk)
+        return without_paths(chunk)
+
+    def _copy(self, task: Task, chunk: Ensemble) -> None:
+        for key in AXES:
+            getattr(self.ensemble, key)[..., task.first : task.first + task.count] = getattr(chunk, key)
+
     def take(self, _number: int, task: Task, chunk: Any) -> None:
-        """Copy the ends of a chunk into the ensemble's arrays. A chunk of all paths is kept without a copy."""
-        whole, here = self.ensemble, slice(task.first, task.first + task.count)
-        if task.count == self.paths:
+        """Receive a chunk, with its ends or, after `fill`, without. A chunk of all paths is kept without a copy."""
+        whole = self.ensemble
+        if chunk.status.size == self.paths:
             self.ensemble = replace(chunk, times=whole.times, reason=whole.reason, about=whole.about)
         else:
-            for key in AXES:
-                getattr(whole, key)[..., here] = getattr(chunk, key)
+            if chunk.status.size:
+                self._copy(task, chunk)
             self.ensemble = _more(whole, chunk)
-        self.there[here] = True
+        self.there[task.first : task.first + task.count] = True
         self.done += task.count  # a sum of `there` at each chunk would cost O(paths²) in all
         self.progress(self.done, self.paths)
 

@@ -32,6 +32,8 @@ ENGINES = ("auto", "numpy", "compiled")
 SHARES = 4
 # Paths × steps of a chunk that is sent or stored: tenths of a second of work. A scheduler adds a millisecond to each.
 PATH_STEPS = 2**24
+# Paths × steps of a chunk for a thread, if it has few steps: hundredths of a second of work.
+THREAD_STEPS = 2**20
 # The most paths in a chunk that is sent or stored: the engine's arrays then take about 20 MB.
 LARGEST = 16 * CHUNK
 # The most paths in a chunk if the ends of all its paths are sent to a cluster's client: about 80 MB for each thread.
@@ -159,6 +161,8 @@ def ensemble(
         total = InMemory(whole, empty, progress)
     # True if chunks may leave this process, so that their data must travel.
     far = not isinstance(workers, int) or (not compiled and workers > 1)
+    if isinstance(total, InMemory) and not far and size < paths:
+        function = total.fill
     numbers = total.missing(range(-(-paths // size)))
     tasks = _Chunks(whole, size, numbers, far)
     try:
@@ -270,7 +274,9 @@ def _chunk_size(whole: Task, workers: Any, chunk: int | None, fixed: bool) -> in
     if isinstance(workers, int) and not fixed:
         shares = SHARES * workers if workers > 1 else 1
         share = -(-whole.count // (shares * LANES)) * LANES
-        return min(max(share, LANES), (4 if workers > 1 else 8) * CHUNK)
+        # Python needs a tenth of a millisecond for a chunk, one thread at a time: of few steps, chunks have more paths.
+        long = min(THREAD_STEPS // whole.steps // LANES * LANES, FARTHEST)
+        return min(max(share, LANES), max((4 if workers > 1 else 8) * CHUNK, long))
     size = min(max(PATH_STEPS // whole.steps // LANES * LANES, LANES), LARGEST)
     if fixed:
         return size
