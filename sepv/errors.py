@@ -126,6 +126,10 @@ class TruncationWarning(UserWarning):
     """Increments are truncated at so small a bound that the scheme loses its order."""
 
 
+class SlowDerivation(UserWarning):
+    """The derivatives of a problem's functions, which sepv derives by symbols, take millions of operations."""
+
+
 class StepFailure(SepvError, ArithmeticError):
     """The implicit equation of a step was not solved. An unconverged result is never returned unmarked.
 

@@ -8,6 +8,8 @@ import pytest
 from drawn import EP, PENDULUM, position
 
 import sepv
+from sepv.errors import SlowDerivation
+from sepv.record import _symbols
 from sepv.simulate._ensembles import collectors
 
 
@@ -78,3 +80,98 @@ def test_a_chunk_costs_the_same_among_few_and_many_paths(kind: str, tmp_path: Pa
     few, many = (touched(kind, paths, tmp_path, monkeypatch) for paths in (128, 2048))
     assert few == many
     assert max(many) <= 64 * 16  # at most the ends of its own paths, and a mark for each
+
+
+def chain(d: int, count: dict[str, int] | None = None) -> dict[str, Any]:
+    """Parts of a problem with B(y) of degree one and a quartic H of neighbours; `count` gets the calls of B and H."""
+    counted = {} if count is None else count
+    coupling = np.random.default_rng(1).uniform(-1, 1, d - 1)
+
+    def structure(y: Any) -> Any:
+        counted["B"] = counted.get("B", 0) + 1
+        B = np.zeros((d, d, *np.shape(y)[1:]), dtype=np.result_type(y))
+        for i in range(d - 1):
+            B[i, i + 1] = coupling[i] * y[i]
+            B[i + 1, i] = -B[i, i + 1]
+        return B
+
+    def hamiltonian(y: Any) -> Any:
+        counted["H"] = counted.get("H", 0) + 1
+        return 0.25 * (y**4).sum(axis=0) + (y[1:] * y[:-1]).sum(axis=0)
+
+    def gradient(y: Any) -> Any:
+        g = y**3
+        g[1:] += y[:-1]
+        g[:-1] += y[1:]
+        return g
+
+    def hessian(y: Any) -> Any:
+        A = np.zeros((d, d, *np.shape(y)[1:]), dtype=np.result_type(y))
+        for i in range(d):
+            A[i, i] = 3 * y[i] ** 2
+        for i in range(d - 1):
+            A[i, i + 1] = A[i + 1, i] = 1 + 0 * y[i]
+        return A
+
+    def structure_derivative(y: Any) -> Any:
+        D = np.zeros((d, d, d, *np.shape(y)[1:]), dtype=np.result_type(y))
+        for i in range(d - 1):
+            D[i, i + 1, i], D[i + 1, i, i] = coupling[i], -coupling[i]
+        return D
+
+    return {
+        "dimension": d, "structure": structure, "hamiltonian": hamiltonian, "gradient": gradient, "hessian": hessian,
+        "structure_derivative": structure_derivative, "initial": np.linspace(0.5, 1, d), "degree": 4,
+    }  # fmt: skip
+
+
+def test_the_check_of_a_problem_evaluates_b_and_h_equally_often_in_every_dimension() -> None:
+    calls = []
+    for d in (6, 40):
+        calls.append({})
+        sepv.Problem(**chain(d, calls[-1]))
+    assert calls[0] == calls[1]
+    assert max(calls[1].values()) <= 60  # at five states
+
+
+@pytest.mark.parametrize(
+    ("part", "place"),
+    [
+        ("gradient", (17,)),
+        ("hessian", (3, 29)),
+        ("structure_derivative", (5, 31, 12)),
+        ("structure", (7, 22)),
+    ],
+)
+@pytest.mark.parametrize("error", [1e-6, -1.0])
+def test_one_wrong_entry_among_thousands_is_found_and_named(part: str, place: Any, error: float) -> None:
+    """One error δ changes the sum along the direction by more than δ/2: it is seen for certain, not by luck."""
+    parts = chain(40)
+    right = parts[part]
+
+    def wrong(y: Any) -> Any:
+        values = right(y)
+        values[place] += error
+        return values
+
+    shown = ", ".join(map(str, place))
+    with pytest.raises(sepv.ProblemError, match=rf"{part}\(y\)\[{shown}\] = "):
+        sepv.Problem(**parts | {part: wrong})
+
+
+def test_entries_that_are_all_wrong_by_less_than_is_allowed_are_accepted() -> None:
+    """A gradient of finite differences, say: what one entry may lack, all may lack together."""
+    parts = chain(40)
+    sepv.Problem(**parts | {"gradient": lambda y: parts["gradient"](y) * (1 + 0.9e-9)})
+
+
+def test_derivatives_that_take_long_say_so_and_what_to_give(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_symbols, "LONG", 1000)
+    parts = chain(40)
+    with pytest.warns(SlowDerivation, match="give gradient="):
+        sepv.Problem(**{key: parts[key] for key in ("dimension", "hamiltonian", "initial")}, structure=_J(40))
+
+
+def _J(d: int) -> Any:
+    J = np.kron(np.array([[0, -1], [1, 0]]), np.eye(d // 2))
+    return lambda y: np.multiply.outer(J, np.ones_like(y[0]))

@@ -118,7 +118,9 @@ def _mistaken(
     If the sums differ, the entries are tried one by one. So no problem is refused whose entries are right.
     """
     along = _direction(len(y))
-    if not _differ(given @ along, np.abs(given) @ np.abs(along), given, _derivative(of, y, along, given @ along)).any():
+    if not _differ(
+        given @ along, np.abs(given) @ np.abs(along), given, _derivative(of, y, along, given @ along)
+    ).any():
         return
     for k in range(len(y)):
         claimed = given[..., k]
@@ -136,7 +138,9 @@ def _direction(d: int) -> Array:
 def _differ(claimed: Any, terms: Any, given: Array, derivative: Any) -> NDArray[np.bool_]:
     """True where a claimed derivative, a sum whose `terms` have these sizes together, is wrong or not a number."""
     scale = np.maximum(max(float(np.abs(given).max()), 1e-3), terms)
-    return ~np.asarray(np.abs(derivative - claimed) <= GRADIENT_TOLERANCE * np.maximum(scale, np.abs(derivative)))
+    return ~np.asarray(
+        np.abs(derivative - claimed) <= GRADIENT_TOLERANCE * np.maximum(scale, np.abs(derivative))
+    )
 
 
 def _check_mean_gradient(problem: Problem, y: Array) -> None:
@@ -241,7 +245,7 @@ def _extended_difference(of: Callable[[Any], Any], y: Array, along: Array) -> An
     The largest component of v moves by h = 2⁻⁸(1 + |y_k|), for the smallest |y_k| of the components that move.
     """
     h = np.longdouble(2.0**-8) * (1 + np.abs(y[along != 0]).min())
-    total = np.longdouble(0)
+    total: Any = np.longdouble(0)
     for distance, weight in ((1, 45), (2, -9), (3, 1)):
         for sign in (1, -1):
             total = total + sign * weight * np.asarray(of(y + sign * distance * h * along))

@@ -11,12 +11,14 @@ from __future__ import annotations
 
 import math
 import operator
+import warnings
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial, partialmethod
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from sepv.errors import SlowDerivation
 from sepv.record._functions import FUNCTIONS
 from sepv.record._numpy_protocol import (
     CannotRecord,
@@ -30,6 +32,8 @@ from sepv.record._numpy_protocol import (
 # The largest exponent of a power that is written as products. Such a power is a line "whole": xⁿ⁻¹·x is evaluated like
 # a product, and differentiated as xⁿ, with the derivative n xⁿ⁻¹.
 LARGEST_POWER = 32
+# Operations after which a tape warns that it takes long: five seconds or so.
+LONG = 2**20
 
 
 class Operation(NamedTuple):
@@ -48,9 +52,20 @@ class Tape:
         # Derivatives of some lines, by the line's number, that are shorter than those of the chain rule (`declare`).
         self.declared: dict[int, tuple[set[int], dict[int, Symbol]]] = {}
         self._known: dict[Any, Symbol] = {}
+        # The number of calls of `write`, a measure of the time taken: one takes some microseconds.
+        self.asked = self.inputs = 0
 
     def write(self, name: str, *arguments: Symbol, value: float = 0.0) -> Symbol:
         """Append an operation, unless the tape has an equal one already, and return the symbol of its result."""
+        self.asked += 1
+        if self.asked == LONG:
+            warnings.warn(
+                f"The derivatives of a function of {self.inputs} numbers take more than {LONG} operations by symbols: "
+                "this goes on, for minutes perhaps. Remedy: give gradient=, and hessian= and structure_derivative= "
+                "where you have them; then nothing is derived.",
+                SlowDerivation,
+                stacklevel=2,
+            )
         line = Operation(name, tuple(a.index for a in arguments), value)
         symbol = self._known.get(line)
         if symbol is None:
@@ -76,6 +91,7 @@ class Tape:
     def vector(self, size: int) -> Any:
         """Create a new input with `size` components, as an array of symbols."""
         first = len(self.lines)
+        self.inputs += size
         return array(self.write("input", value=float(first + i)) for i in range(size))
 
     def symbols(self, values: Any) -> Any:
