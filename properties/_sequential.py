@@ -1,15 +1,17 @@
 """Statistical verdicts: paths are added until the verdict is clear, or is inconclusive at the end of the budget.
 
 FALSE_ALARM bounds the nominal probability that a whole run of all laws accuses a correct scheme by chance. A look is a
-number of paths after which a verdict is tried. FALSE_ALARM is split evenly over the statistical laws, the problems and
-the looks (Bonferroni): the probability that any interval misses at a look is an equal part of it. Intervals are
-asymptotic, so the bound is an extrapolation. `benchmarks.coverage` counts how often intervals of lower confidence miss.
+number of paths after which a verdict is tried, at given step sizes. FALSE_ALARM is split evenly over the statistical
+laws, the problems and the possible looks, those at halved step sizes included (Bonferroni): the probability that any
+interval misses at a look is an equal part of it. Intervals are asymptotic, so the bound is an extrapolation.
+`benchmarks.coverage` counts how often intervals of lower confidence miss.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -25,10 +27,9 @@ from sepv.problem import Problem, Systems, is_several
 from sepv.schemes import OF_SEVERAL, Scheme, guarded
 from sepv.verification._cases.users_problems import sources
 from sepv.verification._law import Effort, Finding, Law, Run, Verdict
+from sepv.verification._laws import load_laws
 
 FALSE_ALARM = 1e-4
-# The statistical laws: mean-square-order, weak-order, right-limit, commutation, rounding.
-STATISTICAL_LAWS = 5
 FIRST_LOOK = 512
 # The factor between the numbers of paths of successive looks. If there are fewer looks, each has more of FALSE_ALARM.
 GROWTH = 4
@@ -104,9 +105,15 @@ def looks(paths: int, *, early: bool = False) -> list[int]:
     return [EARLY, *counts] if early and counts[0] > EARLY else counts
 
 
+@cache
+def part_of_law() -> float:
+    """Return the part of FALSE_ALARM for one statistical law of the suite."""
+    return FALSE_ALARM / sum(law.statistical for law in load_laws())
+
+
 def share(scheme: Scheme, effort: Effort, problems: int) -> float:
-    """Return the part of FALSE_ALARM for one problem at one look (number of paths) of one law."""
-    return FALSE_ALARM / (STATISTICAL_LAWS * problems * len(looks(budget(scheme, effort))))
+    """Return the part of FALSE_ALARM for one problem at one look; each halving of steps repeats the looks."""
+    return part_of_law() / (problems * len(looks(budget(scheme, effort))) * (1 + HALVED))
 
 
 def sampled(scheme: Scheme, setup: Setup, paths: int, run: Run) -> StrongErrors:
@@ -138,6 +145,7 @@ def judge(
     `setups` are setups of the law's own problems. By default those of the scheme are used. A violation is measured
     again at finer steps, and judged by `confirm` (by default `assess`), but not a violation on the law's own problems.
     """
+    assert law.statistical, f"{law.name} judges paths, but has no part of FALSE_ALARM"
     confirm = (confirm or assess) if setups is None else None
     setups = [_taken(scheme, s) for s in (setups_for(scheme, run.effort) if setups is None else setups)]
     alpha = share(scheme, run.effort, len(setups))
@@ -244,9 +252,7 @@ def _judge_one(
     """Judge one problem at its step sizes, or at halved ones if paths failed or a `slope` is too near its bound.
 
     With a test `confirm` a violation is measured again at finer steps. The returned string says why step sizes were
-    halved. If paths fail at the smallest sizes too, the assessment is None. Each look (number of paths) at halved steps
-    adds to the probability of a false alarm: its part of FALSE_ALARM times the probability that a path fails only at a
-    later look (a few per cent), or that a slope is near its bound.
+    halved. If paths fail at the smallest sizes too, the assessment is None. `share` counts the looks at halved steps.
     """
     why, halved = "", 0
     while True:

@@ -70,6 +70,7 @@ law = Law(
     cost=0.1,
     run=pathwise(run),
     replay=replay,
+    statistical=True,
 )
 
 

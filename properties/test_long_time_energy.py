@@ -1,7 +1,9 @@
 """Without noise, a symplectic or reversible method of order p has |H(y_n) − H(y_0)| = O(h^p) without growth in n.
 
-For times of the order exp(c/h) such a method keeps a modified Hamiltonian or has a reversible modified equation
-(E. Hairer, C. Lubich and G. Wanner, *Geometric Numerical Integration*, IX.8 and XI.3). The law tests it on orbits to
+If H is analytic, the states stay in a compact set and h is small, a symplectic method keeps a modified Hamiltonian for
+times of the order exp(c/h); a symmetric reversible method on an integrable reversible system with diophantine
+frequencies keeps H to O(h^p) for times of the order h^(−p) (E. Hairer, C. Lubich and G. Wanner, *Geometric Numerical
+Integration*, IX.8 and XI.3). The law tests it on orbits to
 which this theory applies (`sepv.properties._orders.integrable`). `sepv.properties._orders.long_times` judges two
 statements. First, there is no trend: the mean energy over a window of time moves by no more than the oscillation that
 such a mean may still contain. Second, the oscillation falls like h^p.

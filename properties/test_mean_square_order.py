@@ -99,6 +99,7 @@ law = Law(
     spared=8064,
     run=pathwise(run),
     replay=replay,
+    statistical=True,
 )
 
 

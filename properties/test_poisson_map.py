@@ -1,8 +1,9 @@
 """A step is a Poisson map: Φ′(y0) B(y0) Φ′(y0)ᵀ = B(y1), with h and the increments held fixed.
 
 If B satisfies Jacobi's identity, the exact flow is a Poisson map (Hairer, Lubich and Wanner, *Geometric Numerical
-Integration*, VII.2). The energy-preserving scheme (2.1) is not a Poisson map, because no symplectic method can also
-keep every energy (Ge and Marsden, Phys. Lett. A 133, 1988).
+Integration*, VII.2). The energy-preserving scheme (2.1) is not a Poisson map: if a system has no invariants but
+functions of H and the Casimirs, a Poisson map that keeps H is the exact flow at another time (Ge and Marsden, Phys.
+Lett. A 133, 1988).
 """
 
 from __future__ import annotations

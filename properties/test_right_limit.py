@@ -141,6 +141,7 @@ law = Law(
     cost=0.1,
     run=pathwise(run),
     replay=replay,
+    statistical=True,
 )
 
 

@@ -292,7 +292,7 @@ def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
 
 law = Law(
     name="rounding",
-    statement="the energy error of n steps is about √n roundings, without a drift",
+    statement="the energy error of n steps is about √n independent roundings, without a drift",
     source="Prop. 3.1",
     unit="ulp H·√n",
     cost=0.4,
@@ -300,6 +300,7 @@ law = Law(
     spared=7168,
     run=run,
     replay=replay,
+    statistical=True,
 )
 
 

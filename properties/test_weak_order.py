@@ -135,6 +135,7 @@ law = Law(
     cost=0.1,
     run=about_noise(run),
     replay=replay,
+    statistical=True,
 )
 
 

@@ -226,10 +226,11 @@ ENTRIES = (
         hypotheses="as in Theorem 3.4, H and B are smooth, and each level set of H lies in the compact convex set that "
         "it bounds",
         right="a step of the proof is missing. If the convex set is compact, change H and B outside a neighbourhood of "
-        "it, so that they and their derivatives are bounded. The change affects neither (2.1) nor the exact solution. "
-        "So Theorem 3.3 applies, and the conclusion is right. §4 does not need this step. On the oscillator and the "
-        "rigid body the midpoint scheme (3.4) equals (2.1), so the difference that the proof bounds is zero. The "
-        "pendulum's f has bounded derivatives on ℝ² (Remark 3.4)",
+        "it, so that they and their derivatives are bounded. The exact solution, and steps of (2.1) with h so small "
+        "that the changed step has one solution near y0, do not change. So Theorem 3.3 applies for these h, and the "
+        "conclusion is right. §4.1 to §4.3 do not need this step. On the oscillator and the rigid body the midpoint "
+        "scheme (3.4) equals (2.1), so the difference that the proof bounds is zero. The pendulum's f has bounded "
+        "derivatives on ℝ² (Remark 3.4)",
         evidence=_comparison,
     ),
     Erratum(

@@ -212,6 +212,9 @@ class Law:
         The cases of a law about single steps; None for other laws.
     spared : int
         The number of steps for a scheme that takes one state a call, if the law then makes fewer steps; else 0.
+    statistical : bool
+        True if the law judges sampled paths, so that its verdict may be false by chance. Statistical laws share the
+        probability of a false alarm of a run evenly (`sepv.properties._sequential`).
     """
 
     name: str
@@ -225,6 +228,7 @@ class Law:
     steps: int = 0
     cases: Cases | None = None
     spared: int = 0
+    statistical: bool = False
 
     def claimed_by(self, scheme: Scheme) -> bool:
         """True if the scheme claims this law."""

@@ -1,6 +1,7 @@
 """Verdicts from samples: right schemes are not accused, faults of one per cent do not hold; and what they stand on."""
 
 from dataclasses import replace
+from importlib import import_module
 from types import SimpleNamespace
 
 import numpy as np
@@ -32,7 +33,7 @@ from sepv.problem import Array, Problem, vector_field
 from sepv.schemes._one_step import Solved
 from sepv.solve import Solution, Status
 from sepv.statistics import binomial, fishers_f, students_t
-from sepv.verification import Effort, Run, Verdict
+from sepv.verification import Effort, Run, Verdict, load_laws
 
 SAMPLED = ("mean-square-order", "weak-order", "right-limit")
 RIGID = problems.rigid_body()
@@ -428,3 +429,20 @@ def test_a_slope_near_its_bound_is_judged_at_halved_steps(monkeypatch: pytest.Mo
     )
     assert (used.steps, judged and judged.verdict) == ((16, 32, 128), Verdict.HOLDS)
     assert why == "rigid-body: slope with 8, 16, 64 steps is near the bound"
+
+
+def test_the_laws_that_may_accuse_by_chance_share_the_probability_of_it() -> None:
+    """A law is statistical if it judges paths by `judge`, or by quantiles of its own; no look of it is forgotten."""
+    laws = load_laws()
+    files = {law.name: import_module(f"sepv.properties.test_{law.name.replace('-', '_')}") for law in laws}
+    by_judge = {name for name, file in files.items() if getattr(file, "judge", None) is sequential.judge}
+    by_quantiles = {name for name, file in files.items() if {"students_t", "fishers_f"} & set(vars(file))}
+    assert {law.name for law in laws if law.statistical} == by_judge | by_quantiles
+    assert by_quantiles == {"rounding"}
+    assert 2 * rounding.LEVEL * len(rounding.RUNS) <= sequential.part_of_law()
+    effort, scheme = Effort(), schemes.energy_preserving
+    every = 2 * len(sequential.looks(sequential.budget(scheme, effort))) * (1 + sequential.HALVED)
+    alpha = sequential.share(scheme, effort, 2)
+    assert alpha * every * len(by_judge | by_quantiles) == pytest.approx(sequential.FALSE_ALARM)
+    with pytest.raises(AssertionError, match="energy judges paths"):
+        sequential.judge(files["energy"].law, scheme, Run(effort), lambda *_: None)
