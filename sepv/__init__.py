@@ -5,7 +5,7 @@ integrate, ensemble, long_path     compute one path, the end states of many path
 exact_flow(problem, theta)         compute the exact solution at random times
 Scheme, StatefulStep, Problem, …   the records that a user makes
 schemes, problems, strategies      the built-in schemes and problems, and random systems for Hypothesis
-simulate, exact, large, …          the subpackages, each with its own public names
+simulate, exact, external, …       the subpackages, each with its own public names
 Effort, Report, Verdict, Ensemble, Trajectory, and the errors; a user's step may raise `Skipped`
 
 >>> import sepv
@@ -27,6 +27,7 @@ from sepv._version import __version__ as __version__
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from sepv import exact as exact
+    from sepv import external as external
     from sepv import large as large
     from sepv import problem as problem
     from sepv import problems as problems
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from sepv import schemes as schemes
     from sepv import simulate as simulate
     from sepv import solve as solve
+    from sepv import strategies as strategies
     from sepv import studies as studies
     from sepv import verification as verification
     from sepv.errors import ChunkFailure as ChunkFailure
@@ -61,7 +63,6 @@ if TYPE_CHECKING:
     from sepv.verification import Effort as Effort
     from sepv.verification import Report as Report
     from sepv.verification import Verdict as Verdict
-    from sepv.verification import strategies as strategies
     from sepv.verification import verify as verify
 
 # `sepv.properties` and `sepv.reference` are folders beside this one, which an installation maps into the package.
@@ -81,7 +82,9 @@ __getattr__, __dir__ = lazily(
         "schemes": "*schemes PathSolver PointLaw Scheme StatefulStep",
         "simulate": "*simulate Ensemble ensemble long_path Trajectory integrate",
         "verification": "*verification Effort Verdict Report verify",
-        "verification.strategies": "*strategies",
-        **{room: f"*{room}" for room in ("large", "problems", "record", "solve", "studies")},
+        **{
+            room: f"*{room}"
+            for room in ("external", "large", "problems", "record", "solve", "strategies", "studies")
+        },
     },
 )

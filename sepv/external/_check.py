@@ -10,7 +10,7 @@ import numpy as np
 
 from sepv.errors import SchemeFault, SepvError, Skipped
 from sepv.external._child import STOP_GRACE
-from sepv.external._errors import BadAnswer, clean
+from sepv.external._errors import BadAnswer, StepRefused, clean
 from sepv.external._messages import MOST_STEPS, Hello
 from sepv.external._program import Program
 from sepv.problem import Array, PolynomialSystem, Problem
@@ -49,6 +49,8 @@ def check_protocol(
             ok, message = True, trial(program)
         except Skipped as skipped:
             ok, message = True, str(skipped)
+        except StepRefused as refused:
+            ok, message = False, _of_refused(refused)
         except SepvError as error:
             ok, message = False, str(error)
         checks.append(Check(program.sent or f"(start of {command})", ok, message))
@@ -61,6 +63,18 @@ def check_protocol(
     finally:
         program.stop()
     return checks
+
+
+def _of_refused(refused: StepRefused) -> str:
+    """The message for a sample step that the program refused. Every scheme can make it, so that h is not to blame."""
+    y = np.asarray(refused.y).tolist()
+    return (
+        f"{refused.status}\n"
+        f'This is the "error" of the program for a step of {refused.problem} from y = {y} with Δ = '
+        f"{refused.delta!r}, which a scheme can make.\n"
+        "Remedy: print y, h and dW as the program read them: they are strings with hex floats "
+        "(docs/protocol.md, Numbers)."
+    )
 
 
 def describe(checks: Iterable[Check]) -> str:

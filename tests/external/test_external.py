@@ -390,3 +390,11 @@ with external.load_program({command!r}) as scheme:
 """
     # In a process of its own: one with threads should not fork.
     subprocess.run([sys.executable, "-c", script], check=True, timeout=60)
+
+
+def test_a_check_shows_the_programs_own_error_first_and_blames_no_step_size(child):
+    program = child("hello(); say(id=read()['id'], error='y is 0 and not a hex float')")
+    (refused,) = [c for c in check_protocol(program, **PATIENT) if "hex float" in c.message and not c.ok][:1]
+    assert refused.message.startswith("y is 0 and not a hex float\n")
+    assert "smaller h" not in refused.message
+    assert "print y, h and dW" in refused.message

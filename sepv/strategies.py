@@ -1,0 +1,21 @@
+"""Hypothesis strategies for random Poisson systems and steps, for your own tests (docs/random-systems.md)."""
+
+from sepv.verification.strategies import (
+    CONTRACTION,
+    any_steps,
+    casimir_systems,
+    coefficients,
+    hamiltonians,
+    noises,
+    paper_problems,
+    paper_steps,
+    poisson_systems,
+    polynomials,
+    skew_structures,
+    steps,
+)
+
+__all__ = [
+    "CONTRACTION", "any_steps", "casimir_systems", "coefficients", "hamiltonians", "noises", "paper_problems",
+    "paper_steps", "poisson_systems", "polynomials", "skew_structures", "steps",
+]  # fmt: skip
