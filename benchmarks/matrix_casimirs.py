@@ -34,7 +34,7 @@ def loss(problem: Problem, scheme: str, h: float, paths: int) -> np.ndarray:
     times = h * np.arange(1, round(1 / h) + 1)
     found = sepv.ensemble(scheme, problem, h=h, T=1.0, paths=paths, times=times)
     before = powers(problem, np.asarray(problem.initial)[:, None])
-    most = np.max([np.abs(powers(problem, state) - before) for state in found.states], axis=0)
+    most = np.max([np.abs(powers(problem, state) - before) for state in found.states.swapaxes(0, 1)], axis=0)
     return np.asarray(np.sqrt(np.mean(most**2, axis=1)))
 
 

@@ -46,7 +46,8 @@ RESAMPLES = 2000
 def walk(states: Array, invariant: Callable[[Any], Any], exact: Any, y0: Array) -> Array:
     """Signed defects (times, paths) of an invariant, in extended precision."""
     before = invariant(exact.state(y0))
-    return np.array([[float(invariant(exact.state(y)) - before) for y in moment.T] for moment in states])
+    moments = states.swapaxes(0, 1)
+    return np.array([[float(invariant(exact.state(y)) - before) for y in moment.T] for moment in moments])
 
 
 def growth(defects: Array, n: Array, seed: int = 0) -> tuple[float, float, float]:
@@ -99,7 +100,7 @@ def measure(name: str, h: float, steps: int, paths: int, seed: int, table: Table
             table.add_row(name, "", f"all {paths} paths failed, the last at step {ends.failed_step.max()}")
             continue
         states = ends.states[:, :, alive]
-        visited = states.transpose(1, 0, 2).reshape(problem.dimension, -1)
+        visited = states.reshape(problem.dimension, -1)
         H0 = abs(float(problem.hamiltonian(y0)))
         invariants = [
             ("H", exact.hamiltonian, problem.gradient(visited), float(energy_ulp(problem, y0, y0)), H0)

@@ -84,8 +84,8 @@ def casimir_loss(h: float, steps: int, paths: int, seed: int, engine: str) -> di
     before = float(problem.nambu.casimir(np.array(problem.initial)))
     failed = np.where(sample.failed_step < 0, steps, sample.failed_step) * h
     means = []
-    for t, states in zip(times, sample.states, strict=True):
-        lost = problem.nambu.casimir(states[:, failed >= t]) - before
+    for k, t in enumerate(times):
+        lost = problem.nambu.casimir(sample.states[:, k, failed >= t]) - before
         means.append(float(np.mean(lost)) if lost.size else np.nan)
     return {
         "T": steps * h,
@@ -125,7 +125,7 @@ def furthest(problem: str, seed: int, engine: str) -> dict[str, float]:
             return float(np.max(np.abs(y[0])) / np.sqrt(start[0] ** 2 + 4))
         return float(np.sqrt(np.max(system.hamiltonian(y)) / system.hamiltonian(start)))
 
-    scheme = np.moveaxis(sample.states, 1, 0).reshape(start.size, -1)
+    scheme = sample.states.reshape(start.size, -1)
     return {"(2.1)": share(scheme), "exact": share(exact)}
 
 

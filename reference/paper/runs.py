@@ -138,8 +138,8 @@ def _follow(
         truncation=method.truncation, stops=tuple(range(1, steps + 1)), compensated=False, compiled=compiled, dW=raw,
         track=False,
     ))  # fmt: skip
-    first = np.concatenate([start[:, None], ends.states[:, :, 0].T], axis=1)
-    energies = np.stack([system.hamiltonian(ends.states[n - 1]) for n in checkpoints])
+    first = np.concatenate([start[:, None], ends.states[:, :, 0]], axis=1)
+    energies = system.hamiltonian(ends.states[:, checkpoints - 1])
     return first, energies, int(ends.failed_step[0])
 
 

@@ -21,7 +21,7 @@ from sepv.errors import ProblemError, Skipped, SystemsError
 from sepv.problem._problem import Array, Problem
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class DampedProblem(Problem):
     """A system (1.1) with linear damping, dy = (B∇H − γy) dt + Σ_j c_j B∇H ∘dW_j; `casimirs` are those of B.
 

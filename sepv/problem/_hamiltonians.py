@@ -43,7 +43,7 @@ from sepv.problem._structures import ClosedForm, CommutingStructure, StructuresP
 VANISHES = 1e-6
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class HamiltoniansProblem(Problem):
     """A system dy = B(∇H_0 dt + Σ_j c_j ∇H_j ∘dW_j); `hamiltonian`, `gradient` and the other parts are those of H_0.
 

@@ -129,7 +129,7 @@ class NamedProblem:
     parameters: tuple[tuple[str, tuple[float, ...]], ...] = ()
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Problem:
     """A stochastic Poisson system dy = B(y)∇H(y)(dt + Σ_j c_j∘dW_j), (1.1), with the functions that a scheme needs.
 
@@ -268,6 +268,20 @@ class Problem:
 
             check_problem(self)
 
+    def __repr__(self) -> str:
+        """One line: the name, the dimension, the noise, the initial state, and which parts are known."""
+        start = "" if self.initial is None else f", initial {_few(np.asarray(self.initial))}"
+        casimirs = len(self.casimirs) + len(self.linear_casimirs)
+        known = [
+            k for k in ("hessian", "structure_derivative", "mean_gradient", "domain") if getattr(self, k)
+        ]
+        return (
+            f"<{type(self).__name__} {self.name[:80]}: d = {self.dimension}, c = {_few(self.c)}{start}"
+            + (f", {casimirs} Casimir{'s' * (casimirs > 1)}" if casimirs else "")
+            + (f", {', '.join(known)}" if known else "")
+            + ">"
+        )
+
     @property
     def noises(self) -> int:
         """The number m of Wiener processes."""
@@ -279,6 +293,11 @@ class Problem:
         for c, increment in zip(self.c, dW, strict=True):
             delta = delta + c * increment
         return delta
+
+
+def _few(values: Array) -> str:
+    """The first six numbers of a vector in parentheses."""
+    return f"({', '.join(f'{v:.6g}' for v in values[:6])}{', …' if values.size > 6 else ''})"
 
 
 def require_one_for_each_noise(problem: Problem, key: str, each: str) -> None:

@@ -50,7 +50,7 @@ MISSED = 0.25
 ROUNDING_OF_W, ROUNDING_OF_V = 16 * EPS, 1024 * EPS
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class StructuresProblem(Problem):
     """A system dy = B∇H dt + Σ_j c_j G_j∇H ∘dW_j; `structure`, `hamiltonian` and other parts are those of the drift.
 

@@ -26,11 +26,11 @@ AXES: dict[str, tuple[str, ...]] = {
     "failed_step": (),
     "energy_defect": (),
     "casimir_defect": (),
-    "states": ("time", "component"),
+    "states": ("component", "time"),
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Ensemble:
     """The ends of many paths.
 
@@ -49,8 +49,9 @@ class Ensemble:
         Casimir C, evaluated in binary64.
     gradient_evaluations, structure_evaluations, iterations : int
         Counts of work over all paths and steps; zero for a scheme that does not report them.
-    times, states : (K,), (K, d, M)
-        The chosen times, and the states at these times; for a failed path, the last state reached.
+    times, states : (K,), (d, K, M)
+        The chosen times, and the states at these times, component first: `problem.hamiltonian(states)` is (K, M). For
+        a failed path a state is the last one reached.
     engine : "numpy" or "compiled"
     reason : why the compiled engine was not used.
     divisions : int
@@ -63,6 +64,8 @@ class Ensemble:
         The summary of each functional in `reduce=`. With `reduce=` and without `store=`, the arrays have no paths.
     about : dict
         Problem, scheme, step size, seed, version.
+    problem : Problem, optional
+        The problem of the paths, for `energy` and `casimirs`.
     """
 
     y: Array
@@ -83,12 +86,43 @@ class Ensemble:
     continuations: int = 0
     reduced: Mapping[str, Summary] = field(default_factory=dict)
     about: Mapping[str, Any] = field(default_factory=dict, repr=False)
+    problem: Problem | None = field(default=None, repr=False)
+
+    def __repr__(self) -> str:
+        """One line: the paths, the problem, the scheme and the times; the arrays are not printed."""
+        (d, M), K = self.y.shape, len(self.times)
+        failed = "" if not M else f", {np.count_nonzero(np.asarray(self.status))} failed"
+        kept = f", states at {K} times" if K else ""
+        names = " of ".join(str(self.about[key]) for key in ("scheme", "problem") if key in self.about)
+        reduced = f", reduced: {', '.join(self.reduced)}" if self.reduced else ""
+        return (
+            f"<Ensemble of {M} paths, d = {d}{failed}{kept}{reduced}; {names or 'no scheme'}, {self.engine}>"
+        )
+
+    def energy(self) -> Array:
+        """H along the paths in binary64, (K, M) at `times`, or (M,) at T if no times were chosen."""
+        return np.asarray(self._invariants()[0])
+
+    def casimirs(self) -> Array:
+        """The n quadratic and linear Casimirs, in the order of the problem: (n, K, M) at `times`, or (n, M) at T."""
+        return np.asarray(self._invariants()[1:])
+
+    def _invariants(self) -> Array:
+        if self.problem is None:
+            raise UsageError(
+                expected="an ensemble that knows its problem",
+                received="one that was made by hand or with reduce= alone",
+                remedy="take it from sepv.ensemble, or evaluate problem.hamiltonian(states) yourself",
+            )
+        return invariants(self.problem, np.asarray(self.states[...] if len(self.times) else self.y[...]))
 
     def to_xarray(self) -> Any:
         """Return an `xarray.Dataset` with the dimensions path, time, component and noise, and with `about` as `attrs`.
 
-        Data of an ensemble with `store=` stay on disk, and are read when they are indexed. Raise UsageError if xarray
-        (extra `store`) is not installed, or if the ensemble has only summaries of its paths.
+        If times were chosen, it also has `energy` and `casimirs` at these times. Data of an ensemble with `store=` stay
+        on disk, and are read when they are indexed; its energies are not computed, because that reads all states.
+
+        Raise UsageError if xarray (extra `store`) is not installed, or if the ensemble has only summaries of its paths.
         """
         xarray = optional("xarray", "xarray, for to_xarray()", "pip install xarray")
         if self.reduced and not self.y.shape[-1]:
@@ -103,8 +137,14 @@ class Ensemble:
                 self.y.store_path.store, consolidated=False, mask_and_scale=False, drop_variables=["work"]
             )
             data: dict[str, Any] = dict(kept.data_vars)
+            if "states" in data:
+                data["states"] = data["states"].transpose(*AXES["states"], "path")
         else:
             data = {name: ((*axes, "path"), getattr(self, name)) for name, axes in AXES.items()}
+            if self.problem is not None and len(self.times):
+                data["energy"] = (("time", "path"), self.energy())
+                if len(casimirs := self.casimirs()):
+                    data["casimirs"] = (("casimir", "time", "path"), casimirs)
         attrs["engine"] = self.engine
         if not len(self.times):
             data.pop("states", None)

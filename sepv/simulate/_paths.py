@@ -19,7 +19,7 @@ from sepv.simulate._run_arguments import checked
 from sepv.solve import require_converged
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Trajectory:
     """A path of a scheme: times, states, increments, and counts of work.
 
@@ -40,6 +40,12 @@ class Trajectory:
     gradient_evaluations: int
     divisions: int = 0
     continuations: int = 0
+
+    def __repr__(self) -> str:
+        """One line: the steps, the times and the first and last state; the arrays are not printed."""
+        d, count = self.y.shape[0], self.y.shape[1] - 1
+        first, last = (", ".join(f"{v:.6g}" for v in self.y[:6, n]) + ", …" * (d > 6) for n in (0, -1))
+        return f"<Trajectory of {count} steps to t = {self.t[-1]:g}, d = {d}: ({first}) → ({last})>"
 
 
 def integrate(

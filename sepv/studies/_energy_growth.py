@@ -120,7 +120,7 @@ def growth(
     y0 = np.array(problem.initial, dtype=np.float64)
     derived = energy_diffusion(scheme, problem, h)
     with np.errstate(over="ignore", invalid="ignore"):
-        energies = np.stack([problem.hamiltonian(y) for y in runs.states]) - float(problem.hamiltonian(y0))
+        energies = runs.energy() - float(problem.hamiltonian(y0))
         failed = int(np.count_nonzero((runs.status != 0) | ~np.isfinite(energies).all(axis=0)))
         return judged(
             scheme.name, times, energies, rounding=rounding_walk(problem, y0[:, None], steps), failed=failed,

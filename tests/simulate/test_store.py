@@ -14,6 +14,7 @@ from drawn import EP, PENDULUM, position, same
 import sepv
 from sepv import problems, schemes
 from sepv.simulate._batch import AXES
+from sepv.simulate._results.zarr_store import _checksum
 
 pytest.importorskip("zarr")
 
@@ -164,9 +165,9 @@ def test_labelled_arrays_from_memory_and_from_disk_agree(tmp_path: Path) -> None
     place = tmp_path / "paths.zarr"
     one = sepv.ensemble(EP, PENDULUM, **SMALL).to_xarray()
     other = sepv.ensemble(EP, PENDULUM, store=place, **SMALL).to_xarray()
-    xarray.testing.assert_equal(one, other.compute())
+    xarray.testing.assert_equal(one.drop_vars("energy"), other.compute())
     assert dict(one.sizes) == {"component": 2, "path": 1000, "noise": 2, "time": 2}
-    assert one.states.dims == ("time", "component", "path")
+    assert one.states.dims == ("component", "time", "path")
     assert one.time.values.tolist() == [0.25, 0.5]
     known = {"problem": "pendulum", "scheme": EP.name, "h": 1 / 16, "seed": 5}
     for found in (one, other):
@@ -181,3 +182,55 @@ def test_reduced_paths_cannot_be_labelled() -> None:
     pytest.importorskip("xarray")
     with pytest.raises(sepv.UsageError, match="its paths are gone"):
         sepv.ensemble(EP, PENDULUM, reduce={"q": position}, **SMALL).to_xarray()
+
+
+def test_states_are_component_first_at_chosen_times_from_the_start() -> None:
+    times = [0.0, 0.25, 0.5]
+    ends = sepv.ensemble(EP, PENDULUM, **{**SMALL, "times": times})
+    assert ends.states.shape == (2, 3, 1000)
+    start = np.asarray(PENDULUM.initial)
+    assert np.array_equal(ends.states[:, 0], np.repeat(start[:, None], 1000, axis=1))
+    assert np.array_equal(ends.states[:, -1], ends.y)
+    # H is kept to rounding, which an exchange of axes would not show as such: the spread was 1.97 once.
+    assert np.ptp(PENDULUM.hamiltonian(ends.states)) < 1e-14
+    assert np.array_equal(ends.energy(), PENDULUM.hamiltonian(ends.states))
+    labelled = ends.to_xarray()
+    assert labelled.energy.dims == ("time", "path")
+    body = sepv.ensemble(EP, problems.rigid_body(), h=1 / 16, T=0.5, paths=10, times=[0.0, 0.5])
+    assert body.casimirs().shape == (1, 2, 10)
+    assert np.ptp(body.casimirs()) < 1e-14
+    assert sepv.ensemble(EP, problems.rigid_body(), h=1 / 16, T=0.5, paths=10).energy().shape == (10,)
+
+
+def test_a_store_with_states_time_first_is_read_and_continued(tmp_path: Path) -> None:
+    """Stores of the first format have states as (time, component, path)."""
+    zarr = pytest.importorskip("zarr")
+    place, arguments = tmp_path / "old.zarr", {**SMALL, "times": [0.125, 0.25, 0.5]}
+    new = sepv.ensemble(EP, PENDULUM, store=place, **arguments)
+    wanted, group = np.asarray(new.states[...]), zarr.open_group(str(place), mode="r+")
+    work = group["work"][...]
+    shutil.rmtree(place / "states")
+    group.attrs["sepv"] = {**group.attrs["sepv"], "format": 1}
+    states = group.create_array(
+        "states", shape=(3, 2, 1000), chunks=(3, 2, 256), dtype="f8", dimension_names=("time", "component", "path"),
+    )  # fmt: skip
+    states[...] = np.swapaxes(wanted, 0, 1)
+    for number in range(4):
+        here = slice(number * 256, min(1000, (number + 1) * 256))
+        contents = {name: np.asarray(group[name][..., here]) for name in AXES if name in group}
+        work[number, 0] = _checksum(number, contents, [int(v) for v in work[number, 1:]])
+    work[2, 0] = -9  # a chunk that was not finished
+    group["work"][...] = work
+    states[..., 512:768] = np.nan
+    again = sepv.ensemble(EP, PENDULUM, store=place, **arguments)
+    assert again.states.shape == (2, 3, 1000)
+    assert np.array_equal(np.asarray(again.states), wanted)
+    assert np.array_equal(again.states[:, -1, 5], wanted[:, -1, 5])
+    assert again.to_xarray().states.dims == ("component", "time", "path")
+
+
+def test_an_ensemble_prints_as_one_line() -> None:
+    text = repr(sepv.ensemble(EP, PENDULUM, **SMALL))
+    assert len(text) < 200
+    assert "1000 paths" in text
+    assert "pendulum" in text

@@ -168,6 +168,6 @@ class Chunk:
             structure_evaluations=structures or iterations * self.kernel.structures,
             iterations=iterations if self.kernel.module.IMPLICIT else 0,
             times=np.array(self.task.stops, dtype=np.float64) * self.task.h,
-            states=kept if kept.size else np.empty((0, self.problem.dimension, self.task.count)),
+            states=kept,
             engine="compiled",
         )

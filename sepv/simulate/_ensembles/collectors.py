@@ -38,15 +38,15 @@ def run(task: Task) -> Ensemble:
     """Run the chunk of a task: return the ends of its paths, and their states at the task's stops."""
     problem = task.problem if isinstance(task.problem, Problem) else build(task.problem)
     chunk = chunk_of(task, problem)
-    kept = np.empty((len(task.stops), problem.dimension, task.count))
+    kept = np.empty((problem.dimension, len(task.stops), task.count))
     piece = max(1, PIECE // task.count)
     for place, stop in enumerate((*task.stops, task.steps)):
         while chunk.done < stop:
             if halted():
                 raise Halted
             chunk.advance(min(piece, stop - chunk.done))
-        if place < len(kept):
-            kept[place] = chunk.states()
+        if place < len(task.stops):
+            kept[:, place] = chunk.states()
     ends: Ensemble = chunk.result(kept)
     return ends
 
@@ -83,8 +83,9 @@ class Reducing:
     keep: bool
 
     def __call__(self, task: Task) -> tuple[Ensemble, Mapping[str, Summary]]:
+        problem = task.problem if isinstance(task.problem, Problem) else build(task.problem)
         chunk = replace(run(task), times=np.array(task.stops, dtype=np.float64) * task.h)
-        summaries = reduce_chunk(self.functionals, chunk)
+        summaries = reduce_chunk(self.functionals, replace(chunk, problem=problem))
         return (chunk if self.keep else without_paths(chunk)), summaries
 
 
@@ -134,7 +135,9 @@ class InMemory(Total):
         """Receive a chunk, with its ends or, after `fill`, without. A chunk of all paths is kept without a copy."""
         whole = self.ensemble
         if chunk.status.size == self.paths:
-            self.ensemble = replace(chunk, times=whole.times, reason=whole.reason, about=whole.about)
+            self.ensemble = replace(
+                chunk, times=whole.times, reason=whole.reason, about=whole.about, problem=whole.problem
+            )
         else:
             if chunk.status.size:
                 self._copy(task, chunk)
@@ -197,7 +200,9 @@ class OnDisk(Total):
         }
         self.store = ZarrStore(where, empty.about, shapes, task.count, size)
         arrays: dict[str, Any] = {
-            key: self.store.arrays.get(key, np.empty((*lengths, task.count), dtype=dtype))
+            key: self.store.shown(key)
+            if key in self.store.arrays
+            else np.empty((*lengths, task.count), dtype=dtype)
             for key, (_, lengths, dtype) in shapes.items()
         }
         super().__init__(task, replace(empty, **arrays), progress)

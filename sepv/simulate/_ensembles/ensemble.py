@@ -85,7 +85,8 @@ def ensemble(
     dW : (N, m, M), optional
         Untruncated Wiener increments for N steps, m noises and M paths, instead of drawn ones.
     times : (K,), optional
-        Increasing multiples of h at which states are kept in `Ensemble.states`. By default only `Ensemble.y` is kept.
+        Increasing multiples of h, from 0, at which states are kept in `Ensemble.states`, (d, K, M). By default only
+        `Ensemble.y` is kept.
     compensated : bool
         Use Kahan's summation for y + increment: the rounding error of this sum is carried to the next step. If the
         error were lost, it would cause the larger part of the random walk of an invariant.
@@ -209,11 +210,11 @@ def _stops(times: ArrayLike | None, h: float, steps: int) -> tuple[int, ...]:
     with np.errstate(invalid="ignore", over="ignore"):
         stops = np.rint(asked / h)
         fits = np.abs(stops * h - asked) <= 1e-12 * np.abs(asked)
-    if asked.ndim != 1 or not np.all(fits & (stops >= 1) & (stops <= steps)) or np.any(np.diff(stops) <= 0):
+    if asked.ndim != 1 or not np.all(fits & (stops >= 0) & (stops <= steps)) or np.any(np.diff(stops) <= 0):
         raise UsageError(
-            expected=f"times: increasing multiples of h = {h!r}, from h to T = {steps * h!r}",
+            expected=f"times: increasing multiples of h = {h!r}, from 0 to T = {steps * h!r}",
             received=f"{times!r:.120}",
-            remedy="choose times n·h; the state at 0 is y0",
+            remedy="choose times n·h",
         )
     return tuple(int(n) for n in stops)
 
@@ -292,7 +293,7 @@ def _empty(whole: Task, problem: Problem, reason: str, about: dict[str, Any]) ->
     return Ensemble(
         y=np.empty((d, 0)), W=np.empty((m, 0)), status=integers, failed_step=integers, energy_defect=none,
         casimir_defect=none, gradient_evaluations=0, structure_evaluations=0, iterations=0,
-        times=np.array(whole.stops, dtype=np.float64) * whole.h, states=np.empty((K, d, 0)),
+        times=np.array(whole.stops, dtype=np.float64) * whole.h, states=np.empty((d, K, 0)), problem=problem,
         engine="compiled" if whole.compiled else "numpy", reason=reason, about=about,
     )  # fmt: skip
 

@@ -34,7 +34,7 @@ from sepv.schemes import Scheme, load_problem, require_trusted
 MOST_BYTES = 2**24
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Case:
     """A problem, a state y (d,), a step h and the Wiener increments dW (m,).
 
@@ -60,6 +60,10 @@ class Case:
         """The arguments (problem, y, h, dW) of ``step``; a scheme gets this problem in the form that `given` names."""
         problem = as_given(self.problem, self.given)
         return problem, np.array(self.y), self.h, np.array(self.dW, dtype=np.float64)
+
+    def __repr__(self) -> str:
+        """H, B, y, h and dW, as in the report of a counterexample; Hypothesis prints it."""
+        return f"Case({'; '.join(self.describe().splitlines())})"
 
     def describe(self) -> str:
         """Describe the case in words; `to_json` gives every bit of its numbers."""
