@@ -62,8 +62,12 @@ class Case:
         return problem, np.array(self.y), self.h, np.array(self.dW, dtype=np.float64)
 
     def __repr__(self) -> str:
-        """H, B, y, h and dW, as in the report of a counterexample; Hypothesis prints it."""
+        """H, B, y, h and dW, as in the report of a counterexample."""
         return f"Case({'; '.join(self.describe().splitlines())})"
+
+    def _repr_pretty_(self, printer: Any, _cycle: bool) -> None:
+        """The same text for the printers of Hypothesis and IPython, which print a data class by its fields."""
+        printer.text(repr(self))
 
     def describe(self) -> str:
         """Describe the case in words; `to_json` gives every bit of its numbers."""
