@@ -21,22 +21,19 @@ from sepv.verification import Case, Cases, Effort, Measurement, require, searche
 from sepv.verification._cases import random_parts as some
 from sepv.verification._cases.of_law import only
 from sepv.verification._cases.random_cases import placed
+from sepv.verification._tolerance import majorant_over
 
 # The number of fixed systems of dimension 4 and 5 on which each scheme for (1.1) is tested, with every seed.
 SYSTEMS = 12
 
 
 def slopes(case: Case, problem: Problem, *states: np.ndarray) -> Iterator[np.ndarray]:
-    """Yield for each Casimir C a bound (d,) of the terms of ∇C: Σ|terms| for a polynomial, else |∇C| + |C″||y|."""
+    """Yield for each Casimir C a bound (d,) of the terms of ∇C on the box of the states (`majorant_over`)."""
     for C in case.problem.polynomial_casimirs if isinstance(case.problem, PolynomialSystem) else ():
-        gradient = PolynomialMap((C.dimension,), poly.gradient(C))
-        yield np.max([gradient.majorant(y) for y in states], axis=0)
+        yield majorant_over(PolynomialMap((C.dimension,), poly.gradient(C)), None, states)
     nambu = problem.nambu
-    if nambu is not None and isinstance(nambu.gradient, PolynomialMap):
-        yield np.max([nambu.gradient.majorant(y) for y in states], axis=0)
-    elif nambu is not None:
-        sizes = [np.abs(nambu.gradient(y)) + np.abs(nambu.hessian(y)) @ np.abs(y) for y in states]
-        yield np.max(sizes, axis=0)
+    if nambu is not None:
+        yield majorant_over(nambu.gradient, nambu.hessian, states, potential=nambu.casimir)
 
 
 def values(exact: Any, y: np.ndarray) -> list[Any]:

@@ -16,7 +16,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     """Measure the distance between steps with equal Δ, split into h and increments in different ways.
 
     Two such steps solve one equation y1 = y0 + R(y0, y1) with residuals r1 and r2, and with Δ rounded. Their distance
-    e satisfies (I − ∂R/∂y1)e = r1 − r2. Inside the contraction radius ‖(I − ∂R/∂y1)⁻¹‖ ≤ 1/(1 − CONTRACTION).
+    e satisfies (I − ∂R/∂y1)e = r1 − r2, where `amplification` bounds (I − ∂R/∂y1)⁻¹.
     """
     problem, y, h, dW = case.build()
     others = splits(problem, h, dW)

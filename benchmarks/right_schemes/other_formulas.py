@@ -221,6 +221,21 @@ def _velocity_verlet(problem: Problem, y: Array, h: float, _dW: Array) -> Array:
     return m.join(q1, m.momentum(v + 0.5 * h * (a + m.velocity(m.force(q1)))))
 
 
+def _unit_masses(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """Kick, drift, kick with q1 = q + Δp whatever the masses: symmetric and reversible, and of order 0 else.
+
+    See hamiltonian-generative-networks, issue 88: its flow is that of H = ½|p|² + V(q).
+    """
+    delta, (q, p) = problem.random_step(h, dW), np.split(np.asarray(y), 2)
+
+    def force(q: Array) -> Array:
+        return -problem.gradient(np.concatenate([q, 0 * q]))[: len(q)]
+
+    p = p + 0.5 * delta * force(q)
+    q = q + delta * p
+    return np.concatenate([q, p + 0.5 * delta * force(q)])
+
+
 def _mechanical(name: str, step: Step, order: float, source: str, *more: str) -> Scheme:
     claims = ("identity", "symplecticity", "poisson-map", "long-time-energy", *more)
     return Scheme(
@@ -253,6 +268,10 @@ MECHANICAL = (
 )  # fmt: skip
 SCHEMES: tuple[Scheme, ...] = (
     *MECHANICAL,
+    Scheme(
+        "unit-masses", _unit_masses, ("identity", "symmetry", "reversibility", "random-step", "noise-sum"),
+        "Störmer-Verlet of another Hamiltonian", systems=Systems.MECHANICAL, batched=True,
+    ),
     Scheme(
         name="kept-force",
         step=StatefulStep(

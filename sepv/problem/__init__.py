@@ -19,6 +19,8 @@ from sepv.problem._damped import DampedProblem as DampedProblem
 from sepv.problem._damped import damping_of
 from sepv.problem._derived import PartFlow
 from sepv.problem._directions import Directions, directions, projections
+from sepv.problem._enclosures import over_box as over_box
+from sepv.problem._enclosures import recorded as recorded
 from sepv.problem._fields import (
     DENSE,
     Algebra,

@@ -2,8 +2,8 @@
 
 A function that consists of indexing, arithmetic and NumPy's elementwise functions is called once with arrays of
 symbols, and its operations are listed on a tape. Read `_symbols` first (the tape), then `_derivative`, `_expand`,
-`_means` (averages of gradients along a segment in closed form) and `_arrays` (NumPy code). `_polynomial` has
-polynomials as data. `sepv.simulate` prints records as code to be compiled.
+`_means` (averages of gradients along a segment in closed form), `_intervals` (bounds over a box) and `_arrays` (NumPy
+code). `_polynomial` has polynomials as data. `sepv.simulate` prints records as code to be compiled.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from sepv.record._derivative import reachable
 from sepv.record._expand import expand
 from sepv.record._flows import flow
 from sepv.record._functions import FUNCTIONS
+from sepv.record._intervals import magnitudes
 from sepv.record._means import Mean, mean
 from sepv.record._means import NoClosedForm as NoClosedForm
 from sepv.record._means import degree as degree
@@ -33,6 +34,7 @@ from sepv.record._polynomial import polynomial as polynomial
 from sepv.record._quadrature import gauss_legendre as gauss_legendre
 from sepv.record._quadrature import legendre_values
 from sepv.record._quadrature import mean_nodes as mean_nodes
+from sepv.record._replay import replay as replay
 from sepv.record._replay import substitute
 from sepv.record._symbols import Symbol as Symbol
 from sepv.record._symbols import Tape as Tape

@@ -35,10 +35,12 @@ def replay(
     function: Callable[[str, Any], Any],
     constant: Callable[[float], Any] = float,
     power: Callable[[Any, float], Any] = operator.pow,
+    operations: Mapping[str, Callable[..., Any]] = ARITHMETIC,
 ) -> list[Any]:
     """The values of recorded outputs, computed from `values` {line number: value} of inputs or of other lines.
 
-    `function` evaluates an elementary function, given its name and argument. An input without value raises KeyError.
+    `function` evaluates an elementary function, given its name and argument, and `operations` all other operations,
+    by default those of Python's operators. An input without value raises KeyError.
     """
     outputs = list(outputs)
     computed: dict[int, Any] = {}
@@ -54,8 +56,8 @@ def replay(
             value = constant(line.value)
         elif line.name == "power":
             value = power(arguments[0], line.value)
-        elif line.name in ARITHMETIC:
-            value = ARITHMETIC[line.name](*arguments)
+        elif line.name in operations:
+            value = operations[line.name](*arguments)
         else:
             value = function(line.name, arguments[0])
         computed[symbol.index] = value

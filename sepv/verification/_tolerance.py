@@ -4,6 +4,16 @@ Notation: a step leads from y0 to y1; Δ = h + Σ_j c_jΔW_j; u = eps/2; |·| of
 average of ∇H from y0 to y1. M_g ≥ |∇H|, M_B ≥ |B| and M_C ≥ |∇C| are majorants (sums of the absolute values of all
 terms). Rounding errors are relative to the majorants, even if terms cancel.
 
+**Majorants** bound the functions wherever a step evaluates them, not at y0 and y1 alone: ∇H = (y2y3, y1y3, y1y2) vanishes
+nearly at (1, δ, δ) and at (δ, 1, δ), but not between. They hold on the box with the corners y0 and y1, which contains
+the segment of (2.1) and the edges of coordinate increments. Of a polynomial the majorant is the sum of the absolute
+terms at max(|y0_i|, |y1_i|). Of another function F it is |F| + |F′||y|, where the second term is the effect of one
+rounding of y on a well-written F, enclosed over the box by interval arithmetic (`sepv.problem._enclosures`), and at
+least its value at the ends. Of a function that cannot be recorded it is the largest value at SAMPLES states of the
+segment, which is an estimate. A collocation polynomial u of s ≤ 6 stages deviates from the segment by at most
+max_τ Σ_j |∫₀^τ ℓ_j − τ b_j| < ½ times the largest z_i − z_j (below), which inside the contraction radius is at most
+twice CONTRACTION·|y1 − y0|. So for s > 1 the box is larger by CONTRACTION·|y1 − y0| on each side.
+
 **Residual.** A step solves y1 = y0 + R with R = ΔB∇̄H. If it does so as well as binary64 allows, then |y1 − y0 − R| ≤ r
 with r_i = K u (max(|y0|_∞, |y1|_∞) + |Δ|₁ Σ_j M_B,ij M_g,j) in component i, where |Δ|₁ = |h| + Σ_j |c_j ΔW_j|.
 This covers one rounding of y1, the stagnation of the iteration at the scale of y, and the rounding of R. K counts the
@@ -45,37 +55,47 @@ from sepv.problem import (
     StructuresProblem,
     matvec,
     noise_vectors,
+    over_box,
 )
-from sepv.record import EPS, TINY, PolynomialMap, majorant
+from sepv.record import EPS, TINY, PolynomialMap
 from sepv.schemes import Scheme, exact_nodes
 from sepv.schemes import gauss_amplification as amplification
 
 
-def gradient_majorant(problem: Problem, *states: Array) -> Array:
-    """The majorant M_g (d,) of |∇H| over states: from absolute coefficients if H is polynomial, else |∇H| + |H″||y|.
-
-    The term |H″||y| is the effect of one rounding of y on a well-written ∇H.
-    """
-    return np.asarray(np.max([_slope_majorant(problem.gradient, problem.hessian, y) for y in states], axis=0))
+def gradient_majorant(problem: Problem, *states: Array, beyond: Any = 0.0) -> Array:
+    """The majorant M_g (d,) of |∇H| over the box with corners `states`, enlarged by `beyond` ("Majorants" above)."""
+    return majorant_over(problem.gradient, problem.hessian, states, beyond, problem.hamiltonian)
 
 
-def _slope_majorant(gradient: Function, hessian: Function | None, y: Array) -> Array:
-    if isinstance(gradient, PolynomialMap):
-        return gradient.majorant(y)
-    return np.asarray(np.abs(gradient(y)) + matvec(np.abs(slopes(gradient, hessian, y)), np.abs(y)))
+def structure_majorant(problem: Problem, *states: Array, beyond: Any = 0.0) -> Array:
+    """The majorant M_B (d, d) of |B| over the box with corners `states`, enlarged by `beyond` ("Majorants" above)."""
+    return majorant_over(problem.structure, problem.structure_derivative, states, beyond)
 
 
-def structure_majorant(problem: Problem, *states: Array) -> Array:
-    """The majorant M_B (d, d) of |B| over states: from absolute coefficients if B is polynomial, else |B| + |B′||y|."""
-    rows = []
+def majorant_over(
+    function: Function,
+    derivative: Function | None,
+    states: Sequence[Array],
+    beyond: Any = 0.0,
+    potential: Function | None = None,
+) -> Array:
+    """A majorant of |function| over a box ("Majorants" in the module); `function` is the gradient of a `potential`."""
+    if isinstance(function, PolynomialMap):
+        return function.majorant(np.max(np.abs(states), axis=0) + beyond)
+    y0, y1 = states[0], states[-1]
+    bound = None
+    if len(states) > 1:
+        source, of_gradient = (function, False) if potential is None else (potential, True)
+        bound = over_box(source, y0, y1, beyond, differentiated=of_gradient)
+        if bound is None:
+            states = [y0 + share * (y1 - y0) for share in np.linspace(0, 1, SAMPLES)]
+    at = []
     for y in states:
-        if isinstance(problem.structure, PolynomialMap):
-            rows.append(problem.structure.majorant(y))
-        else:
-            rows.append(np.abs(problem.structure(y)))
-            slope = np.abs(slopes(problem.structure, problem.structure_derivative, y))
-            rows[-1] = rows[-1] + np.einsum("ijk...,k...->ij...", slope, np.abs(y))
-    return np.max(rows, axis=0)
+        value = np.abs(function(y))
+        slope = np.abs(slopes(function, derivative, y))
+        at.append(value + np.sum(slope * np.abs(y), axis=value.ndim - y.ndim + 1))
+    found = np.max(at, axis=0)
+    return np.asarray(found if bound is None else np.maximum(found, bound.reshape(found.shape)))
 
 
 def slopes(function: Function, derivative: Function | None, y: Array) -> Array:
@@ -89,11 +109,6 @@ def slopes(function: Function, derivative: Function | None, y: Array) -> Array:
             step[k] = 2.0**-17 * (1 + np.abs(y[k]))
             columns.append((function(y + step) - function(y - step)) / (2 * step[k]))
     return np.stack(columns, axis=function(y).ndim - (y.ndim - 1))
-
-
-def _largest(structure: Any, *states: Array) -> Array:
-    """A majorant (d, d) of |G| over `states`, G a noise's `structure`: from coefficients if polynomial, else |G|."""
-    return np.asarray(np.max([majorant(structure, y) for y in states], axis=0))
 
 
 def operations(problem: Problem, stages: int = 1) -> float:
@@ -123,10 +138,12 @@ def step_residual(
         tolerance, stages, eps = scheme.solver_tolerance, scheme.stages, scheme.eps
     scale = np.maximum(np.abs(y0).max(axis=0), np.abs(y1).max(axis=0))
     length = abs(h) + np.tensordot(problem.c, np.abs(dW), axes=1)
-    B = structure_majorant(problem, y0, y1)
+    # The stages of a collocation method leave the segment from y0 to y1 ("Majorants" in the module).
+    beyond = 0.0 if stages == 1 else CONTRACTION * np.abs(y1 - y0).max(axis=0)
+    B = structure_majorant(problem, y0, y1, beyond=beyond)
     if isinstance(problem, StructuresProblem):
-        B = np.max([B, *(_largest(G, y0, y1) for G in problem.noise_structures)], axis=0)
-    flow = matvec(B, _any_gradient(problem, y0, y1))
+        B = np.max([B, *(_of_noise(G, (y0, y1), beyond) for G in problem.noise_structures)], axis=0)
+    flow = matvec(B, _any_gradient(problem, y0, y1, beyond))
     flow = np.maximum(flow.T, pushes(problem)).T
     count, least = operations(problem, stages), TINY
     if eps > EPS:
@@ -134,8 +151,13 @@ def step_residual(
     return 0.5 * eps * count * (scale + length * flow) + tolerance * scale + least
 
 
+# With the contraction factor 1/4, every scheme that evaluates B and ∇H between y0 and y1 has a unique solution near y0.
+# If its equation is y1 = y0 + R, then |(I − ∂R/∂y1)⁻¹| is at most 4/3.
+CONTRACTION = 0.25
 # Roundings of y0 and ΔW to single precision before the step: 1 + κ for y0 (contraction factor κ ≤ 1) and 1 for Δ.
 INPUTS = 4.0
+# The number of states along a segment at which a function that cannot be recorded is evaluated.
+SAMPLES = 9
 # A bound of underflow in single precision, because some processors take its subnormal numbers for 0.
 LEAST_SINGLE = 2.0**-120
 
@@ -168,14 +190,25 @@ def _of_polynomials(function: object, reach: Array) -> Array:
     return function.majorant(reach)
 
 
-def _any_gradient(problem: Problem, y0: Array, y1: Array) -> Array:
-    """A majorant (d,) of |∇H| at y0 and y1 and, if the noises have Hamiltonians H_j of their own, of all |∇H_j|."""
-    stated = gradient_majorant(problem, y0, y1)
+def _of_noise(structure: Any, states: Sequence[Array], beyond: Any) -> Array:
+    """A majorant (d, d) of a noise's structure; for a structure with a majorant of its own, the largest at the states.
+
+    The second kind stands for several Hamiltonians, is singular where ∇H_0 = 0, and has no bound over a box.
+    """
+    if isinstance(structure, PolynomialMap) or not hasattr(structure, "majorant"):
+        return majorant_over(structure, None, states, beyond)
+    return np.asarray(np.max([structure.majorant(y) for y in states], axis=0))
+
+
+def _any_gradient(problem: Problem, y0: Array, y1: Array, beyond: Any) -> Array:
+    """A majorant (d,) of |∇H| and, if the noises have Hamiltonians H_j of their own, of all |∇H_j|."""
+    stated = gradient_majorant(problem, y0, y1, beyond=beyond)
     if not isinstance(problem, HamiltoniansProblem) or not problem.noise_gradients:
         return stated
-    hessians = problem.noise_hessians or (None,) * problem.noises
-    alike = zip(problem.noise_gradients, hessians, strict=True)
-    return np.max([stated, *(_slope_majorant(g, H, y) for g, H in alike for y in (y0, y1))], axis=0)
+    none = (None,) * problem.noises
+    hessians, potentials = problem.noise_hessians or none, problem.noise_hamiltonians or none
+    alike = zip(problem.noise_gradients, hessians, potentials, strict=True)
+    return np.max([stated, *(majorant_over(g, H, (y0, y1), beyond, V) for g, H, V in alike)], axis=0)
 
 
 def energy_bound(problem: Problem, y0: Array, y1: Array, residual: Array) -> Any:
