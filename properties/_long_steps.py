@@ -13,7 +13,7 @@ from sepv.problems import planes
 from sepv.record import poly
 from sepv.verification._cases.case import Case
 from sepv.verification._cases.fixed_cases import FAST, longest, split
-from sepv.verification._contraction import CONTRACTION
+from sepv.verification._tolerance import CONTRACTION
 
 
 @cache

@@ -1,13 +1,14 @@
 """A step from y0 to y1 and a step back: the measurement of the laws "symmetry" and "reversibility", and its bound.
 
-Let Φ be the step and Ψ the step back in exact arithmetic, Ψ∘Φ = id. A rounding at the end of the first step or at the
-start of the way back reaches y0′ as Ψ′ times itself. One at the start of the first step or at the end of the way back
-arrives unchanged, and one between them as it is between both. So |y0′ − y0| ≤ (I + |Ψ′|) r, where r is the sum of the
-residuals that the roundings of two steps may cause (`sepv.verification._tolerance`). Ψ′ comes from the scheme's own
-step back, from states next to y1: a scheme may have another equation than (2.1), which moves far where (2.1) hardly
-moves, and its rounding errors grow as that equation makes them grow. For (2.1), y1 = y0 + R(y0, y1), a residual r moves
-y0′ by (I + ∂R/∂y0)⁻¹ r. Because Ψ′ = (I + ∂R/∂y0)⁻¹(I − ∂R/∂y1), and both derivatives of R are equal up to O(Δ²), this
-is ½(I + Ψ′) r, half of the bound.
+Let Φ be the step and Ψ the step back in exact arithmetic, Ψ∘Φ = id. A rounding at the end of the
+first step or at the start of the way back reaches y0′ as Ψ′ times itself. One at the start of the
+first step or at the end of the way back arrives unchanged, and one between them as it is between
+both. So |y0′ − y0| ≤ (I + |Ψ′|) r, where r is the sum of the residuals that the roundings of two
+steps may cause (`sepv.verification._tolerance`). Ψ′ comes from the scheme's own step back, from
+states next to y1: a scheme may have another equation than (2.1), which moves far where (2.1) hardly
+moves, and its rounding errors grow as that equation makes them grow. For (2.1), y1 = y0 + R(y0,
+y1), a residual r moves y0′ by (I + ∂R/∂y0)⁻¹ r. Because Ψ′ = (I + ∂R/∂y0)⁻¹(I − ∂R/∂y1), and both
+derivatives of R are equal up to O(Δ²), this is ½(I + Ψ′) r, half of the bound.
 """
 
 from __future__ import annotations
@@ -29,7 +30,8 @@ from sepv.verification._tolerance import state_ulp, step_residual
 def measured(scheme: Scheme, case: Case, back: Callable[[Array], Array]) -> Measurement:
     """Measure |y0′ − y0| after the step of the case from y0 to y1 and the step back y0′ = back(y1).
 
-    The derivative of the way back costs d further steps. They are made only if |y0′ − y0| exceeds r.
+    The derivative of the way back costs d further steps. They are made only if |y0′ − y0| exceeds
+    r.
     """
     problem, y, h, dW = case.build()
     y1 = ask(scheme, problem, y, h, dW)
@@ -48,7 +50,8 @@ def measured(scheme: Scheme, case: Case, back: Callable[[Array], Array]) -> Meas
 def _moved(back: Callable[[Array], Array], y1: Array, returned: Array, k: int, width: float) -> Array | float:
     """The change |back(y1 ± w e_k) − back(y1)| (d,), w = `width`, with the first sign for which the step succeeds.
 
-    NaN if it succeeds for no sign: then nothing tells how roundings grow, and the case has no bound.
+    NaN if it succeeds for no sign: then nothing tells how roundings grow, and the case has no
+    bound.
     """
     for sign in (1.0, -1.0):
         near = y1.copy()

@@ -10,8 +10,8 @@ from sepv.problems import nambu_system
 from sepv.record import EPS, Polynomial, poly
 from sepv.schemes import Scheme, ask
 from sepv.verification import Case, Cases, Effort, Measurement, require, searched, state_ulp, step_residual
-from sepv.verification._contraction import CONTRACTION, contraction_radius, has_majorants
-from sepv.verification._tolerance import majorants, operations
+from sepv.verification._contraction import contraction_radius, has_majorants
+from sepv.verification._tolerance import CONTRACTION, majorants, operations
 
 
 def correction_rounding(problem: Problem, y0: Array, y1: Array, h: float) -> Array:

@@ -269,8 +269,12 @@ MECHANICAL = (
 SCHEMES: tuple[Scheme, ...] = (
     *MECHANICAL,
     Scheme(
-        "unit-masses", _unit_masses, ("identity", "symmetry", "reversibility", "random-step", "noise-sum"),
-        "Störmer-Verlet of another Hamiltonian", systems=Systems.MECHANICAL, batched=True,
+        "unit-masses",
+        _unit_masses,
+        ("identity", "symmetry", "reversibility", "random-step", "noise-sum"),
+        "Störmer-Verlet of another Hamiltonian",
+        systems=Systems.MECHANICAL,
+        batched=True,
     ),
     Scheme(
         name="kept-force",

@@ -24,14 +24,17 @@ class Record(NamedTuple):
 
 @lru_cache(maxsize=256)
 def recorded(function: Function, dimension: int, *, differentiated: bool = False) -> Record | None:
-    """The record of a function of y or, if `differentiated`, of its gradient; None if it cannot be recorded."""
+    """The record of a function of y or, if `differentiated`, of its gradient.
+
+    It is None if the function cannot be recorded.
+    """
     tape = Tape()
     y = tape.vector(dimension)
     try:
         values = tape.symbols(function(y))
         values = (gradient(values[()], y) if differentiated else values).ravel()
         return Record(y, values, jacobian(values, y))
-    except Exception:  # noqa: BLE001 - a user's function may raise anything if it is called with symbols
+    except Exception:
         return None
 
 
@@ -40,9 +43,10 @@ def over_box(
 ) -> Array | None:
     """A bound of |F| + |F′||y| over the box with corners y0 and y1 (d, ...), enlarged by `beyond` on each side.
 
-    F is the function or, if `differentiated`, its gradient; the result is (entries of F, ...). Where it is infinite,
-    because the box leaves the domain of F, it is the largest bound over PIECES boxes along the segment from y0 to y1.
-    Entries that are infinite there too are 0. None if the function cannot be recorded.
+    F is the function or, if `differentiated`, its gradient; the result is (entries of F, ...).
+    Where it is infinite, because the box leaves the domain of F, it is the largest bound over
+    PIECES boxes along the segment from y0 to y1. Entries that are infinite there too are 0. None if
+    the function cannot be recorded.
     """
     record = recorded(function, len(y0), differentiated=differentiated)
     if record is None:

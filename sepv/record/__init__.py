@@ -1,9 +1,10 @@
 """Records: the operations of a NumPy function as straight-line code that can be differentiated, averaged and printed.
 
-A function that consists of indexing, arithmetic and NumPy's elementwise functions is called once with arrays of
-symbols, and its operations are listed on a tape. Read `_symbols` first (the tape), then `_derivative`, `_expand`,
-`_means` (averages of gradients along a segment in closed form), `_intervals` (bounds over a box) and `_arrays` (NumPy
-code). `_polynomial` has polynomials as data. `sepv.simulate` prints records as code to be compiled.
+A function that consists of indexing, arithmetic and NumPy's elementwise functions is called once
+with arrays of symbols, and its operations are listed on a tape. Read `_symbols` first (the tape),
+then `_derivative`, `_expand`, `_means` (averages of gradients along a segment in closed form),
+`_intervals` (bounds over a box) and `_arrays` (NumPy code). `_polynomial` has polynomials as data.
+`sepv.simulate` prints records as code to be compiled.
 """
 
 from __future__ import annotations

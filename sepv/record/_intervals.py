@@ -1,9 +1,9 @@
 """Interval arithmetic: bounds of a recorded function over a box of states (R. E. Moore, *Interval Analysis*, 1966).
 
-An interval [low, high] holds all values of an expression whose inputs lie in intervals. Bounds are not rounded outward:
-they serve as scales of rounding errors, for which a relative error of a few roundings is no matter. An operation that
-is undefined somewhere in its interval, such as 1/x next to 0, gives an infinite bound. Ends may be arrays, one for each
-box of a batch.
+An interval [low, high] holds all values of an expression whose inputs lie in intervals. Bounds are
+not rounded outward: they serve as scales of rounding errors, for which a relative error of a few
+roundings is no matter. An operation that is undefined somewhere in its interval, such as 1/x next
+to 0, gives an infinite bound. Ends may be arrays, one for each box of a batch.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Interval(NamedTuple):
 
 
 class Truth(NamedTuple):
-    """The values that a condition takes on a box: `always` if it holds everywhere, `ever` if it holds somewhere."""
+    """The values of a condition on a box: `always` where it holds everywhere, `ever` somewhere."""
 
     always: Any
     ever: Any
@@ -86,7 +86,9 @@ def _wave(a: Interval, value: Callable[[Any], Any], crest: float) -> Interval:
     low, high = _hull(value(a.low), value(a.high))
 
     def passes(place: float) -> Any:
-        return np.floor((np.asarray(a.high) - place) / math.tau) >= np.ceil((np.asarray(a.low) - place) / math.tau)
+        return np.floor((np.asarray(a.high) - place) / math.tau) >= np.ceil(
+            (np.asarray(a.low) - place) / math.tau
+        )
 
     return Interval(np.where(passes(crest + math.pi), -1.0, low), np.where(passes(crest), 1.0, high))
 
@@ -114,7 +116,9 @@ def _function(name: str, a: Interval) -> Interval:
 def _select(condition: Any, a: Any, b: Any) -> Interval:
     either = _hull(a.low, b.low).low, _hull(a.high, b.high).high
     first, never = condition.always, np.logical_not(condition.ever)
-    return Interval(*(np.where(first, x, np.where(never, y, z)) for x, y, z in zip(a, b, either, strict=True)))
+    return Interval(
+        *(np.where(first, x, np.where(never, y, z)) for x, y, z in zip(a, b, either, strict=True))
+    )
 
 
 _OPERATIONS: dict[str, Callable[..., Any]] = {

@@ -39,8 +39,9 @@ def replay(
 ) -> list[Any]:
     """The values of recorded outputs, computed from `values` {line number: value} of inputs or of other lines.
 
-    `function` evaluates an elementary function, given its name and argument, and `operations` all other operations,
-    by default those of Python's operators. An input without value raises KeyError.
+    `function` evaluates an elementary function, given its name and argument, and `operations` all
+    other operations, by default those of Python's operators. An input without value raises
+    KeyError.
     """
     outputs = list(outputs)
     computed: dict[int, Any] = {}

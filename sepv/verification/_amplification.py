@@ -9,14 +9,15 @@ from sepv.reference.equations_by_class import equation_for
 from sepv.reference.steps import step_condition
 from sepv.schemes import Scheme, gauss_amplification
 from sepv.verification._cases.case import Case
-from sepv.verification._contraction import CONTRACTION, has_majorants
+from sepv.verification._contraction import has_majorants
+from sepv.verification._tolerance import CONTRACTION
 
 
 def amplification(scheme: Scheme, case: Case) -> float:
     """A bound of ‖(I − ∂R/∂y1)⁻¹‖_∞ for a step y1 = y0 + R, if R is known to contract by a factor κ.
 
-    It is 1/(1 − κ) if R contracts in |·|_∞, and |I + R′(I − R′)⁻¹|_∞ ≤ 1 + √d κ/(1 − κ) if it contracts in |·|_2
-    (`contraction_radius`), which is the larger of both.
+    It is 1/(1 − κ) if R contracts in |·|_∞, and |I + R′(I − R′)⁻¹|_∞ ≤ 1 + √d κ/(1 − κ) if it
+    contracts in |·|_2 (`contraction_radius`), which is the larger of both.
     """
     # For several Hamiltonians that are functions, R contracts inside a measured radius; no reference has the equation.
     problem = case.build()[0]

@@ -11,9 +11,7 @@ from sepv.problem import Array, HamiltoniansProblem, PolynomialSystem, Problem, 
 from sepv.problems import build
 from sepv.record import PolynomialMap
 from sepv.verification._cases.case import Case
-from sepv.verification._tolerance import CONTRACTION as CONTRACTION
-from sepv.verification._tolerance import majorants, pushes
-
+from sepv.verification._tolerance import CONTRACTION, majorants, pushes
 
 # The number of powers of AᵀA that make x near to the largest eigenvector, in `_spectral_norm`.
 POWERS = 8
@@ -45,22 +43,25 @@ def shortened(case: Case) -> Case:
 def contraction_radius(problem: Problem, y: Array) -> float:
     """A radius for |h| + Σ|c_jΔW_j| inside which the steps of the schemes named below are contractions from y.
 
-    Let y1 = y0 + R(z) be the step's equation, z = y1 − y0, |Δ| = |h| + Σ|c_jΔW_j| and κ = CONTRACTION. M_B ≥ |B|,
-    M_g ≥ |∇H|, |B′| and D ≥ |H″| are bounds on the ball |z|_∞ ≤ r, and G = |M_B M_g|_∞. If |Δ| ≤ radius, y0 + R maps
-    this ball into itself and contracts, so that it has one solution there:
+    Let y1 = y0 + R(z) be the step's equation, z = y1 − y0, |Δ| = |h| + Σ|c_jΔW_j| and κ =
+    CONTRACTION. M_B ≥ |B|, M_g ≥ |∇H|, |B′| and D ≥ |H″| are bounds on the ball |z|_∞ ≤ r, and G =
+    |M_B M_g|_∞. If |Δ| ≤ radius, y0 + R maps this ball into itself and contracts, so that it has
+    one solution there:
 
-    - by κ in |·|_∞, for schemes that evaluate B and ∇H between y0 and y1 or at coordinate increments: then |R| ≤ |Δ|G,
-      and R has the Lipschitz constant |Δ|L, L = |(|B′|M_g + M_B D)|_∞. (2.1) needs half of L.
-    - by κ times the Lebesgue constant max_j b_j⁻¹∫|ℓ_j| ≤ 1.57, for s ≤ 6 stages of Gauss collocation: their stages are
-      y0 + Σ_j (∫₀^τ ℓ_j) z_j, where the sums Σ_j |∫₀^τ ℓ_j| are at most 1.
-    - by κ in |·|_2, for the midpoint discrete gradient of Gonzalez, (I − P)m + Pa with m = ∇H(ȳ), a = ∇̄H, P = eeᵀ and
-      e = z/|z|_2. Its derivative along w is ½(I − P)H″w + P∫τH″w + (w⊥eᵀ + e w⊥ᵀ)(a − m)/|z|_2, w⊥ = (I − P)w. With
-      |a − m|_2 ≤ ¼|D|_2|z|_2 the norm is at most (√½ + ¼)|D|_2, so |Δ|(½|N|_2 + |M_B|_2|D|_2) bounds the Lipschitz
-      constant, N = |B′|(M_g + ¼|D|_2 r). Also |P(a − m)|_i = |e_i||eᵀ(a − m)| ≤ ¼|D|_2|z_i|, so
-      |R|_∞ ≤ |Δ|(G + ¼|M_B|_∞|D|_2 r).
+    - by κ in |·|_∞, for schemes that evaluate B and ∇H between y0 and y1 or at coordinate
+      increments: then |R| ≤ |Δ|G, and R has the Lipschitz constant |Δ|L, L = |(|B′|M_g + M_B D)|_∞.
+      (2.1) needs half of L.
+    - by κ times the Lebesgue constant max_j b_j⁻¹∫|ℓ_j| ≤ 1.57, for s ≤ 6 stages of Gauss
+      collocation: their stages are y0 + Σ_j (∫₀^τ ℓ_j) z_j, where the sums Σ_j |∫₀^τ ℓ_j| are at
+      most 1.
+    - by κ in |·|_2, for the midpoint discrete gradient of Gonzalez, (I − P)m + Pa with m = ∇H(ȳ), a
+      = ∇̄H, P = eeᵀ and e = z/|z|_2. Its derivative along w is ½(I − P)H″w + P∫τH″w + (w⊥eᵀ + e
+      w⊥ᵀ)(a − m)/|z|_2, w⊥ = (I − P)w. With |a − m|_2 ≤ ¼|D|_2|z|_2 the norm is at most (√½ +
+      ¼)|D|_2, so |Δ|(½|N|_2 + |M_B|_2|D|_2) bounds the Lipschitz constant, N = |B′|(M_g + ¼|D|_2
+      r). Also |P(a − m)|_i = |e_i||eᵀ(a − m)| ≤ ¼|D|_2|z_i|, so |R|_∞ ≤ |Δ|(G + ¼|M_B|_∞|D|_2 r).
 
-    For these |Δ| ≤ min(r/(G + ¼|M_B|_∞|D|_2 r), κ/max(L, ½|N|_2 + |M_B|_2|D|_2)) is enough. `problem` must be polynomial
-    data.
+    For these |Δ| ≤ min(r/(G + ¼|M_B|_∞|D|_2 r), κ/max(L, ½|N|_2 + |M_B|_2|D|_2)) is enough.
+    `problem` must be polynomial data.
     """
     return contraction_ball(problem, y)[0]
 
@@ -100,7 +101,8 @@ def _ball(problem: Problem, y: Array) -> tuple[float, float]:
 def _spectral_norm(A: Array) -> Array:
     """An upper bound (K,) of |A|_2 of K matrices (d, d, K) without negative entries.
 
-    |A|_2² is the spectral radius of AᵀA, and at most max_i (AᵀAx)_i/x_i for each x > 0 (L. Collatz, Math. Z. 48, 1942).
+    |A|_2² is the spectral radius of AᵀA, and at most max_i (AᵀAx)_i/x_i for each x > 0 (L. Collatz,
+    Math. Z. 48, 1942).
     """
     size = A.max(axis=(0, 1))
     unit = A / np.where(size > 0, size, 1.0)

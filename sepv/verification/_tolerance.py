@@ -4,15 +4,17 @@ Notation: a step leads from y0 to y1; Δ = h + Σ_j c_jΔW_j; u = eps/2; |·| of
 average of ∇H from y0 to y1. M_g ≥ |∇H|, M_B ≥ |B| and M_C ≥ |∇C| are majorants (sums of the absolute values of all
 terms). Rounding errors are relative to the majorants, even if terms cancel.
 
-**Majorants** bound the functions wherever a step evaluates them, not at y0 and y1 alone: ∇H = (y2y3, y1y3, y1y2) vanishes
-nearly at (1, δ, δ) and at (δ, 1, δ), but not between. They hold on the box with the corners y0 and y1, which contains
-the segment of (2.1) and the edges of coordinate increments. Of a polynomial the majorant is the sum of the absolute
-terms at max(|y0_i|, |y1_i|). Of another function F it is |F| + |F′||y|, where the second term is the effect of one
-rounding of y on a well-written F, enclosed over the box by interval arithmetic (`sepv.problem._enclosures`), and at
-least its value at the ends. Of a function that cannot be recorded it is the largest value at SAMPLES states of the
-segment, which is an estimate. A collocation polynomial u of s ≤ 6 stages deviates from the segment by at most
-max_τ Σ_j |∫₀^τ ℓ_j − τ b_j| < ½ times the largest z_i − z_j (below), which inside the contraction radius is at most
-twice CONTRACTION·|y1 − y0|. So for s > 1 the box is larger by CONTRACTION·|y1 − y0| on each side.
+**Majorants** bound the functions wherever a step evaluates them, not at y0 and y1 alone: ∇H =
+(y2y3, y1y3, y1y2) vanishes nearly at (1, δ, δ) and at (δ, 1, δ), but not between. They hold on the
+box with the corners y0 and y1, which contains the segment of (2.1) and the edges of coordinate
+increments. Of a polynomial the majorant is the sum of the absolute terms at max(|y0_i|, |y1_i|). Of
+another function F it is |F| + |F′||y|, where the second term is the effect of one rounding of y on
+a well-written F, enclosed over the box by interval arithmetic (`sepv.problem._enclosures`), and at
+least its value at the ends. Of a function that cannot be recorded it is the largest value at
+SAMPLES states of the segment, which is an estimate. A collocation polynomial u of s ≤ 6 stages
+deviates from the segment by at most max_τ Σ_j |∫₀^τ ℓ_j − τ b_j| < ½ times the largest z_i − z_j
+(below), which inside the contraction radius is at most twice CONTRACTION·|y1 − y0|. So for s > 1
+the box is larger by CONTRACTION·|y1 − y0| on each side.
 
 **Residual.** A step solves y1 = y0 + R with R = ΔB∇̄H. If it does so as well as binary64 allows, then |y1 − y0 − R| ≤ r
 with r_i = K u (max(|y0|_∞, |y1|_∞) + |Δ|₁ Σ_j M_B,ij M_g,j) in component i, where |Δ|₁ = |h| + Σ_j |c_j ΔW_j|.
@@ -79,7 +81,10 @@ def majorant_over(
     beyond: Any = 0.0,
     potential: Function | None = None,
 ) -> Array:
-    """A majorant of |function| over a box ("Majorants" in the module); `function` is the gradient of a `potential`."""
+    """A majorant of |function|, the gradient of a `potential` if there is one, over a box.
+
+    See "Majorants" in the module. Of one state it is the majorant there.
+    """
     if isinstance(function, PolynomialMap):
         return function.majorant(np.max(np.abs(states), axis=0) + beyond)
     y0, y1 = states[0], states[-1]
@@ -193,7 +198,8 @@ def _of_polynomials(function: object, reach: Array) -> Array:
 def _of_noise(structure: Any, states: Sequence[Array], beyond: Any) -> Array:
     """A majorant (d, d) of a noise's structure; for a structure with a majorant of its own, the largest at the states.
 
-    The second kind stands for several Hamiltonians, is singular where ∇H_0 = 0, and has no bound over a box.
+    The second kind stands for several Hamiltonians, is singular where ∇H_0 = 0, and has no bound
+    over a box.
     """
     if isinstance(structure, PolynomialMap) or not hasattr(structure, "majorant"):
         return majorant_over(structure, None, states, beyond)

@@ -23,7 +23,7 @@ from sepv.verification._cases.classes import CLASSES
 from sepv.verification._cases.from_problem import near
 from sepv.verification._cases.random_cases import Parts, single
 from sepv.verification._cases.strata import Stratum
-from sepv.verification._contraction import CONTRACTION
+from sepv.verification._tolerance import CONTRACTION
 
 # Strategies for users.
 __all__ = [

@@ -48,7 +48,9 @@ def test_no_value_inside_the_box_exceeds_the_bound(name: str) -> None:
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_each_elementary_function_is_bounded_on_intervals_of_every_length(name: str) -> None:
     rng, value = np.random.default_rng(1), FUNCTIONS[name].value
-    least = {"log": 0.01, "sqrt": 0.0, "log1p": -0.9, "log1p_ratio": -0.9, "log1p_ratio_slope": -0.9}.get(name, -4.0)
+    least = {"log": 0.01, "sqrt": 0.0, "log1p": -0.9, "log1p_ratio": -0.9, "log1p_ratio_slope": -0.9}.get(
+        name, -4.0
+    )
     ends = np.sort(rng.uniform(least, 4.0, (2, 300)), axis=0)
     ends[1, :100] = ends[0, :100] + 1e-3 * (ends[1, :100] - ends[0, :100])
     found = bound(lambda y: y[0].apply(name), ends[:1], ends[1:])

@@ -160,7 +160,8 @@ def test_majorants_of_functions_bound_the_terms_on_the_whole_segment(name: str) 
             assert np.all(np.abs(problem.structure(y)) <= B * (1 + SAME))
         for y in (y0, y1):
             assert np.all(tolerance.gradient_majorant(problem, y) <= g * (1 + SAME))
-        assert np.all(np.isfinite(g)) and np.all(np.isfinite(B))
+        assert np.all(np.isfinite(g))
+        assert np.all(np.isfinite(B))
 
 
 def test_several_structures_have_the_residual_of_the_largest() -> None:
@@ -171,7 +172,9 @@ def test_several_structures_have_the_residual_of_the_largest() -> None:
         """What the residual has beside the state itself, max|y| = 3, for G_j = factor · B."""
         several = StructuresProblem(
             3, B, drift.hamiltonian, drift.gradient, noise=(1.0,) * len(factors), check=False,
-            noise_structures=tuple(poly.PolynomialMap((3, 3), tuple(poly.scale(f, p) for p in B.rows)) for f in factors),
+            noise_structures=tuple(
+                poly.PolynomialMap((3, 3), tuple(poly.scale(f, p) for p in B.rows)) for f in factors
+            ),
         )  # fmt: skip
         dW = np.resize([0.1, 0.0], len(factors))
         residual = tolerance.step_residual(several, y, x, 0.1, dW)
@@ -286,7 +289,9 @@ def test_another_quadrature_is_allowed_its_own_roundings_and_no_more() -> None:
     assert np.all(quadrature_rounding(problem, 1e300 * y, y, 1e300, dW) == 0)
 
 
-@pytest.mark.parametrize("scheme", [gonzalez, itoh_abe, energy_preserving], ids=["gonzalez", "itoh-abe", "(2.1)"])
+@pytest.mark.parametrize(
+    "scheme", [gonzalez, itoh_abe, energy_preserving], ids=["gonzalez", "itoh-abe", "(2.1)"]
+)
 def test_equations_of_steps_contract_inside_the_radius(scheme: Any) -> None:
     """R maps the ball into itself, and contracts by κ: in the largest component, for Gonzalez in the Euclidean norm."""
     rng, order = np.random.default_rng(2), 2 if scheme is gonzalez else np.inf

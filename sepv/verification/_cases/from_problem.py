@@ -26,8 +26,8 @@ from sepv.problem import (
     sample_states,
 )
 from sepv.verification._cases.case import Case
-from sepv.verification._contraction import CONTRACTION, contraction_radius
-from sepv.verification._tolerance import pushes, slopes
+from sepv.verification._contraction import contraction_radius
+from sepv.verification._tolerance import CONTRACTION, pushes, slopes
 
 # Names of problems whose H, B and ∇H the references compute in extended precision.
 EXACT_NAMES = frozenset(named.PAPER)
