@@ -19,7 +19,17 @@ from sepv.files import cache_folder
 
 # The commands by heading, in the order of --help: each name is that of its module in `sepv.commands`.
 GROUPS = {
-    "Commands": ("verify", "compare", "bench", "run", "reproduce", "report", "list", "completion"),
+    "Commands": (
+        "verify",
+        "compare",
+        "bench",
+        "run",
+        "reproduce",
+        "report",
+        "trajectory",
+        "list",
+        "completion",
+    ),
     "Other libraries": ("peers",),
     "For specialists": ("exact", "step", "ulps", "hard", "growth", "solvability", "teeth"),
 }

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from sepv.studies import _energy_growth as energy_growth
     from sepv.studies import _energy_without_noise as energy_without_noise
     from sepv.studies import _picture as picture
+    from sepv.studies import _trajectory as trajectory
     from sepv.studies import _ulps as ulps
     from sepv.studies._bench import cases as bench_cases
     from sepv.studies._bench import pairs as bench_pairs
@@ -74,6 +75,7 @@ __getattr__, __dir__ = lazily(
         "_solvability.map": "Map solvability_map",
         "_solvability.paths": "Exits follow_paths",
         "_solvability.picture": "draw_solvability=draw",
+        "_trajectory": "*trajectory",
         "_ulps": "*ulps",
     },
 )
