@@ -40,7 +40,7 @@ _RANKS = (Verdict.VIOLATED, Verdict.ERROR, Verdict.INCONCLUSIVE, Verdict.HOLDS)
 
 def run(law: Law, scheme: Scheme, own: Run) -> Finding:
     """Judge the trend and the power of h on all orbits. Report the worst: first by verdict, then by `Judged.share`."""
-    if scheme.asks or scheme.systems in OF_SEVERAL:
+    if scheme.asks or scheme.systems in OF_SEVERAL - {Systems.MATRIX_HAMILTONIANS}:
         why = "the scheme is for several fields, which c = () leaves alone"
         return law.finding(Verdict.NOT_APPLICABLE, message=why)
     effort, found, lines, skipped = own.effort, list[tuple[Judged, Orbits]](), list[str](), list[str]()
@@ -54,7 +54,10 @@ def run(law: Law, scheme: Scheme, own: Run) -> Finding:
         found += [(each, orbits) for each in judged]
         lines.append(f"{orbits.name}: " + "; ".join(each.text for each in judged))
     if not found:
-        why = "\n".join(skipped) or "the class has no mechanical systems, of which theory speaks"
+        why = (
+            "\n".join(skipped)
+            or "the class has no mechanical systems or rigid bodies, of which theory speaks"
+        )
         return law.finding(Verdict.NOT_APPLICABLE, message=why)
     worst, orbits = min(found, key=lambda each: (_RANKS.index(each[0].verdict), -each[0].share))
     if worst.verdict is not Verdict.HOLDS:

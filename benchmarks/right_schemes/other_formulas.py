@@ -141,6 +141,23 @@ def _turned_about_axes(problem: Problem, y: Array, h: float, dW: Array) -> Array
     return y
 
 
+def _turned_about_lines(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """A splitting for rigid bodies with any inertia tensor: K = I⁻¹ is a sum of w vvᵀ, and each part turns y about v.
+
+    The v are the axes e_i, with w = K_ii, and (e_i ± e_j)/√2, with w = ±K_ij, since y_i y_j = ½(v₊·y)² − ½(v₋·y)².
+    """
+    delta, axes = float(problem.random_step(h, dW)), np.eye(3)
+    K = np.stack([problem.gradient(e) for e in axes], axis=1)
+    parts = [(K[i, i], axes[i]) for i in range(3)]
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        parts += [(sign * K[i, j], np.sqrt(0.5) * (axes[i] + sign * axes[j])) for sign in (1.0, -1.0)]
+    for weight, v in (*parts, *reversed(parts)):
+        angle, along = -0.5 * delta * weight * (v @ y), (v @ y) * v
+        across = np.array([v[1] * y[2] - v[2] * y[1], v[2] * y[0] - v[0] * y[2], v[0] * y[1] - v[1] * y[0]])
+        y = y + np.sin(angle) * across - 2 * np.sin(0.5 * angle) ** 2 * (y - along)
+    return y
+
+
 def _pushed_at_once(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """Add all of the additive noise, then take a step of (2.1) without noise.
 
@@ -424,6 +441,23 @@ SCHEMES: tuple[Scheme, ...] = (
         claims=("casimir", "poisson-map", "volume", "symmetry", "noise-sum", "random-step"),
         mean_square_order=1.0,
         source="exact flows of the parts of H = Σ y_i²/2I_i, composed symmetrically, without a look at B",
+        systems=Systems.PRINCIPAL_BODIES,
+    ),
+    Scheme(
+        name="turned-about-lines",
+        step=_turned_about_lines,
+        claims=(
+            "casimir",
+            "poisson-map",
+            "volume",
+            "symmetry",
+            "noise-sum",
+            "random-step",
+            "long-time-energy",
+        ),
+        mean_square_order=1.0,
+        order=2,
+        source="exact flows of nine parts of H = ½ yᵀI⁻¹y, composed symmetrically",
         systems=Systems.RIGID_BODIES,
     ),
     replace(

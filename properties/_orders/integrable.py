@@ -8,27 +8,32 @@ closed (V.1 and XI). Both apply to the orbits here: B is constant, ρ reverses t
 Problems with two degrees of freedom are two such systems in new variables q = S⁻¹Q, p = SᵀP, with a full mass matrix
 and a potential that couples the q_i. Runge-Kutta methods and compositions of kicks and drifts commute with linear maps
 of q. So both systems stay uncoupled in (Q, P). The golden ratio of their frequencies excludes a resonance (XIII).
+
+A rigid body or spin, y′ = s y × ∇H(y) with a constant s, is also integrable: y moves on a sphere, whose dimension is
+two, and a Poisson map is symplectic there. If H(ρy) = H(y) for a reflection ρ = 1 − 2vvᵀ, then ρ reverses the flow,
+because ρ(a × b) = −ρa × ρb. For H = ½ yᵀI⁻¹y each principal axis is such a v. As with momenta, v·y must change sign.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, fields, replace
+from functools import cache, lru_cache, partial
 from random import Random
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from sepv.properties._reversal import momentum_flip
+from sepv.properties._reversal import mirrors, momentum_flip, turning
 
 from sepv import problems
 from sepv.errors import Skipped
 from sepv.exact import PHASES, closed_orbit
-from sepv.problem import Array, PolynomialSystem, Problem, Systems
-from sepv.problems import canonical
+from sepv.problem import Array, HamiltoniansProblem, PolynomialSystem, Problem, Systems
+from sepv.problems import canonical, started
 from sepv.record import poly
 from sepv.verification._cases.case import quiet_problem
+from sepv.verification._cases.families import body
 
 Indices = NDArray[np.signedinteger[Any]]
 # Numbers of steps in a period at the largest step size: ωh = 0.42 and 0.45, a fifth of the leapfrog's stability limit.
@@ -38,6 +43,8 @@ GOLDEN = (1 + 5**0.5) / 2
 TAIL = 1e-4
 # The largest number of steps in a period of a user's orbit: PHASES states resolve harmonics below half their number.
 MOST_STEPS = PHASES // 2
+# The largest number of times that a body may turn in a period of its orbit.
+TURNS = 8
 
 # The sign of B, 1 for y = (q, p) and −1 for y = (p, q), and the built-in pendulum in these variables.
 _FORMS = {
@@ -57,6 +64,7 @@ class Orbits:
     states: Array
     period: float
     steps: int
+    reversed_axes: Array  # the directions (d, k) whose components the reversal ρ changes in sign
 
     @property
     def h(self) -> float:
@@ -65,11 +73,9 @@ class Orbits:
 
     @property
     def kinetic(self) -> float:
-        """The largest kinetic energy on the orbit: the range of H at the orbit's states with the momenta set to 0."""
-        flip = momentum_flip(self.problem)
-        assert flip is not None
-        resting = np.where(flip[:, None] < 0, 0.0, self.states)
-        return float(np.ptp(self.problem.hamiltonian(resting)))
+        """The largest kinetic energy on the orbit: the range of H at the orbit's states without the reversed part."""
+        Q = self.reversed_axes
+        return float(np.ptp(self.problem.hamiltonian(self.states - Q @ (Q.T @ self.states))))
 
     def of(self, paths: int) -> Array:
         """Return `paths` of the states, (d, paths), spread over the orbit."""
@@ -87,7 +93,14 @@ class Well(NamedTuple):
 
 
 def orbits_of_class(systems: Systems, seed: int) -> tuple[Orbits, ...]:
-    """Return orbits for schemes of a class: a well, the pendulum and two coupled wells, or () for other classes."""
+    """Return orbits for schemes of a class, or () if there are none.
+
+    The orbits are those of a well, the pendulum and two coupled wells, or of two rigid bodies or a body and a spin.
+    """
+    if systems in _BODIES:
+        found = (users_orbits(make()) for make in _BODIES[systems])
+        several = systems is Systems.MATRIX_HAMILTONIANS
+        return tuple(replace(own, problem=_of_fields(own.problem)) if several else own for own in found)
     if systems not in _FORMS:
         return ()
     sign, name = _FORMS[systems]
@@ -130,7 +143,8 @@ def coupled(wells: Sequence[Well], S: Sequence[Sequence[int]], sign: float, step
     moved = [_moved(well, (5 * k + (2 * k + 1) * np.arange(PHASES)) % PHASES) for k, well in enumerate(wells)]
     position, momentum = R @ [own[1] for own in moved], np.transpose(S) @ [own[2] for own in moved]
     states = np.concatenate([position, momentum] if sign > 0 else [momentum, position])
-    return Orbits(_NAMES[n], problems.build(system), states, max(own[0] for own in moved), steps)
+    axes = np.eye(2 * n)[:, n:] if sign > 0 else np.eye(2 * n)[:, :n]
+    return Orbits(_NAMES[n], problems.build(system), states, max(own[0] for own in moved), steps, axes)
 
 
 def _moved(well: Well, phases: Indices) -> tuple[float, Array, Array]:
@@ -154,23 +168,63 @@ def users_orbits(problem: Problem) -> Orbits:
 
     Raise Skipped if the theory does not apply, or if the orbit has too many harmonics.
     """
-    if problem.dimension != 2 or problem.initial is None:
-        raise Skipped("theory speaks of one degree of freedom, from an initial state: others may be chaotic")
-    flip = momentum_flip(problem)
-    if flip is None:
+    flip, found = (momentum_flip(problem) if problem.dimension == 2 else None), mirrors(problem)
+    if problem.initial is None or (problem.dimension != 2 and not found):
+        raise Skipped(
+            "theory speaks of one degree of freedom, or a rigid body or spin with a mirror, from an initial state: "
+            "others may be chaotic"
+        )
+    if flip is None and not found:
         raise Skipped("the reversal of momenta does not reverse the flow: reversible methods may drift")
-    orbit = closed_orbit(problem, np.array(problem.initial, dtype=np.float64))
+    start = np.array(problem.initial, dtype=np.float64)
+    orbit = closed_orbit(problem, start)
     if orbit is None:
         raise Skipped("no closed orbit was found through the initial state")
-    (momentum,) = orbit.states[flip < 0]
-    if not momentum.min() < 0 < momentum.max():
+    axes = found if flip is None else [row for row, sign in zip(np.eye(2), flip, strict=True) if sign < 0]
+    crossing = [v for v in axes if (v @ orbit.states).min() < 0 < (v @ orbit.states).max()]
+    if not crossing:
         raise Skipped("the momentum keeps its sign along the orbit: reversible methods may drift")
-    B = problem.structure(orbit.states)
-    if np.ptp(B, axis=-1).any():
+    if flip is not None and np.ptp(problem.structure(orbit.states), axis=-1).any():
         raise Skipped("B is not constant: symplectic methods keep no modified energy")
-    sizes = np.max(np.abs(np.fft.rfft(problem.gradient(orbit.states), axis=1)), axis=0)
+    slopes = problem.gradient(orbit.states)
+    sizes = np.max(np.abs(np.fft.rfft(slopes, axis=1)), axis=0)
     tails = np.cumsum(sizes[::-1])[::-1] / np.sum(sizes)
     resolved = [n for n in range(STEPS[0], MOST_STEPS + 1) if tails[n - 1] <= TAIL]
-    if not resolved:
-        raise Skipped(f"the orbit is too sharp for {MOST_STEPS} steps in a period")
-    return Orbits(problem.name, problem, orbit.states, orbit.period, resolved[0])
+    # A body turns by |s∇H|h in a step, and more often than its orbit closes.
+    speed = abs(turning(problem, [start]) or 0.0) if flip is None else 0.0
+    turns = speed * float(np.max(np.linalg.norm(slopes, axis=0))) * orbit.period / (2 * np.pi)
+    steps = max([*resolved[:1], int(np.ceil(turns * STEPS[0]))])
+    if not resolved or steps > TURNS * STEPS[0]:
+        raise Skipped(
+            f"the orbit is too sharp for {MOST_STEPS} steps in a period, or has more than {TURNS} turns"
+        )
+    return Orbits(problem.name, problem, orbit.states, orbit.period, steps, np.stack(crossing[:1], axis=1))
+
+
+def _body(quaternion: tuple[float, ...], field: float = 0.0) -> Problem:
+    """A rigid body without noise, or with a `field` b, H = ½ yᵀI⁻¹y + b y_3, a spin in a field normal to two axes."""
+    data = body((1.0, 0.5, 0.25), quaternion, ())
+    if field:
+        data = replace(data, hamiltonian=poly.add(data.hamiltonian, poly.linear([0.0, 0.0, field])))
+    name = (
+        "a spin" if field else "a rigid body" if quaternion[1:] == _AXES[1:] else "a rigid body in other axes"
+    )
+    return quiet_problem(started(data, name, (0.75, 0.5, 0.25)))
+
+
+@lru_cache(maxsize=2)
+def _of_fields(body: Problem) -> Problem:
+    """The body as a problem of several Hamiltonians with no noise, for schemes that read the noises' Hamiltonians."""
+    kept = {f.name: getattr(body, f.name) for f in fields(Problem) if f.init and f.name != "data"}
+    return HamiltoniansProblem(**kept, check=False)
+
+
+# Quaternions of the axes of bodies.
+_AXES, _OTHERS = (1.0, 0.0, 0.0, 0.0), (5.0, 1.0, -2.0, 1.0)
+_turned, _principal, _spin = (cache(partial(_body, *of)) for of in ((_OTHERS,), (_AXES,), (_AXES, 0.5)))
+_BODIES = {
+    Systems.RIGID_BODIES: (_principal, _turned),
+    Systems.PRINCIPAL_BODIES: (_principal,),
+    Systems.LIE_POISSON: (_turned, _spin),
+    Systems.MATRIX_HAMILTONIANS: (_turned, _spin),
+}

@@ -261,10 +261,11 @@ def quiet_problems(scheme: Scheme) -> tuple[Problem, ...]:
 
 @lru_cache(maxsize=16)
 def _members(family: str) -> tuple[Problem, ...]:
-    """Make MEMBERS random systems of a family of problems, from states of size 1; a mass matrix, if any, is full."""
+    """Make MEMBERS random systems of a family, from states of size 1, with a full mass matrix or inertia tensor."""
     space = items(family)[0].space
     assert space is not None
-    where = {"mass": ("full",), "degree of H": ("3–4",), "|y|": ("1",), "given as": ("data",), "h": ("> 0",)}
+    where = {"mass": ("full",), "inertia": ("any tensor",)}
+    where |= {"degree of H": ("3–4",), "|y|": ("1",), "given as": ("data",), "h": ("> 0",)}
     found = [q for _, case in space.part(where).cases(0) if (q := quiet(case)) is not None]
     chosen = sorted(found, key=lambda case: -len(case.y))[:MEMBERS]
     return tuple(

@@ -55,7 +55,9 @@ class Systems(StrEnum):
     lie-poisson
         (1.1) with B linear in y.
     rigid-bodies
-        The rigid body of the paper's §4.2 with random moments of inertia.
+        The rigid body of the paper's §4.2 with a random inertia tensor, H = ½ yᵀI⁻¹y.
+    principal-bodies
+        Rigid bodies in their principal axes, H = ½ Σ y_k²/I_k, for schemes that read three moments of inertia.
     matrix-hamiltonians
         Several Hamiltonians with B of a Lie algebra of matrices: so(3), so(4) or su(3).
     separable-hamiltonians
@@ -75,6 +77,7 @@ class Systems(StrEnum):
     MECHANICAL = "mechanical"
     LIE_POISSON = "lie-poisson"
     RIGID_BODIES = "rigid-bodies"
+    PRINCIPAL_BODIES = "principal-bodies"
     MATRIX_HAMILTONIANS = "matrix-hamiltonians"
     SEPARABLE_HAMILTONIANS = "separable-hamiltonians"
     ADDITIVE = "additive"

@@ -27,7 +27,7 @@ WRONG_CLAIMS = (
 IMITATED = {
     name: scheme
     for scheme, names in {
-        "midpoint": "off-the-middle three-sweeps",
+        "midpoint": "off-the-middle three-sweeps creeping-body",
         "splitting": "time-of-place tangent-of-first scaled-a-little",
         "yoshida-4": "triple-jump-in-digits",
         "leapfrog": "force-of-first-kick kick-of-another-mass drift-of-a-rounded-step a-little-friction "

@@ -321,6 +321,18 @@ def test_one_case_of_each_kind_follows_the_design(systems: Systems) -> None:
     assert {NEAR.name, FAR[0].name} <= set(found) or systems not in (Systems.SINGLE, Systems.HAMILTONIANS)
 
 
+def test_rigid_bodies_have_products_of_inertia_and_every_size() -> None:
+    cases = [case for _, case in CLASSES[Systems.RIGID_BODIES].space.part().cases(0)]
+    full = [c for c in cases if any(sum(map(bool, e)) > 1 for e, _ in c.problem.hamiltonian.terms)]
+    assert len(full) > len(cases) / 2
+    for case in cases:
+        inverse = np.linalg.inv(case.build()[0].hessian(np.array(case.y)))
+        moments = np.sort(np.linalg.eigvalsh(inverse))
+        assert 0 < moments[2] < moments[0] + moments[1]  # it is the tensor of a body
+    sizes = [np.log10(1 / c.build()[0].hessian(np.array(c.y))[0, 0]) for c in full]
+    assert min(sizes) < -4 < 4 < max(sizes)
+
+
 @pytest.mark.parametrize(("power", "time"), [(1, 0), (-40, 3), (300, -8), (-333, 13)])
 @pytest.mark.parametrize("scheme", [energy_preserving, milstein], ids=lambda scheme: scheme.name)
 def test_a_step_in_other_units_is_the_same_step(scheme: Scheme, power: int, time: int) -> None:

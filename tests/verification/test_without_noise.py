@@ -25,6 +25,7 @@ from sepv.properties._orders.long_times import (
     weights,
 )
 from sepv.properties._orders.without_noise import RATIO, judge
+from sepv.properties._reversal import mirrors
 from sepv.reference.faults.saboteurs import SABOTEURS
 
 import sepv
@@ -220,7 +221,12 @@ def test_faults_are_seen_in_steps_of_one_state_too(name: str) -> None:
     assert verdict(SABOTEURS[name].scheme, batched=False) == "violated"
 
 
-@pytest.mark.parametrize("systems", [Systems.SINGLE, Systems.CANONICAL_SEPARABLE, Systems.MECHANICAL])
+OF_BODIES = (Systems.RIGID_BODIES, Systems.PRINCIPAL_BODIES, Systems.LIE_POISSON, Systems.MATRIX_HAMILTONIANS)
+
+
+@pytest.mark.parametrize(
+    "systems", [Systems.SINGLE, Systems.CANONICAL_SEPARABLE, Systems.MECHANICAL, *OF_BODIES]
+)
 def test_the_orbits_of_a_class_have_one_energy_and_no_harmonics_that_look_slow(systems: Systems) -> None:
     for seed in range(4):
         for orbits in orbits_of_class(systems, seed):
@@ -307,6 +313,30 @@ def test_a_reversible_method_drifts_where_the_momentum_keeps_its_sign_and_is_not
         users_orbits(turning)
     for problem, expected in ((turning, "not applicable"), (rotating(1.0), "holds")):
         says(method, "long-time-energy", expected, problems=[problem])
+
+
+@pytest.mark.parametrize(
+    ("scheme", "problem", "expected"),
+    [
+        ("isospectral-midpoint", "matrix-hamiltonians", "holds"), ("midpoint", "rigid-body", "holds"),
+        ("explicit-4", "rigid-body", "violated"), ("explicit-4", "lie-poisson", "violated"),
+    ],
+)  # fmt: skip
+def test_the_energy_of_bodies_and_spins_is_followed(scheme: str, problem: str, expected: str) -> None:
+    says(scheme, "long-time-energy", expected, problems=[problem])
+
+
+def test_a_mirror_of_a_body_is_a_principal_axis_in_which_its_motion_goes_back() -> None:
+    (body,) = (own.problem for own in orbits_of_class(Systems.RIGID_BODIES, 0)[1:])
+    y = np.array([0.7, 0.2, -0.4])
+    found = mirrors(body)
+    assert len(found) == 3
+    assert np.count_nonzero(np.abs(found) < 1e-3) == 0  # every product of inertia differs from 0
+    for v in found:
+        turned = y - 2 * (v @ y) * v
+        f, g = (body.structure(x) @ body.gradient(x) for x in (y, turned))
+        assert np.allclose(g, -(f - 2 * (v @ f) * v), rtol=1e-12, atol=1e-14)
+    assert mirrors(problems.lotka_volterra()) == []
 
 
 @pytest.mark.parametrize("name", ["henon-heiles", "lennard-jones", "lotka-volterra"])

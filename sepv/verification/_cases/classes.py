@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from functools import partial
 from random import Random
 
-from sepv.problem import Systems
+from sepv.problem import Problem, Systems
 from sepv.verification._cases import families, strata
 from sepv.verification._cases import random_cases as make
 from sepv.verification._cases.case import Case
@@ -35,7 +36,7 @@ class SystemsClass:
         Functions for the random search, which draw steps of systems that are in the class but not in the space.
     fixed : () -> cases
         Cases that are measured with every seed.
-    problems : names of problems
+    problems : names of problems, or functions that make one
         Problems on which laws about many steps run a scheme that is only for this class.
     """
 
@@ -43,7 +44,7 @@ class SystemsClass:
     named: tuple[str, ...] = ()
     more: tuple[Callable[[Random], Case | None], ...] = ()
     fixed: Callable[[], Iterable[Case]] = tuple
-    problems: tuple[str, ...] = ()
+    problems: tuple[str | Callable[[], Problem], ...] = ()
 
 
 def _space(make: strata.Make, *axes: Axis, **left: Strata) -> Space:
@@ -67,6 +68,7 @@ _MIDDLE = ("2", "3", "4–6", "7–9")
 _GENERAL = (strata.JACOBI, strata.CASIMIRS, strata.STRUCTURE)
 # Each H has fewer terms here, because a system of several fields has the terms of all fields.
 _FEWER = {"degree_of_H": ("1–2", "3–4", "5–6"), "terms_of_H": ("1–2", "3–9", "10–19")}
+_BODIES = {"degree_of_H": ("1–2",), "terms_of_H": ("3–9",)}
 _SMALL = {**_FEWER, "terms_of_H": ("1–2", "3–9")}
 
 CLASSES: dict[Systems, SystemsClass] = {
@@ -99,8 +101,12 @@ CLASSES: dict[Systems, SystemsClass] = {
         problems=("rigid-body",),
     ),
     Systems.RIGID_BODIES: SystemsClass(
-        _space(maker(families.rigid_body), d=("3",), degree_of_H=("1–2",), terms_of_H=("3–9",)),
-        problems=("rigid-body",),
+        _space(maker(families.rigid_body), strata.INERTIA, d=("3",), **_BODIES),
+        problems=("rigid-body", partial(families.small_body, (5.0, 1.0, -2.0, 1.0))),
+    ),
+    Systems.PRINCIPAL_BODIES: SystemsClass(
+        _space(maker(families.rigid_body), d=("3",), **_BODIES),
+        problems=("rigid-body", partial(families.small_body, (1.0, 0.0, 0.0, 0.0))),
     ),
     Systems.MATRIX_HAMILTONIANS: SystemsClass(
         _space(maker(families.matrix_hamiltonians, (3, 6, 8), shows=False), strata.MATRICES, kinds=_OF_PATHS,

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 from itertools import combinations
 from random import Random
 
 import numpy as np
 
-from sepv.problem import Matrix, PolynomialSystem, Structure
-from sepv.problems import HAT, canonical, matrix_system
+from sepv.problem import Matrix, PolynomialSystem, Problem, Structure
+from sepv.problems import HAT, canonical, matrix_system, started
 from sepv.record import Polynomial, poly
 from sepv.verification._cases import random_parts as some
+from sepv.verification._cases import strata
 from sepv.verification._cases.case import Case
 from sepv.verification._cases.random_cases import Parts, general, maker
 from sepv.verification._cases.strata import Levels, monomials
@@ -103,10 +106,40 @@ def lie_poisson(parts: Parts) -> PolynomialSystem:
 
 
 def rigid_body(parts: Parts) -> PolynomialSystem:
-    """The rigid body of §4.2 with random moments of inertia I_k: H = ½ Σ w_k y_k², w_k = 1/I_k a multiple of 1/8."""
+    """The rigid body of §4.2 with a random inertia tensor I, H = ½ yᵀI⁻¹y, in its principal axes or in any others.
+
+    The principal moments are I_k = Σ_j s_j − s_k for second moments s_j of the mass, from 1/16 to 1, so that no
+    moment exceeds the sum of the others: I is the tensor of some body. Its axes are turned by a random rotation.
+    """
+    spread = [2.0 ** -parts.random.uniform(0, 4) for _ in range(parts.d)]
+    turned = (
+        "inertia" in parts.levels and (strata.INERTIA.name, parts.levels["inertia"].name) != strata.IN_AXES
+    )
+    # 5v_k is no v_i v_j, so that no entry of the rotation is 0 off the diagonal, and no axis of the body stays.
+    v = [float(parts.random.choice([-3, -2, -1, 1, 2, 3])) if turned else 0.0 for _ in range(3)]
+    return body(spread, (5.0, *v), parts.noise())
+
+
+def body(spread: Sequence[float], quaternion: Sequence[float], c: tuple[float, ...]) -> PolynomialSystem:
+    """The rigid body with second moments `spread` of its mass along axes that a quaternion (w, v) turns.
+
+    The rotation is [(w² − |v|²)1 + 2vvᵀ + 2w v×]/(w² + |v|²).
+    """
     d, B, quadratic, linear = algebra("so(3)")
-    weights = [parts.random.choice([8, 4, 6, 10, 12, 16, 20, 24]) / 8 for _ in range(d)]
-    return PolynomialSystem(d, poly.squares(weights), B, parts.noise(), quadratic, linear)
+    w, v = quaternion[0], np.array(quaternion[1:])
+    cross = np.cross(np.eye(d), -v)
+    Q = ((w * w - v @ v) * np.eye(d) + 2 * np.outer(v, v) + 2 * w * cross) / (w * w + v @ v)
+    inverse = (Q / (sum(spread) - np.array(spread))) @ Q.T
+    forms = [poly.multiply(poly.variable(d, i), poly.linear(inverse[i])) for i in range(d)]
+    return PolynomialSystem(d, poly.scale(0.5, poly.add(*forms)), B, c, quadratic, linear)
+
+
+@cache
+def small_body(quaternion: tuple[float, ...]) -> Problem:
+    """A body with moments of inertia near 1e-4, as a phone has in kg m², which turns once in about six seconds."""
+    unit = 2.0**-13
+    data = body([unit * s for s in (1.0, 0.5, 0.125)], quaternion, (0.5,))
+    return started(data, "small-body", tuple(unit * y for y in (0.75, 0.5, -0.25)))
 
 
 def matrix_hamiltonians(parts: Parts) -> PolynomialSystem | None:

@@ -96,6 +96,7 @@ BATCH = _axis(
 )  # fmt: skip
 MASS = _axis("mass", "diagonal", "full")
 POTENTIAL = _axis("V", "any", "bounded below")
+INERTIA = _axis("inertia", "any tensor", "principal axes")
 ALGEBRA = _axis("algebra", "so(3)", "sl(2)", "e(2)", "heisenberg", "e(3)")
 MATRICES = _axis("matrices", "so(3)", "so(4)", "su(3)")
 STRUCTURES = _axis("structures", "any", "common Casimir", "all are B", usual=2)
@@ -141,6 +142,8 @@ RULES = (
          "cost: quadrature and Jacobian by many evaluations for thousands of states take seconds"),
 )  # fmt: skip
 HIDING = ("step/radius", "2⁻¹⁰")
+# In principal axes no product of inertia shows.
+IN_AXES = ("inertia", "principal axes")
 
 
 # In a stratum with an `end`, the share of cases beyond the usual range: smaller for integers like d, which cost time.
@@ -182,7 +185,7 @@ class Space:
     axes: tuple[Axis, ...]
     make: Make
     rules: tuple[Rule, ...] = RULES
-    beside: frozenset[tuple[str, str]] = frozenset({HIDING})
+    beside: frozenset[tuple[str, str]] = frozenset({HIDING, IN_AXES})
     pool: Space | None = None  # a space whose rows the design reuses, as their cases are made already
     kinds: tuple[Stratum, ...] = ()  # kinds of steps: one case of each kind follows the design
 

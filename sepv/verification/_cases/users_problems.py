@@ -94,7 +94,7 @@ def _item(asked: Any) -> Item:
     family = text.replace("_", "-")
     if family in FAMILIES:
         narrow = FAMILIES[Systems(family)]
-        problems = tuple(named.by_name(name) for name in narrow.problems)
+        problems = tuple(named.by_name(p) if isinstance(p, str) else p() for p in narrow.problems)
         return Item(text, narrow.space.part().strategy(), problems, space=narrow.space)
     value = load_object(text) if ":" in text and not text.endswith(".json") else asked
     if not isinstance(value, (st.SearchStrategy, Problem)) and callable(value):
