@@ -81,7 +81,7 @@ class _Path:
     def begin(self, y: Array) -> Any:
         given = y.copy()
         with translated(self.problem, y, self.h, self.dW):
-            state = self.rule.init(shown(self.problem), given)
+            state = self.rule.init(shown(self.problem, self.scheme.needs), given)
         require_unchanged(y=(y, given))
         return state
 
@@ -89,7 +89,13 @@ class _Path:
         noise = self.dW.copy()
         with translated(self.problem, y, self.h, self.dW):
             after = answer(
-                self.scheme, shown(self.problem), state, self.h, noise, any_path=True, step=self.rule.step
+                self.scheme,
+                shown(self.problem, self.scheme.needs),
+                state,
+                self.h,
+                noise,
+                any_path=True,
+                step=self.rule.step,
             )
         require_unchanged(dW=(self.dW, noise))
         return after

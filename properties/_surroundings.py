@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from sepv._arithmetic import in_words
 from sepv.errors import SchemeFault, SepvError
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme
@@ -29,8 +30,8 @@ def watched(scheme: Scheme) -> Iterator[Scheme]:
     """Context manager that gives a copy of the scheme, and on exit raises SchemeFault if a call changed global state.
 
     While the scheme runs, floating-point errors are warnings, and warnings are ignored. NumPy's error handling is
-    checked for changes at the end of each call, because `sepv.schemes._guard` undoes them. Changes by an import are
-    allowed.
+    checked for changes at the end of each call, because `sepv.schemes._guard` undoes them, and so is the arithmetic.
+    Changes by an import are allowed.
     """
     inside: dict[str, Any] = {}
 
@@ -45,6 +46,8 @@ def watched(scheme: Scheme) -> Iterator[Scheme]:
             finally:
                 inside["NumPy's error handling"] = any(value != "warn" for value in np.geterr().values())
                 inside["the filters of warnings"] = filters != list(warnings.filters)
+                # The guard of calls restores the arithmetic, so that it is looked at before.
+                inside.update({words: True for words in [in_words()] if words})
         return answer
 
     with _unusual():
@@ -62,7 +65,7 @@ def watched(scheme: Scheme) -> Iterator[Scheme]:
                 raise SchemeFault(
                     expected="a step that leaves the process as it was",
                     received=f"a change of {', '.join(changed)}",
-                    remedy="use a generator of your own, and context managers such as np.errstate",
+                    remedy="use a generator of your own, context managers such as np.errstate, and no -ffast-math",
                 )
 
 

@@ -129,7 +129,7 @@ def forgets_problems(scheme: Scheme, problem: Problem, y: Array, h: float, dW: A
     """
     if np.array_equal(first, y):  # a step that moves nothing is the same with half the noise
         return
-    whole, missed = shown(problem), 0
+    whole, missed = shown(problem, scheme.needs), 0
     # The first problem has half the noise, the last one the whole noise and half of H: a noise that was cached at their
     # address is still halved. If the scheme sees the degree of H, it may have cached this degree or its nodes.
     parts = [partial(_quadratic, whole, y)] if whole.degree is not None else [
@@ -170,6 +170,8 @@ def _as_others(problem: Problem, of_noise: float = 1.0, of_energy: float = 1.0) 
         noise=of_noise * problem.c,
         hamiltonian=times(problem.hamiltonian),
         gradient=times(problem.gradient),
+        hessian=times(problem.hessian),
+        mean_gradient=problem.mean_gradient and (lambda y0, y1: of_energy * problem.mean_gradient(y0, y1)),
         check=False,
     )
 
@@ -182,7 +184,7 @@ def _quadratic(problem: Problem, y: Array) -> Problem:
         hamiltonian=lambda y: 0.5 * s * (y * y).sum(axis=0),
         gradient=lambda y: s * y,
         hessian=lambda y: s * np.eye(d).reshape(d, d, *(1,) * (y.ndim - 1)) + np.zeros_like(y),
-        mean_gradient=None,
+        mean_gradient=problem.mean_gradient and (lambda y0, y1: 0.5 * s * (y0 + y1)),
         degree=2,
         check=False,
     )

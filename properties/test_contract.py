@@ -36,7 +36,8 @@ from sepv.errors import NotFinite, SchemeFault, SepvError, StepFailure
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.schemes import Scheme, SchemeCrash, ask, check_answer, raw_answer, require_unchanged, takes
 from sepv.verification import Case, Effort, Finding, Law, Measurement, Run, Verdict, require, searched
-from sepv.verification._cases.case import to_json, to_token
+from sepv.verification._cases.case import has_words, to_json, to_token
+from sepv.verification._fresh import SecondProcess, step_in_digits
 from sepv.verification._search_log import Check
 
 # The number of states in a batch. It is small, because the law "reproducibility" has larger batches.
@@ -57,6 +58,8 @@ TIMES = 1024
 # The step of the last case, shortened by SHORT to save iterations, is timed for TIMING seconds or MANY calls. If a
 # scheme takes batches, the time is that for one of MANY states.
 SHORT, TIMING, MANY = 0.125, 0.0625, 256
+# The number of cases whose steps are compared with those of a second process.
+ELSEWHERE = 16
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
@@ -245,7 +248,8 @@ def _step_seconds(scheme: Scheme, case: Case) -> float | None:
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
     """Search for a fault. If none is found, repeat all cases in reverse order, and try steps without solution twice.
 
-    Then repeat the step of the simplest case TIMES times, unless a stored counterexample already repeats its step.
+    Then repeat the step of the simplest case TIMES times, unless a stored counterexample already repeats its step. If a
+    new process can import the scheme, compare some steps with those of a second process.
     """
     measured: list[tuple[Case, Array | None]] = []
 
@@ -254,9 +258,47 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
         measured.append((case, None if case.times else ask(scheme, *case.build())))
         return measurement
 
-    finding = _searched(remembered).run(law, scheme, this_run)
-    if finding.verdict is not Verdict.HOLDS or not measured:
-        return finding
+    second = SecondProcess(this_run.target, this_run.problems) if this_run.target else None
+    try:
+        finding = _searched(remembered).run(law, scheme, this_run)
+        if finding.verdict is not Verdict.HOLDS or not measured:
+            return finding
+        finding = _repeated(law, scheme, this_run, finding, measured)
+        if finding.verdict is not Verdict.HOLDS or second is None:
+            return finding
+        return _elsewhere(law, scheme, finding, [case for case, _ in measured], second)
+    finally:
+        if second is not None:
+            second.end()
+
+
+def _elsewhere(
+    law: Law, scheme: Scheme, finding: Finding, cases: list[Case], second: SecondProcess
+) -> Finding:
+    """Compare steps of some cases with those of a second process, which has another PYTHONHASHSEED."""
+    chosen = [case for case in cases if not case.times and has_words(to_json(case))][:ELSEWHERE]
+    answers = second.steps([to_json(case) for case in chosen])
+    for case, there in zip(chosen, answers, strict=False):
+        here = step_in_digits(scheme, case)
+        if None not in (here, there) and here != there:
+            fault = SchemeFault(
+                expected="one answer for one question, in every process",
+                received=f"{here} here, and {there} in a second process with another PYTHONHASHSEED",
+                remedy="sort sets before sums; use no hash(), id() or process number, and no random numbers at import",
+            )
+            shown = _violated(law, finding, case, fault)
+            # One process alone repeats the step, so that the whole law is measured again.
+            return replace(shown, replay=f"--law {law.name}", afresh=Verdict.VIOLATED.value)
+    if answers:
+        return replace(finding, checks=finding.checks + len(answers))
+    note = "a second process did not answer, so that no step was compared with one of another process"
+    return replace(finding, message=f"{finding.message}\n{note}".strip())
+
+
+def _repeated(
+    law: Law, scheme: Scheme, this_run: Run, finding: Finding, measured: list[tuple[Case, Array | None]]
+) -> Finding:
+    """Repeat all cases in reverse order, and try steps without solution twice; time a step if no fault is found."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the scheme's own warnings are not findings
         simplest = _simplest(scheme, [case for case, _ in measured])

@@ -158,6 +158,16 @@ def _turned_about_lines(problem: Problem, y: Array, h: float, dW: Array) -> Arra
     return y
 
 
+def _taylor(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """y0 + Δf + ½Δ²f′f with f′ = B′∇H + BH″ from the problem's own derivatives."""
+    assert problem.structure_derivative is not None
+    assert problem.hessian is not None
+    delta, B, gradient = float(problem.random_step(h, dW)), problem.structure(y), problem.gradient(y)
+    slope = np.einsum("ijk,j->ik", problem.structure_derivative(y), gradient) + B @ problem.hessian(y)
+    f = B @ gradient
+    return np.asarray(y + delta * f + 0.5 * delta**2 * (slope @ f))
+
+
 def _pushed_at_once(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """Add all of the additive noise, then take a step of (2.1) without noise.
 
@@ -442,6 +452,15 @@ SCHEMES: tuple[Scheme, ...] = (
         mean_square_order=1.0,
         source="exact flows of the parts of H = Σ y_i²/2I_i, composed symmetrically, without a look at B",
         systems=Systems.PRINCIPAL_BODIES,
+    ),
+    Scheme(
+        name="taylor-by-derivatives",
+        step=_taylor,
+        claims=("identity", "noise-sum", "random-step", "expansion"),
+        mean_square_order=1.0,
+        order=2,
+        source="Taylor's series of the flow at the random time, with derivatives that the problem must give",
+        needs=("hessian", "structure_derivative"),
     ),
     Scheme(
         name="turned-about-lines",

@@ -6,13 +6,14 @@ A scheme must not be able to distinguish sepv's own problems from a user's. Its 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import fields, replace
 from functools import lru_cache
 from typing import Any
 from weakref import WeakKeyDictionary
 
 from sepv import problems
+from sepv.errors import Skipped
 from sepv.problem import Description, Nambu, Problem
 
 # Kinds of views, with the words by which reports describe them.
@@ -21,6 +22,8 @@ GIVEN = {
     "functions": "Python functions, with derivatives and the degree of H",
     "bare functions": "Python functions of B, H and ∇H, without derivatives, degree or closed forms",
 }
+# The attributes that a scheme may need (`Scheme.needs`).
+NEEDED = ("hessian", "structure_derivative", "mean_gradient")
 # The attributes of a problem that every view lacks, and those that the view "bare functions" lacks in addition.
 _NEVER = {"data", "name", "closed_form"}
 _DERIVED = {
@@ -32,9 +35,26 @@ _DERIVED_OF_CASIMIR = {"mean_gradient", "degree"}
 _VIEWS: WeakKeyDictionary[Problem, Problem] = WeakKeyDictionary()
 
 
-def shown(problem: Problem) -> Problem:
-    """The view of a problem for schemes: the whole problem, or functions with or without derivatives (`GIVEN`)."""
-    return _VIEWS.get(problem, problem)
+def shown(problem: Problem, needs: Iterable[str] = ()) -> Problem:
+    """The view of a problem for schemes: the whole problem, or functions with or without derivatives (`GIVEN`).
+
+    `needs` names attributes that the scheme cannot do without (`Scheme.needs`); a view that hides them gets them.
+
+    Raises
+    ------
+    Skipped
+        If the whole problem lacks one of them too: the scheme is not for this problem.
+    """
+    view = _VIEWS.get(problem, problem)
+    needed = [name for name in needs if getattr(view, name, None) is None]
+    return _with_needed(problem, view, tuple(needed)) if needed else view
+
+
+@lru_cache(maxsize=1024)
+def _with_needed(problem: Problem, view: Problem, needed: tuple[str, ...]) -> Problem:
+    if lacking := [name for name in needed if getattr(problem, name, None) is None]:
+        raise Skipped(f"the problem has no {', '.join(lacking)}, which the scheme needs")
+    return replace(view, **{name: _plain(getattr(problem, name), True) for name in needed}, check=False)
 
 
 @lru_cache(maxsize=1024)

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from sepv._arithmetic import restore
 from sepv._journal import note_step
 from sepv.errors import NotFinite, SchemeFault, SepvError, StepFailure, UsageError
 from sepv.problem import Array, Problem, is_several
@@ -102,7 +103,7 @@ def ask_next(
     """
     given, noise = scheme.numbers(y), scheme.numbers(dW)
     with translated(problem, y, h, dW):
-        y1, state = carry(scheme, shown(problem), given, state, h, noise, any_path=True)
+        y1, state = carry(scheme, shown(problem, scheme.needs), given, state, h, noise, any_path=True)
     y1 = check_answer(y1, y, scheme.dtype)
     require_unchanged(y=(scheme.numbers(y), given), dW=(scheme.numbers(dW), noise))
     return y1.astype(np.float64, copy=False), state
@@ -123,14 +124,14 @@ def require_unchanged(**arguments: tuple[Array, Array]) -> None:
 def raw_answer(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> Any:
     """The scheme's result without any check; the scheme is called with the given arrays themselves, not with copies."""
     with translated(problem, y, h, dW):
-        return answer(scheme, shown(problem), y, h, dW, any_path=True)
+        return answer(scheme, shown(problem, scheme.needs), y, h, dW, any_path=True)
 
 
 @contextmanager
 def translated(problem: Problem, y: Array, h: float, dW: Array) -> Iterator[None]:
     """A context for calls of a scheme that turns the scheme's exceptions into `Refusal` or `SchemeCrash`.
 
-    The messages name the problem, y, h and dW.
+    The messages name the problem, y, h and dW. At the end the process rounds to nearest again, with subnormal numbers.
     """
     try:
         with np.errstate(all="ignore"):
@@ -145,6 +146,8 @@ def translated(problem: Problem, y: Array, h: float, dW: Array) -> Iterator[None
             raise
         given = f"the problem {problem.name}, y of shape {y.shape}, h = {h:g}, dW of shape {dW.shape}"
         raise SchemeCrash(error, y.shape, f", called with {given}") from error
+    finally:
+        restore()
 
 
 def check_answer(answer: Any, y: Array, dtype: str = "float64", *, finite: bool = True) -> Array:
@@ -198,7 +201,7 @@ def guarded(scheme: Scheme) -> Scheme:
         given, increments = scheme.numbers(y), scheme.numbers(noise)
         noise = increments.copy()
         with translated(problem, y, h, noise):
-            y1, state = carry(scheme, shown(problem), given, state, h, noise, any_path=True)
+            y1, state = carry(scheme, shown(problem, scheme.needs), given, state, h, noise, any_path=True)
         require_unchanged(y=(scheme.numbers(y), given), dW=(increments, noise))
         check_answer(y1, y, scheme.dtype, finite=False)
         return np.asarray(y1, dtype=np.float64), state
@@ -207,7 +210,7 @@ def guarded(scheme: Scheme) -> Scheme:
         assert isinstance(scheme.step, PathSolver)
         note_step(lambda: f"{problem.name}: a path from y0 = {y0.tolist()} of {len(dW)} steps h = {h!r}")
         with translated(problem, y0, h, dW):
-            return whole(scheme.step.path, shown(problem), y0, h, dW[:, :, 0])[:, :, None]
+            return whole(scheme.step.path, shown(problem, scheme.needs), y0, h, dW[:, :, 0])[:, :, None]
 
     if isinstance(scheme.step, PathSolver):
         return replace(scheme, step=PathSolver(path), solve=None)

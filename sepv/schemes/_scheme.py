@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from sepv._arguments import floats, is_number, is_whole
 from sepv.errors import UsageError, require_one_of
 from sepv.problem import Array, Problem, Systems
+from sepv.problems.shown_to_schemes import NEEDED
 from sepv.record import EPS
 from sepv.schemes._picture_look import Look
 from sepv.schemes._point_distributions import PointLaw, point_law
@@ -101,6 +102,11 @@ class Scheme:
     dtype : "float64" or "float32"
         The type of y, dW and y_next of the step. With float32 the laws' bounds are for roundings in float32, and
         defects and bounds are in units of 2⁻²³. The suite's own computations stay in float64.
+    needs : iterable of str
+        The attributes of a problem that the step cannot do without: "hessian", "structure_derivative",
+        "mean_gradient". Users' problems may lack them, and so do some cases of laws. The scheme then gets them on every
+        case whose problem has them; other cases are left out and counted. A step with `needs` is no step for problems
+        given as functions of B and ∇H alone.
     look : Look, optional
         Colours, marker and dashes in pictures; by default a look that no other scheme of the picture has.
 
@@ -138,6 +144,7 @@ class Scheme:
     look: Look | None = None
     longest_step: float | Callable[..., bool] | None = None
     dtype: str = "float64"
+    needs: Iterable[str] = ()
 
     def __post_init__(self) -> None:
         several = isinstance(self.claims, Iterable) and not isinstance(self.claims, str)
@@ -191,6 +198,7 @@ class Scheme:
             )
         listed = isinstance(self.problems, Iterable) and not isinstance(self.problems, str)
         object.__setattr__(self, "problems", tuple(self.problems) if listed else (self.problems,))
+        object.__setattr__(self, "needs", tuple(self.needs))
         claims = {c.strip().replace("_", "-") for c in claims}
         # A scheme that solves (2.1) must refuse a step for which (2.1) has no solution.
         object.__setattr__(
@@ -247,6 +255,10 @@ _ATTRIBUTES: dict[str, tuple[Callable[[Any], Any], str]] = {
     "truncation": (lambda v: v is None or (is_whole(v) and v >= 1), "the integer k ≥ 1 of Remark 2.1"),
     "dtype": (lambda v: v in DTYPES, '"float64" or "float32"'),
     "stages": (lambda v: is_whole(v) and v >= 1, "an integer ≥ 1"),
+    "needs": (
+        lambda v: isinstance(v, Iterable) and not isinstance(v, str) and all(n in NEEDED for n in v),
+        f"names of {', '.join(NEEDED)}",
+    ),
     "asks": (lambda v: v in ASKS, '"areas", "halves" or "space-time"'),
     "longest_step": (
         lambda v: callable(v) or _is_positive(v), "a number > 0 or a function (problem, y, h, dW) -> bool",

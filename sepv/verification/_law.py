@@ -184,11 +184,15 @@ class Run:
         Errors along sampled paths; the key is the setup of the paths (`sepv.properties._setups.Setup`).
     steps : dict
         Errors of single steps; the key is the problem, which is compared by identity.
+    target, problems : str, any
+        The scheme and its problems in words that another process can load; "" if there are none.
     """
 
     effort: Effort = field(default_factory=Effort)
     paths: dict[Any, Any] = field(default_factory=dict, compare=False, repr=False)
     steps: dict[Any, Any] = field(default_factory=dict, compare=False, repr=False)
+    target: str = ""
+    problems: Any = None
 
 
 @dataclass(frozen=True)

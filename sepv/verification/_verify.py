@@ -22,7 +22,7 @@ from sepv.verification._cases import case as cases
 from sepv.verification._cases.users_problems import items
 from sepv.verification._expected_failures import Expectations, ExpectedFailure
 from sepv.verification._expected_failures import load as load_expected
-from sepv.verification._fresh import asked_afresh
+from sepv.verification._fresh import asked_afresh, words_of
 from sepv.verification._law import Effort, Finding, Law, Run, Verdict
 from sepv.verification._laws import LAWS, LOCAL, SAMPLED, laws_of, listed, load_laws, soonest
 from sepv.verification._outcome import Report
@@ -128,7 +128,7 @@ def verify(
             task = side_by_side.LawJob(named, claimed, effort, timeout, known.failures, problems)
             _side_by_side(task, chosen, jobs if workers is None else workers, receive)
         else:
-            run = Run(effort)
+            run = Run(effort, **words_of(scheme, problems))
             for law in soonest(chosen):
                 receive(law, None)
                 ask = partial(measure, law, candidate, run, timeout, known.failures.get(law.name))

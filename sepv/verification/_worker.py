@@ -43,6 +43,7 @@ def main() -> None:
 def answer(say: Any) -> None:
     """Load the scheme once, then measure the groups of laws from stdin; `say` sends a message to the parent."""
     from sepv._kept import save_all
+    from sepv.verification._fresh import words_of
     from sepv.verification._law import Run
     from sepv.verification._laws import load_laws
     from sepv.verification._verify import load_candidate, measure
@@ -54,7 +55,7 @@ def answer(say: Any) -> None:
     task = pickle.loads(rest)
     scheme = load_candidate(task.scheme, task.claims, task.problems)
     groups: SimpleQueue[list[str]] = SimpleQueue()
-    end, run = partial(_end_with_children, scheme), Run(task.effort)
+    end, run = partial(_end_with_children, scheme), Run(task.effort, **words_of(task.scheme, task.problems))
     signal.signal(signal.SIGTERM, end)
     threading.Thread(target=_read, args=(groups, end), daemon=True).start()
     open_journal(Journal(lambda *_: None, Notes(int(sys.argv[1]))))

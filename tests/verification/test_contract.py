@@ -1,5 +1,6 @@
 """What the contract sees beyond one question asked twice and what it leaves alone; steps that have no solution."""
 
+import platform
 from contextlib import nullcontext
 from dataclasses import replace
 from random import Random
@@ -16,11 +17,15 @@ from sepv.reference.faults.saboteurs import SABOTEURS
 import sepv
 from benchmarks.right_schemes import RIGHT
 from sepv import SchemeFault, StepFailure, schemes
+from sepv._arithmetic import is_default
 from sepv.problem import Array, Problem, Systems
 from sepv.schemes import Scheme, collocation, energy_preserving, midpoint
 from sepv.verification import Case, Effort, Verdict, replay, verify
 
 FEW: dict[str, Any] = {"examples": 1, "shrink_checks": 0}
+X86 = pytest.mark.skipif(
+    platform.machine() != "x86_64" or platform.libc_ver()[0] != "glibc", reason="the bits are those of x86"
+)
 
 
 @pytest.mark.parametrize(
@@ -30,12 +35,64 @@ FEW: dict[str, Any] = {"examples": 1, "shrink_checks": 0}
         ("remembers-degrees-by-id", "whichever record holds the problem"),
         ("seeds-python", "a change of Python's global random numbers"),
         ("refuses-once", "a refusal and then"),
+        pytest.param("rounds-towards-zero", "a change of the rounding mode", marks=X86),
+        pytest.param("flushes-to-zero", "a change of subnormal numbers", marks=X86),
         ("reads-memory", "however they lie in memory"),
     ],
 )
 def test_a_step_that_is_not_pure_is_found(name: str, said: str) -> None:
     with np.printoptions():
         says(SABOTEURS[name].scheme, "contract", "violated", said, **FEW)
+
+
+@pytest.mark.parametrize("name", ["rounds-towards-zero", "flushes-to-zero"])
+def test_laws_after_a_step_that_changes_the_arithmetic_compute_as_before(name: str) -> None:
+    found = verify(SABOTEURS[name].scheme, laws="identity,energy,noise-sum", effort=Effort(**FEW))
+    assert {f.verdict for f in found.findings} == {Verdict.HOLDS}
+    assert is_default()
+
+
+PROCESSES = """
+import random
+from dataclasses import replace
+from sepv.schemes import energy_preserving as right
+DRAWN = random.random()
+def scheme(spoiled):
+    def step(problem, y, h, dW):
+        return right.step(problem, y, h, dW) * (1 + 2.0 ** -40 * spoiled())
+    return replace(right, step=step, solve=None, batched=False)
+by_hash = scheme(lambda: hash("drift") % 1024)
+by_draw = scheme(lambda: DRAWN)
+by_set = scheme(lambda: "".join({"alpha", "beta", "gamma", "delta", "epsilon", "zeta"}) < "gamma")
+by_length = scheme(lambda: len("drift"))
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"), [("by_hash", "violated"), ("by_draw", "violated"), ("by_length", "holds")]
+)
+def test_a_step_has_the_same_bits_in_a_second_process(name, expected, tmp_path, monkeypatch) -> None:
+    (tmp_path / "processes.py").write_text(PROCESSES)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    said = "in a second process" if expected == "violated" else ""
+    found = finding(f"processes:{name}", "contract", **FEW)
+    assert found.verdict_text == expected
+    assert said in found.message
+    assert "did not answer" not in found.message
+
+
+def test_a_scheme_gets_the_derivatives_that_it_needs_or_the_case_is_left_out() -> None:
+    taylor = RIGHT["taylor-by-derivatives"]
+    for law in ("contract", "noise-sum"):
+        says(taylor, law, "holds", **FEW)
+        says(replace(taylor, needs=()), law, "error", "The scheme raised", **FEW)
+    bare = Problem(2, lambda y: np.array([[0.0, -1.0], [1.0, 0.0]]), lambda y: y @ y, lambda y: 2 * y, (1.0,),
+                   initial=(1.0, 0.0))  # fmt: skip
+    lacking = replace(bare, hessian=None, check=False)
+    assert lacking.hessian is None
+    says(taylor, "noise-sum", "not applicable", "no hessian", problems=[lacking], **FEW)
+    with pytest.raises(sepv.UsageError, match="needs"):
+        replace(taylor, needs=("curvature",))
 
 
 def test_a_change_of_an_argument_is_an_error_of_every_law() -> None:

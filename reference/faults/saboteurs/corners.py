@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
+import platform
 import random
 import warnings
 from typing import Any
@@ -43,6 +45,36 @@ def silences_warnings(step: Step, problem: Problem, y: Array, h: float, dW: Arra
 def counts_in_the_environment(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
     os.environ["CALLS"] = str(int(os.environ.get("CALLS", "0")) + 1)
     return step(problem, y, h, dW)
+
+
+@SABOTEURS.around("the process rounds towards zero after a step", _CONTRACT)
+def rounds_towards_zero(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    y1 = step(problem, y, h, dW)
+    change_arithmetic(_CHOP)
+    return y1
+
+
+@SABOTEURS.around(
+    "subnormal numbers become 0 after a step, as in programs compiled with -ffast-math", _CONTRACT
+)
+def flushes_to_zero(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    y1 = step(problem, y, h, dW)
+    change_arithmetic(_FLUSH)
+    return y1
+
+
+# Bits of the control register of x86's SSE unit (Intel's manual, volume 1, §10.2.3): rounding towards zero, and
+# results and operands that are subnormal taken as 0. glibc stores the register from byte 28 of the environment.
+_CHOP, _FLUSH, _PLACE = 0x6000, 0x8040, slice(28, 32)
+
+
+def change_arithmetic(bits: int) -> None:
+    """Set bits of the control register, in a process of glibc on x86; other systems keep their arithmetic."""
+    library, room = ctypes.CDLL(None), ctypes.create_string_buffer(512)
+    if platform.machine() in ("x86_64", "AMD64") and platform.libc_ver()[0] == "glibc":
+        library.fegetenv(room)
+        room[_PLACE] = (int.from_bytes(room.raw[_PLACE], "little") | bits).to_bytes(4, "little")
+        library.fesetenv(room)
 
 
 @SABOTEURS.around("y becomes read-only for the caller", _CONTRACT)
