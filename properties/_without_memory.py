@@ -163,7 +163,7 @@ def _as_others(problem: Problem, of_noise: float = 1.0, of_energy: float = 1.0) 
     """Return the problem with its c_j multiplied by `of_noise`, and H and ∇H (as new functions) by `of_energy`."""
 
     def times(function: Any) -> Any:
-        return function and (lambda y: of_energy * function(y))
+        return function and (lambda *states: of_energy * function(*states))
 
     return replace(
         problem,
@@ -171,7 +171,7 @@ def _as_others(problem: Problem, of_noise: float = 1.0, of_energy: float = 1.0) 
         hamiltonian=times(problem.hamiltonian),
         gradient=times(problem.gradient),
         hessian=times(problem.hessian),
-        mean_gradient=problem.mean_gradient and (lambda y0, y1: of_energy * problem.mean_gradient(y0, y1)),
+        mean_gradient=times(problem.mean_gradient),
         check=False,
     )
 

@@ -73,7 +73,8 @@ def change_arithmetic(bits: int) -> None:
     library, room = ctypes.CDLL(None), ctypes.create_string_buffer(512)
     if platform.machine() in ("x86_64", "AMD64") and platform.libc_ver()[0] == "glibc":
         library.fegetenv(room)
-        room[_PLACE] = (int.from_bytes(room.raw[_PLACE], "little") | bits).to_bytes(4, "little")
+        register = int.from_bytes(room.raw[_PLACE], "little") | bits
+        ctypes.memmove(ctypes.byref(room, _PLACE.start), register.to_bytes(4, "little"), 4)
         library.fesetenv(room)
 
 
