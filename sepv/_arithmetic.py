@@ -12,7 +12,7 @@ from contextlib import suppress
 
 # Variables, because a compiler of Python computes an expression of constants once.
 _one, _small, _least = 1.0, 2.0**-60, 2.0**-1022
-# What `mode` returns by default: 1 ± 2⁻⁶⁰ and −1 − 2⁻⁶⁰ round to ±1, and a half of the least normal number is not 0.
+# The result of `mode` by default: 1 ± 2⁻⁶⁰ and −1 − 2⁻⁶⁰ round to ±1, and a half of the least normal number is not 0.
 _DEFAULT = (True, True, True, True)
 # Room for the environment of any C library: glibc's has 32 bytes on x86-64, musl's and Apple's fewer than 64.
 _ROOM = 512
@@ -31,7 +31,7 @@ def is_default() -> bool:
 
 
 def in_words() -> str:
-    """What is not the default: "the rounding mode", "subnormal numbers, which become 0", both, or nothing."""
+    """The changed parts of the mode: "the rounding mode", "subnormal numbers, which become 0", both, or no words."""
     found = mode()
     words = [] if all(found[:3]) else ["the rounding mode"]
     return " and ".join([*words, *([] if found[3] else ["subnormal numbers, which become 0"])])
