@@ -66,7 +66,7 @@ class Case:
         return f"Case({'; '.join(self.describe().splitlines())})"
 
     def _repr_pretty_(self, printer: Any, _cycle: bool) -> None:
-        """The same text for the printers of Hypothesis and IPython, which print a data class by its fields."""
+        """Print H, B, y, h and dW in Hypothesis and IPython too, which would print each field of a data class."""
         printer.text(repr(self))
 
     def describe(self) -> str:
