@@ -22,13 +22,22 @@ class UsageError(SepvError, ValueError):
         super().__init__(f"Expected {expected}.\nReceived {received}.\nRemedy: {remedy}")
 
 
+# With more names than this, a message lists them at its end.
+MANY_NAMES = 8
+
+
 def require_one_of(
     what: str, given: Any, known: Collection[Any], remedy: str = "correct the name", received: str = ""
 ) -> None:
-    """Raise a UsageError if `given` is not among the values `known`; the message calls it `what`."""
+    """Raise a UsageError if `given` is not among the values `known`; the message calls it `what`.
+
+    A long list of names comes last, so that what was received and the closest name are read first.
+    """
     if given not in known:
-        names = ", ".join(map(str, known))
-        raise UsageError(expected=f"{what}, one of {names}", received=received or repr(given), remedy=remedy)
+        names, said = ", ".join(map(str, known)), received or repr(given)
+        if len(known) > MANY_NAMES:
+            raise UsageError(expected=what, received=said, remedy=f"{remedy}. There are {names}")
+        raise UsageError(expected=f"{what}, one of {names}", received=said, remedy=remedy)
 
 
 class ProblemError(UsageError):

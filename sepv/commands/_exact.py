@@ -20,7 +20,8 @@ def exact(problem: str, theta: str, state: str | None, digits: int, certify: boo
     """The exact solution of PROBLEM (a name, a .json file of polynomial data, or module:attribute) at random time θ.
 
     It is computed by Taylor series in extended precision, and shown beside the closed form, if there is one, and
-    beside the float64 result with its error. Numbers of the command are rounded to the nearest binary64 numbers.
+    beside the float64 result with its error. For a problem of Python functions, which have no digits beyond float64,
+    the float64 result is shown with a bound of its error. Numbers of the command are rounded to binary64.
 
     \b
     sepv exact rigid-body --theta 8 --digits 50
@@ -39,12 +40,22 @@ def exact(problem: str, theta: str, state: str | None, digits: int, certify: boo
     if certify:
         require_flint()
     chosen = load_problem(problem)
-    data = description(chosen)
     time = numbers(theta, "--theta", 1)[0]
     y0 = numbers(state, "--y", chosen.dimension, chosen.initial)
+    out = console()
+    if chosen.data is None and not certify:
+        fast = exact_flow(chosen, time, y0)
+        out.print(f"{chosen.name}, y(0) = {row(y0)}, θ = {time!r}\n")
+        out.print(
+            f"float64 by {fast.method}, because Python functions have no further digits:", soft_wrap=True
+        )
+        for k, w in enumerate(fast.y, 1):
+            out.print(f"y{k} = {float(w)!r}", soft_wrap=True)
+        out.print(f"\nits error is at most {fast.error:.1e}, as it states itself")
+        return
+    data = description(chosen)
     value = taylor(data, y0, time, digits)
     fast = exact_flow(chosen, time, y0)
-    out = console()
     out.print(f"{chosen.name}, y(0) = {row(y0)}, θ = {time!r}\n")
     out.print(f"{digits} digits by Taylor series, float64 by {fast.method}:", soft_wrap=True)
     for k, (v, w) in enumerate(zip(value, fast.y, strict=True)):

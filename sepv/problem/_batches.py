@@ -60,7 +60,7 @@ def taking_batches(key: str, function: Function, y: Array, shape: tuple[int, ...
             single = np.stack([np.asarray(function(states[:, n].copy())) for n in range(BATCH)], axis=-1)
         except (Exception, SystemExit):
             return function  # `check_problem` says what is wrong for one state
-        if single.shape != (*shape, BATCH):
+        if single.shape != (*shape, BATCH) or single.dtype.kind not in "fiub":
             return function
         try:
             together = np.asarray(function(states.copy()))

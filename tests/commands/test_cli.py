@@ -245,3 +245,26 @@ def test_a_step_on_a_narrow_domain_is_seen_to_take_batches(domain: Any) -> None:
     assert not load_scheme(first_lane, problems=[ring]).batched
     if domain is not None:  # without one a law may ask about any state
         assert verdicts(on_the_circle, "contract", ring, examples=5) == {"contract": "holds"}
+
+
+def test_a_list_can_be_narrowed_to_the_rows_with_some_words() -> None:
+    found = command("list casimir drift", 0)
+    assert "casimir-drift" in found.output
+    assert "Schemes" not in found.output
+    wrong = command("list enrgy", 2)
+    assert "did you mean 'energy'?" in wrong.output
+
+
+def test_exact_takes_a_problem_of_python_functions_in_float64(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "posed.py").write_text(
+        "import numpy as np, sepv\n"
+        "problem = sepv.Problem(2, ((0, -1), (1, 0)), lambda y: y[0]**2 / 2 - np.cos(y[1]), initial=(0.2, 1.0))\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    found = command("exact posed:problem --theta 8", 0).output
+    (p,) = re.findall(r"y1 = (\S+)", found)
+    # The pendulum's p at θ = 8 from (0.2, 1), 50 digits: −0.79300008860379348509…
+    assert abs(float(p) + 0.79300008860379348509) < 1e-13
+    assert "its error is at most" in found
