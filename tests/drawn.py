@@ -93,9 +93,9 @@ def euler(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 EP, PENDULUM = schemes.energy_preserving, problems.pendulum()
 
 
-def both(scheme, problem, **arguments):
-    """The same ensemble by both engines."""
-    return (sepv.ensemble(scheme, problem, engine=engine, **arguments) for engine in ("compiled", "numpy"))
+def both(scheme, problem, engine="compiled", **arguments):
+    """The same ensemble by an engine and by NumPy's."""
+    return (sepv.ensemble(scheme, problem, engine=name, **arguments) for name in (engine, "numpy"))
 
 
 def same(a: Any, b: Any) -> bool:

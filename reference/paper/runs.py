@@ -131,11 +131,11 @@ def _follow(
 ) -> tuple[Array, Array, int]:
     """Take all steps; return the first sample (d, N+1) and its failed step, and H of all samples at `checkpoints`."""
     steps, _, samples = raw.shape
-    compiled, _ = choose(engine, method, system, compensated=False)
+    target, _ = choose(engine, method, system, compensated=False)
     start = np.array(system.initial, dtype=np.float64)
     ends = run(Task(
         scheme=method, problem=system, y0=start, h=h, steps=steps, first=0, count=samples, seed=0, refine=None,
-        truncation=method.truncation, stops=tuple(range(1, steps + 1)), compensated=False, compiled=compiled, dW=raw,
+        truncation=method.truncation, stops=tuple(range(1, steps + 1)), compensated=False, engine=target.name, dW=raw,
         track=False,
     ))  # fmt: skip
     first = np.concatenate([start[:, None], ends.states[:, :, 0]], axis=1)

@@ -32,4 +32,4 @@ from sepv.solve._solution import (
 )
 from sepv.solve._solution import Increment as Increment
 from sepv.solve._solution import Status as Status
-from sepv.solve._stop_rule import LEFT, ROUNDING
+from sepv.solve._stop_rule import LEFT, QUANTA, ROUNDING, STAGNATION

@@ -18,6 +18,7 @@ from sepv import problems, schemes
 from sepv.problem import HamiltoniansProblem
 from sepv.record import EPS
 from sepv.schemes import divided
+from sepv.simulate.targets.cuda.devices import compiler
 from sepv.solve import Status
 
 pytest.importorskip("numba", reason="the extra `fast` is not installed")
@@ -122,13 +123,24 @@ DEEP = [
 ROWS = [*EVERY, *(pytest.param(*row, marks=pytest.mark.deep) for row in DEEP)]
 
 
+# The text of a card's kernel runs on the processor.
+NO_COMPILER = pytest.mark.skipif(
+    compiler() is None, reason="no C compiler: the text of a card's kernel cannot run here"
+)
+ENGINES = pytest.mark.parametrize("engine", ["compiled", pytest.param("cuda-on-host", marks=NO_COMPILER)])
+
+
+@ENGINES
 @pytest.mark.parametrize(("name", "problem", "rate", "steps", "spread"), ROWS)
-def test_both_engines_agree_to_a_few_ulp(name: str, problem, rate: int, steps: int, spread: float) -> None:
+def test_both_engines_agree_to_a_few_ulp(
+    name: str, problem, rate: int, steps: int, spread: float, engine: str
+) -> None:
     system = problems.by_name(problem) if isinstance(problem, str) else problem()
     paths = 4 if problem is without_mean_gradient else 150  # single lanes, and blocks
     y0 = {} if system.initial is not None else {"y0": (0.6, 0.3)}
-    fast, plain = both(schemes.by_name(name), system, h=1 / rate, steps=steps, paths=paths, seed=3, **y0)
-    assert (fast.engine, plain.engine) == ("compiled", "numpy")
+    arguments = {"h": 1 / rate, "steps": steps, "paths": paths, "seed": 3} | y0
+    fast, plain = both(schemes.by_name(name), system, engine, **arguments)
+    assert (fast.engine, plain.engine) == (engine, "numpy")
     assert np.array_equal(fast.W, plain.W)
     assert np.mean(fast.status == plain.status) >= 0.98  # next to a fold a last bit decides
     solved = (fast.status == 0) & (plain.status == 0)
@@ -141,16 +153,19 @@ def test_both_engines_agree_to_a_few_ulp(name: str, problem, rate: int, steps: i
     assert (fast.iterations > 0) == (plain.iterations > 0)
 
 
+@ENGINES
 @pytest.mark.parametrize(
     ("name", "rate"), [("energy-preserving", 8), ("collocation-2", 4), ("projected-4", 4)]
 )
-def test_both_engines_refuse_the_same_steps(name: str, rate: int) -> None:
+def test_both_engines_refuse_the_same_steps(name: str, rate: int, engine: str) -> None:
     """A lane that a kernel leaves over is solved as NumPy's engine solves it, with damped steps where full ones fail.
 
     Beyond the fold Newton's iteration is chaotic: of 9000 paths of this problem in 8 a last bit of y decided whether it
     came upon another solution.
     """
-    fast, plain = both(schemes.by_name(name), problems.lotka_volterra(), h=1 / rate, T=1.0, paths=100, seed=0)
+    fast, plain = both(
+        schemes.by_name(name), problems.lotka_volterra(), engine, h=1 / rate, T=1.0, paths=100, seed=0
+    )
     assert 1 < np.count_nonzero(plain.status) < 100
     assert np.count_nonzero(fast.failed_step != plain.failed_step) <= 1
     assert np.count_nonzero(fast.status != plain.status) <= 1

@@ -256,7 +256,7 @@ BOTH = {"q": position, "H": energy}
 
 @given(st.lists(NUMBERS, min_size=1, max_size=60), st.floats(0, 1))
 def test_a_quantile_is_within_its_accuracy_of_the_order_statistic(values: list[float], p: float) -> None:
-    found = sketch(values).quantile(p)
+    found = sketch(np.array(values)).quantile(p)
     exact = sorted(values)[math.floor(p * (len(values) - 1))]
     # The logarithm is rounded, which moves an edge between buckets by some eps·ln|x| of the number.
     assert abs(found - exact) <= ACCURACY * (1 + 1e-9) * abs(exact) + np.finfo(float).tiny
@@ -264,7 +264,7 @@ def test_a_quantile_is_within_its_accuracy_of_the_order_statistic(values: list[f
 
 @given(st.lists(NUMBERS, max_size=30), st.lists(NUMBERS, max_size=30))
 def test_sketches_merge_exactly_and_in_any_order(one: list[float], other: list[float]) -> None:
-    whole, left, right = sketch([*one, *other]), sketch(one), sketch(other)
+    whole, left, right = (sketch(np.array(v, dtype=float)) for v in ([*one, *other], one, other))
     for merged in (left.merge(right), right.merge(left)):
         assert np.array_equal(merged.keys, whole.keys)
         assert np.array_equal(merged.counts, whole.counts)

@@ -30,16 +30,13 @@ from sepv.simulate._compiled.recorded import RecordedProblem
 from sepv.simulate._compiled.schemes import Collocation, Formula, formula_of
 from sepv.simulate._compiled.stages import StagesWriter
 from sepv.simulate._compiled.writer import ExplicitWriter, Writer
+from sepv.simulate.targets._target import CannotCompile
 
 # Up to this number, paths run one by one, because a block of lanes would be mostly empty. The bits are the same.
 FEW = 8
 # The largest d and the most unknowns of a step: code is written out for each component, and compiles slowly if long.
 LARGEST_DIMENSION = 16
 LARGEST_SYSTEM = 32
-
-
-class CannotCompile(Exception):
-    """Raised if the compiled engine cannot run a scheme or a problem; the message says why."""
 
 
 @dataclass(frozen=True)

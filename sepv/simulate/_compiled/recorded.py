@@ -202,10 +202,11 @@ class RecordedProblem(Recorded):
 
     def casimirs(self, code: CodeBuilder, y: Sequence[str]) -> list[Expression]:
         """Code of the quadratic Casimirs, then of the linear Casimirs."""
-        return self._printed(code, y, self._casimirs)
+        return self._printed(code, y, self.casimir_symbols)
 
     @cached_property
-    def _casimirs(self) -> list[Symbol]:
+    def casimir_symbols(self) -> list[Symbol]:
+        """The quadratic, then the linear Casimirs of y."""
         y = self.y
         values = [y @ (A @ y) for A in self.problem.casimirs] + [b @ y for b in self.problem.linear_casimirs]
         return [self.tape.symbol(v) for v in values]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -13,33 +14,29 @@ from sepv.errors import UsageError
 from sepv.problem import Problem
 from sepv.problems import build
 from sepv.simulate._batch import AXES, Ensemble
-from sepv.simulate._ensembles.task import NumpyChunk, Task
+from sepv.simulate._ensembles.task import Task
 from sepv.simulate._results.reductions import Functionals, Summary, reached, reduce_chunk
+from sepv.simulate._results.sketch import at_home
 from sepv.simulate._results.zarr_store import COUNTED, ZarrStore
+from sepv.simulate.targets.registry import TARGETS
 from sepv.workers import Halted, halted
 
 PathProgress = Callable[[int, int], None] | None
 
 
-# Paths × steps between two checks for Ctrl-C and for a chunk that is no longer needed: hundredths of a second.
-PIECE = 2**21
-
-
-def chunk_of(task: Task, problem: Problem) -> Any:
-    """Return the task's chunk of paths before its first step, for NumPy or for the compiled engine."""
-    if task.compiled:
-        from sepv.simulate._compiled.block_run import Chunk
-
-        return Chunk(task, problem)
-    return NumpyChunk(task, problem)
-
-
 def run(task: Task) -> Ensemble:
-    """Run the chunk of a task: return the ends of its paths, and their states at the task's stops."""
+    """Run the chunk of a task: return the ends of its paths, and their states at the task's stops, in NumPy arrays."""
+    return fetched(run_there(task))
+
+
+def run_there(task: Task) -> Ensemble:
+    """As `run`, but the arrays stay where the target has them, such as in a card's memory."""
     problem = task.problem if isinstance(task.problem, Problem) else build(task.problem)
-    chunk = chunk_of(task, problem)
-    kept = np.empty((problem.dimension, len(task.stops), task.count))
-    piece = max(1, PIECE // task.count)
+    target = TARGETS[task.engine]
+    chunk = target.chunk(task, problem)
+    shape = problem.dimension, len(task.stops), task.count
+    kept: Any = np.empty_like(chunk.states(), shape=shape) if task.stops else np.empty(shape)
+    piece = max(1, target.piece // task.count)
     for place, stop in enumerate((*task.stops, task.steps)):
         while chunk.done < stop:
             if halted():
@@ -47,8 +44,7 @@ def run(task: Task) -> Ensemble:
             chunk.advance(min(piece, stop - chunk.done))
         if place < len(task.stops):
             kept[:, place] = chunk.states()
-    ends: Ensemble = chunk.result(kept)
-    return ends
+    return chunk.result(kept)
 
 
 class Total(ABC):
@@ -83,20 +79,44 @@ class Reducing:
     keep: bool
 
     def __call__(self, task: Task) -> tuple[Ensemble, Mapping[str, Summary]]:
+        begun = time.perf_counter()
         problem = task.problem if isinstance(task.problem, Problem) else build(task.problem)
-        chunk = replace(run(task), times=np.array(task.stops, dtype=np.float64) * task.h)
-        summaries = reduce_chunk(self.functionals, replace(chunk, problem=problem))
-        return (chunk if self.keep else without_paths(chunk)), summaries
+        chunk = replace(run_there(task), times=np.array(task.stops, dtype=np.float64) * task.h)
+        home, reason = fetched(chunk) if self.keep else None, ""
+        summaries: dict[str, Summary] = {}
+        for name, functional in self.functionals.items():
+            try:
+                summaries |= reduce_chunk({name: functional}, replace(chunk, problem=problem))
+            except Exception as error:
+                if isinstance(chunk.y, np.ndarray):
+                    raise
+                # The functional does not take the arrays of a card, so that it gets NumPy's.
+                there = time.perf_counter()
+                home = fetched(chunk) if home is None else home
+                summaries |= reduce_chunk({name: functional}, replace(home, problem=problem))
+                now = time.perf_counter()
+                reason = (
+                    f"the functional {name!r} ran on the host ({type(error).__name__}: {error}); "
+                    f"that took {now - there:.2g} s of the {now - begun:.2g} s of a chunk"
+                )
+        whole = home if self.keep and home is not None else without_paths(chunk)
+        return replace(whole, reason=reason), summaries
+
+
+def fetched(ends: Ensemble) -> Ensemble:
+    """The ensemble with NumPy's arrays, copied from a card if they are there."""
+    return replace(ends, **{key: at_home(getattr(ends, key)) for key in AXES})
 
 
 def without_paths(chunk: Ensemble) -> Ensemble:
     """The chunk with its counts of work, but without paths."""
-    return replace(chunk, **{key: getattr(chunk, key)[..., :0] for key in AXES})
+    return fetched(replace(chunk, **{key: getattr(chunk, key)[..., :0] for key in AXES}))
 
 
 def _more(whole: Ensemble, chunk: Ensemble) -> Ensemble:
-    """Add a chunk's counts of work to those of the whole ensemble."""
-    return replace(whole, **{key: getattr(whole, key) + getattr(chunk, key) for key in COUNTED})
+    """Add a chunk's counts of work to those of the whole ensemble, which keeps the first reason."""
+    counts = {key: getattr(whole, key) + getattr(chunk, key) for key in COUNTED}
+    return replace(whole, reason=whole.reason or chunk.reason, **counts)
 
 
 class InMemory(Total):

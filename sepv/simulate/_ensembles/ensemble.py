@@ -18,26 +18,13 @@ from sepv.errors import ChunkFailure, Interrupted, UsageError, require_one_of
 from sepv.problem import Problem
 from sepv.schemes import PointLaw, Scheme, Step, point_law
 from sepv.simulate._batch import CHUNK, Ensemble
-from sepv.simulate._compiled.compile import FEW, CannotCompile, kernel
-from sepv.simulate._compiled.layout import LANES
 from sepv.simulate._ensembles.collectors import InMemory, OnDisk, Reduced, Reducing, Total, run
 from sepv.simulate._ensembles.task import Task, portable
 from sepv.simulate._results.reductions import Functionals, validate
 from sepv.simulate._run_arguments import checked, require_drawable
+from sepv.simulate.targets._target import CannotCompile, Target
+from sepv.simulate.targets.registry import AUTOMATIC, TARGETS
 from sepv.workers import check, run_all
-from sepv.workers import count as threads_of
-
-ENGINES = ("auto", "numpy", "compiled")
-# The number of chunks for each worker: several, so that the other workers need not wait for a slow one.
-SHARES = 4
-# Paths × steps of a chunk that is sent or stored: tenths of a second of work. A scheduler adds a millisecond to each.
-PATH_STEPS = 2**24
-# Paths × steps of a chunk for a thread, if it has few steps: hundredths of a second of work.
-THREAD_STEPS = 2**20
-# The most paths in a chunk that is sent or stored: the engine's arrays then take about 20 MB.
-LARGEST = 16 * CHUNK
-# The most paths in a chunk if the ends of all its paths are sent to a cluster's client: about 80 MB for each thread.
-FARTHEST = 4 * LARGEST
 
 
 def ensemble(
@@ -90,11 +77,12 @@ def ensemble(
     compensated : bool
         Use Kahan's summation for y + increment: the rounding error of this sum is carried to the next step. If the
         error were lost, it would cause the larger part of the random walk of an invariant.
-    engine : "auto", "numpy" or "compiled"
+    engine : "auto", "numpy", "compiled" or "cuda"
         "auto" means the compiled engine (extra `fast`) if it can compile the scheme and the problem. `Ensemble.engine`
         names the engine used; `Ensemble.reason` says why it was not the compiled one. The engines agree to a few ulp,
         except if a step has no solution near its start. Newton's iteration is then chaotic: a path may fail with one
         engine and go on with the other, as 6 of 3000 paths of (2.1) did for Lotka-Volterra at h = 2⁻³.
+        "cuda" runs the chunks on a card (extra `cuda`); "cuda-on-host" runs its code on the processor, for tests.
     workers : int, executor, map-like callable, Dask client or its address
         An int is a number of threads (compiled engine) or processes (NumPy). An executor, a map-like callable or a
         Dask client sends chunks to other processes or machines (docs/clusters.md). A chunk that a broken worker did
@@ -122,7 +110,7 @@ def ensemble(
     SchemeFault, TargetError
         SchemeFault if the scheme returns no state. TargetError if `scheme` is no scheme or `problem` is no problem.
     UsageError
-        For invalid arguments, and for engine="compiled" if the engine cannot compile the scheme or the problem.
+        For invalid arguments, and for an engine that cannot run the scheme or the problem, or lacks a card.
         A path that fails raises nothing: see `Ensemble.status`.
     ChunkFailure
         If a chunk raises on its worker and again in this process, or if a cluster is gone. The exception carries the
@@ -142,15 +130,19 @@ def ensemble(
     scheme, problem, start, count, k = asked
     raw, paths = _increments(dW, count, problem, paths)
     require_drawable(asked, h, seed, range(paths), refine)
-    compiled, reason = choose(engine, scheme, problem, compensated, LANES if paths > FEW else 1)
+    check(workers)
+    target, reason = choose(engine, scheme, problem, compensated, paths, here=isinstance(workers, int))
     whole = Task(
         scheme=scheme, problem=problem, y0=start, h=float(h), steps=count, first=0, count=paths, seed=int(seed),
-        refine=refine, truncation=k, stops=_stops(times, h, count), compensated=compensated, compiled=compiled, dW=raw,
+        refine=refine, truncation=k, stops=_stops(times, h, count), compensated=compensated, engine=target.name, dW=raw,
     )  # fmt: skip
-    check(workers)
     if reduce is not None or until is not None:
         validate(reduce, until)
-    size = _chunk_size(whole, workers, chunk, fixed=store is not None or reduce is not None)
+    fixed = store is not None or reduce is not None
+    if chunk is None:
+        size = target.size(whole, workers, fixed)
+    else:
+        size = require_whole("chunk", chunk, "paths of one worker at a time")
     empty = _empty(whole, problem, reason, _about(whole, problem, raw))
     total: Total
     function: Any = run if reduce is None else Reducing(dict(reduce), keep=store is not None)
@@ -161,16 +153,16 @@ def ensemble(
     else:
         total = InMemory(whole, empty, progress)
     # True if chunks may leave this process, so that their data must travel.
-    far = not isinstance(workers, int) or (not compiled and workers > 1)
+    far = not isinstance(workers, int) or (not target.threads and workers > 1)
     if isinstance(total, InMemory) and not far and size < paths:
         function = total.fill
     numbers = total.missing(range(-(-paths // size)))
     tasks = _Chunks(whole, size, numbers, far)
     try:
         repeated = run_all(
-            function, tasks, workers, threads=compiled, alike=("numpy", "numba") if compiled else ("numpy",),
+            function, tasks, workers, threads=target.threads, alike=target.packages,
             receive=lambda i, result: total.take(numbers[i], tasks[i], result),
-            bounded=store is not None or reduce is not None,
+            bounded=fixed,
         )  # fmt: skip
     except KeyboardInterrupt as error:
         raise Interrupted(total.finished()) from error
@@ -220,26 +212,31 @@ def _stops(times: ArrayLike | None, h: float, steps: int) -> tuple[int, ...]:
 
 
 def choose(
-    engine: str, scheme: Scheme, problem: Problem, compensated: bool, lanes: int = LANES
-) -> tuple[bool, str]:
-    """Return True if the compiled engine runs the scheme for the problem, else False and the reason.
+    engine: str,
+    scheme: Scheme,
+    problem: Problem,
+    compensated: bool,
+    paths: int = 2 * CHUNK,
+    here: bool = True,
+) -> tuple[Target, str]:
+    """The target that runs the scheme for the problem, and the reason if another target was tried before.
 
-    Raise UsageError for an unknown engine, and for engine="compiled" if the scheme or the problem cannot be compiled.
+    With here=False its chunks run on other machines. Raise UsageError for an unknown engine, for an engine that cannot
+    run the scheme or the problem, and if this machine lacks what the engine needs.
     """
-    require_one_of("engine", engine, ENGINES, "take auto")
-    if engine == "numpy":
-        return False, "engine='numpy'"
-    try:
-        kernel(scheme, problem, lanes=lanes, compensated=compensated)
-    except CannotCompile as error:
-        if engine == "compiled":
-            raise UsageError(
-                expected="a scheme and a problem that the compiled engine takes",
-                received=str(error),
-                remedy="engine='auto' falls back to NumPy; problems given as data are compiled",
-            ) from error
-        return False, str(error)
-    return True, ""
+    require_one_of("engine", engine, ("auto", *TARGETS), "take auto")
+    reason = "engine='numpy'" if engine == "numpy" else ""
+    for name in AUTOMATIC if engine == "auto" else (engine,):
+        try:
+            TARGETS[name].prepare(scheme, problem, paths, compensated, here)
+            return TARGETS[name], reason
+        except CannotCompile as error:
+            reason = str(error)
+    raise UsageError(
+        expected=f"a scheme and a problem that engine={engine!r} takes",
+        received=reason,
+        remedy="engine='auto' falls back to NumPy; problems given as data are compiled",
+    )
 
 
 class _Chunks(Sequence[Task]):
@@ -263,29 +260,6 @@ class _Chunks(Sequence[Task]):
         return replace(whole, problem=self.problem, first=first, count=count, dW=dW, place=place)
 
 
-def _chunk_size(whole: Task, workers: Any, chunk: int | None, fixed: bool) -> int:
-    """The number of paths in a chunk.
-
-    If `fixed` (chunks are stored or reduced), it does not depend on the workers, so that results have the same bits.
-    """
-    if chunk is not None:
-        return require_whole("chunk", chunk, "paths of one worker at a time")
-    if not whole.compiled:
-        return CHUNK
-    if isinstance(workers, int) and not fixed:
-        shares = SHARES * workers if workers > 1 else 1
-        share = -(-whole.count // (shares * LANES)) * LANES
-        # Python needs a tenth of a millisecond for a chunk, one thread at a time: of few steps, chunks have more paths.
-        long = min(THREAD_STEPS // whole.steps // LANES * LANES, FARTHEST)
-        return min(max(share, LANES), max((4 if workers > 1 else 8) * CHUNK, long))
-    size = min(max(PATH_STEPS // whole.steps // LANES * LANES, LANES), LARGEST)
-    if fixed:
-        return size
-    # A scheduler has the same work for a chunk of any size, so chunks are large if there are enough for all threads.
-    share = whole.count // (SHARES * max(threads_of(workers), 1)) // LANES * LANES
-    return max(size, min(share, PATH_STEPS // whole.steps // LANES * LANES, FARTHEST))
-
-
 def _empty(whole: Task, problem: Problem, reason: str, about: dict[str, Any]) -> Ensemble:
     """An ensemble of no paths: its arrays show the shapes and dtypes of the real ones."""
     d, m, K = problem.dimension, problem.noises, len(whole.stops)
@@ -294,7 +268,7 @@ def _empty(whole: Task, problem: Problem, reason: str, about: dict[str, Any]) ->
         y=np.empty((d, 0)), W=np.empty((m, 0)), status=integers, failed_step=integers, energy_defect=none,
         casimir_defect=none, gradient_evaluations=0, structure_evaluations=0, iterations=0,
         times=np.array(whole.stops, dtype=np.float64) * whole.h, states=np.empty((d, K, 0)), problem=problem,
-        engine="compiled" if whole.compiled else "numpy", reason=reason, about=about,
+        engine=whole.engine, reason=reason, about=about,
     )  # fmt: skip
 
 
@@ -306,7 +280,7 @@ def _about(whole: Task, problem: Problem, dW: Any) -> dict[str, Any]:
     """
     known = (whole.scheme, problem, whole.y0.tobytes(), whole.h)
     try:
-        fingerprint = (_kept_fingerprint if whole.compiled else _fingerprint)(*known)
+        fingerprint = (_kept_fingerprint if TARGETS[whole.engine].recorded else _fingerprint)(*known)
     except TypeError:  # a scheme without a hash cannot be cached
         fingerprint = _fingerprint(*known)
     law = point_law(whole.scheme.increments)
@@ -324,7 +298,7 @@ def _about(whole: Task, problem: Problem, dW: Any) -> dict[str, Any]:
         "refine": "as far as it goes" if whole.refine is None else whole.refine,
         "truncation": "none" if whole.truncation is None else whole.truncation,
         "compensated": whole.compensated,
-        "engine": "compiled" if whole.compiled else "numpy",
+        "engine": whole.engine,
         "y0": [float(v) for v in whole.y0],
         "noise": [float(c) for c in problem.c],
         "stops": list(whole.stops),

@@ -13,10 +13,9 @@ from numpy.typing import ArrayLike
 
 from sepv._arguments import require_flag
 from sepv._journal import interruption_answered
-from sepv.errors import UsageError
+from sepv.errors import UsageError, require_one_of
 from sepv.problem import Array, Problem
 from sepv.schemes import PointLaw, Scheme, Step
-from sepv.simulate._ensembles.collectors import chunk_of
 from sepv.simulate._ensembles.ensemble import choose
 from sepv.simulate._ensembles.task import NumpyChunk, Task
 from sepv.simulate._run_arguments import checked, require_drawable
@@ -24,6 +23,8 @@ from sepv.solve import Status
 
 # The intended duration of a piece of the path in seconds, and the number of steps of the first piece.
 PIECE_SECONDS, FIRST_PIECE = 0.2, 4096
+# The engines that run a single path.
+ENGINES = ("auto", "numpy", "compiled")
 
 
 @dataclass(frozen=True)
@@ -127,13 +128,14 @@ def long_path(
             expected="every, an integer ≥ 1", received=repr(every), remedy="say how many steps apart"
         )
     require_drawable(asked, h, seed, range(path, path + 1), refine)
-    compiled, reason = choose(engine, scheme, problem, compensated, lanes=1)
+    require_one_of("engine", engine, ENGINES, "a card runs many paths: sepv.ensemble")
+    target, reason = choose(engine, scheme, problem, compensated, paths=1)
     task = Task(
         scheme=scheme, problem=problem, y0=start, h=float(h), steps=count, first=path, count=1, seed=int(seed),
-        refine=refine, truncation=k, stops=(), compensated=compensated, compiled=compiled,
+        refine=refine, truncation=k, stops=(), compensated=compensated, engine=target.name,
     )  # fmt: skip
     if resume is None:
-        times, states, chunk, before = [], [], chunk_of(task, problem), 0.0
+        times, states, chunk, before = [], [], target.chunk(task, problem), 0.0
     else:
         if replace(resume.chunk.task, y0=task.y0) != task:
             raise UsageError(
@@ -180,7 +182,7 @@ def long_path(
         gradient_evaluations=ends.gradient_evaluations,
         seconds=before + time.perf_counter() - begun,
         interrupted=interrupted,
-        engine="compiled" if compiled else "numpy",
+        engine=target.name,
         reason=reason,
         chunk=chunk,
     )

@@ -27,6 +27,7 @@ class Task:
     problem : Problem, or the data from which a worker can build the problem again.
     dW : (N, m, M), untruncated increments, or None to draw them; the chunk uses the columns place … place + count − 1.
     stops : increasing numbers of steps after which states are kept.
+    engine : the name of the target that runs the chunk (`sepv.simulate.targets`).
     track : if False, the NumPy engine does not compute the invariants, and reports their defects as 0.
     """
 
@@ -42,7 +43,7 @@ class Task:
     truncation: int | None
     stops: tuple[int, ...]
     compensated: bool
-    compiled: bool
+    engine: str
     dW: Array | None = None
     place: int = 0
     track: bool = True
@@ -56,7 +57,7 @@ def portable(problem: Problem) -> Problem | PolynomialSystem | NamedProblem:
 
 
 class NumpyChunk:
-    """A chunk of paths computed in NumPy, with the methods of the compiled engine's `Chunk`."""
+    """A chunk of paths computed in NumPy, a `sepv.simulate.targets._target.Chunk`."""
 
     def __init__(self, task: Task, problem: Problem) -> None:
         self.task = task

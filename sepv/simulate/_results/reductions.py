@@ -108,10 +108,13 @@ class Summary:
 
 
 def summary(values: Any, status: Any) -> Summary:
-    """Summarise the values (M,) of a functional over one chunk of M paths with the status codes `status` (M,)."""
-    got_through = np.asarray(status) == 0
+    """Summarise the values (M,) of a functional over one chunk of M paths with the status codes `status` (M,).
+
+    The arrays may be those of a card (CuPy): NumPy's functions then run there, and only the summary comes back.
+    """
+    got_through = status == 0
     finite = np.isfinite(values)
-    kept = np.asarray(values, dtype=np.float64)[got_through & finite]
+    kept = values[got_through & finite]
     failed, not_finite = int(np.count_nonzero(~got_through)), int(np.count_nonzero(got_through & ~finite))
     if not kept.size:
         return Summary(failed=failed, not_finite=not_finite)
@@ -134,13 +137,15 @@ def reduce_chunk(functionals: Functionals, chunk: Any) -> dict[str, Summary]:
     paths = chunk.status.size
     for name, functional in functionals.items():
         values = functional(chunk)
-        if np.shape(values) != (paths,) or np.asarray(values).dtype.kind not in "fiub":
+        if not hasattr(values, "dtype"):
+            values = np.asarray(values)
+        if values.shape != (paths,) or values.dtype.kind not in "fiub":
             raise UsageError(
                 expected=f"one real number for each path from the functional {name!r}: shape ({paths},)",
-                received=f"shape {np.shape(values)}, {type(values).__name__}",
+                received=f"shape {values.shape}, {values.dtype}",
                 remedy="a function of the chunk's ensemble, such as lambda ends: ends.y[0]",
             )
-        found[name] = summary(np.asarray(values, dtype=np.float64), chunk.status)
+        found[name] = summary(values.astype(np.float64), chunk.status)
     return found
 
 

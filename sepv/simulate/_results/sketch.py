@@ -66,11 +66,23 @@ class Sketch:
 
 
 def sketch(values: Any) -> Sketch:
-    """The sketch of finite numbers `values` (M,)."""
-    numbers = np.asarray(values, dtype=np.float64)
-    size = np.abs(numbers)
+    """The sketch of finite numbers `values` (M,), an array of NumPy or of a card; the counts are NumPy's."""
+    size = np.abs(values)
     index = np.ceil(np.log(np.maximum(size, TINY)) / _LOG_GAMMA).astype(np.int32) + _OFFSET
-    keys, counts = np.unique(
-        np.where(size < TINY, 0, np.where(numbers < 0, -index, index)).astype(np.int32), return_counts=True
-    )
-    return Sketch(keys, counts.astype(np.int64))
+    keys, counts = _counted(np.where(size < TINY, 0, np.where(values < 0, -index, index)))
+    return Sketch(at_home(keys).astype(np.int32), at_home(counts).astype(np.int64))
+
+
+def _counted(keys: Any) -> tuple[Any, Any]:
+    """The different keys in order, and how often each occurs: by a table if they are many, else by sorting."""
+    lowest, highest = (int(keys.min()), int(keys.max())) if keys.size else (0, 0)
+    if keys.size < highest - lowest:
+        return tuple(np.unique(keys, return_counts=True))  # type: ignore[return-value]
+    counts = np.bincount(keys - lowest)
+    there = np.flatnonzero(counts)
+    return there + lowest, counts[there]
+
+
+def at_home(array: Any) -> Any:
+    """NumPy's array of an array's numbers; CuPy's arrays give theirs by the method `get`."""
+    return array.get() if hasattr(array, "get") else array

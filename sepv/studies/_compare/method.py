@@ -100,11 +100,12 @@ def from_scheme(scheme: Scheme, problem: Problem, engine: str = "auto") -> Metho
     engine : "auto" chooses the compiled engine (extra `fast`) if it can run the scheme on the problem, else "numpy".
         The compiled engine is timed as users run it: it also computes the defects of invariants and the statuses.
     """
-    compiled, reason = choose(engine, scheme, problem, compensated=False)
-    prepare, follow = _compiled(scheme) if compiled else _in_batches(scheme)
-    how = "; compiled engine" if compiled else "" if engine == "numpy" else f"; NumPy batch: {reason}"
+    target, reason = choose(engine, scheme, problem, compensated=False)
+    whole = target.name != "numpy"
+    prepare, follow = _by_target(scheme, target.name) if whole else _in_batches(scheme)
+    how = f"; {target.name} engine" if whole else "" if engine == "numpy" else f"; NumPy batch: {reason}"
     return Method(
-        scheme.name, prepare, follow, scheme.source + how, batched=bool(compiled) or scheme.batched,
+        scheme.name, prepare, follow, scheme.source + how, batched=whole or scheme.batched,
         truncation=scheme.truncation, look=scheme.look, deterministic=scheme.deterministic,
     )  # fmt: skip
 
@@ -135,15 +136,15 @@ def _in_batches(scheme: Scheme) -> tuple[Prepare, Follow]:
     return prepare, follow
 
 
-def _compiled(scheme: Scheme) -> tuple[Prepare, Follow]:
-    """The functions `prepare` and `follow` of a `Method` for a scheme that runs in the compiled engine."""
+def _by_target(scheme: Scheme, engine: str) -> tuple[Prepare, Follow]:
+    """The functions `prepare` and `follow` of a `Method` for a scheme that runs by `sepv.ensemble(engine=engine)`."""
 
     def ensemble_for(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], Ensemble]:
         from sepv.simulate import ensemble
 
         given = np.ascontiguousarray(dW)
         return lambda: ensemble(
-            scheme, problem, h=h, steps=len(given), dW=given, y0=y0, engine="compiled", workers=1
+            scheme, problem, h=h, steps=len(given), dW=given, y0=y0, engine=engine, workers=1
         )
 
     def prepare(problem: Problem, y0: Array, h: float, dW: Array) -> Callable[[], Ends]:
