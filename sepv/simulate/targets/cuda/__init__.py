@@ -1,4 +1,4 @@
-"""A card as a target (extra `cuda`), and the same text on this machine's processor, by its C compiler.
+"""A card as a target (the extra cuda), and the same text on this machine's processor, by its C compiler.
 
 Read the C first: `path.c`, the loop over the steps of a path; `newton.c`, `explicit.c` or `stages.c`, the solution of a
 step; `draw.c`, the increments. `text` prints a problem's and a scheme's functions before them (`printer`); `devices`

@@ -1,3 +1,5 @@
+/* A state that has grown by 1/EPS, in units of the high word. */
+#define OUTGROWN (52 << 20)
 /* Newton's iteration for z = R(z), with the stop rule of the core (`_stop_rule`), whose names it uses. `beginning` gives
    the first z, and `iteration` F = z − R(z), the correction c, and whether z − c stays in the domain. Return 0 if z is
    the step, and FROZEN if the core must solve it: after MAXITER iterations, outside the domain, without a finite
@@ -8,18 +10,19 @@
    the relative sizes s' and s the next is s³/s'², or s times the relative error of the matrix if this is larger. EARLY is
    the largest s for which the second is below LEFT; it is 0 for an iteration that is not Newton's. */
 DEVICE i64 converged(const double *y, const double *step, double *z, int *iterations) {
-  double F[D], c[D], q[DIRECTIONS + 1], before = 0.0, last_size = INF, last_move = INF, last_scale = 1.0;
+  double F[D], c[D], q[DIRECTIONS + 1], last_size = INF, last_move = INF, last_scale = 1.0;
+  int before = 0;
   beginning(y, step, z, q);
-  UNROLLED for (int i = 0; i < D; i++) before = fmax(before, fabs(y[i]));
+  UNROLLED for (int i = 0; i < D; i++) before = larger(before, magnitude(y[i]));
   for (*iterations = 1; *iterations <= MAXITER; ++*iterations) {
     const int stays = iteration(y, z, step, q, F, c);
-    double move = 0.0, scale = 0.0, total = 0.0;
+    int moved = 0, reach = 0;
     UNROLLED for (int i = 0; i < D; i++) {
-      const double m = fabs(c[i]);
-      move = fmax(move, m), total += m; /* fmax ignores NaN, a sum does not */
-      scale = fmax(scale, fabs(y[i]) + fabs(z[i]));
+      moved = larger(moved, magnitude(c[i]));
+      reach = larger(reach, magnitude(fabs(y[i]) + fabs(z[i])));
     }
-    if (!(total < INF) || !stays || (before > 0.0 && scale > before / EPS)) return -1;
+    if (moved >= NOT_FINITE || !stays || (before && reach - before > OUTGROWN)) return -1;
+    const double move = of_magnitude(moved), scale = of_magnitude(reach);
     double size = INF;
     if (move <= fmax(STAGNATION, EARLY) * scale) {
       double residual = 0.0;

@@ -18,8 +18,11 @@ DEVICE double roughly(double x) {
   asm("rcp.approx.ftz.f64 %0, %1;" : "=d"(found) : "d"(x));
   return found;
 }
+DEVICE int magnitude(double x) { return __double2hiint(x) & 0x7fffffff; }
+DEVICE double of_magnitude(int high) { return __hiloint2double(high, 0); }
 #else
 #include <math.h>
+#include <string.h>
 #define DEVICE static inline
 #define RARE static
 #define KERNEL
@@ -28,4 +31,19 @@ DEVICE double roughly(double x) {
 #define UNROLLED
 #define INF ((double)INFINITY)
 DEVICE double roughly(double x) { return 1.0 / x; }
+DEVICE int magnitude(double x) {
+  i64 bits;
+  memcpy(&bits, &x, 8);
+  return (int)(bits >> 32) & 0x7fffffff;
+}
+DEVICE double of_magnitude(int high) {
+  const i64 bits = (i64)high << 32;
+  double x;
+  memcpy(&x, &bits, 8);
+  return x;
+}
 #endif
+
+/* The size |x| to 2^-20 as the high word of its bits, because a card compares integers far faster than doubles. */
+#define NOT_FINITE 0x7ff00000
+DEVICE int larger(int a, int b) { return a > b ? a : b; }
