@@ -30,7 +30,7 @@ def run(task: Task) -> Ensemble:
 
 
 def run_there(task: Task) -> Ensemble:
-    """As `run`, but the arrays stay where the target has them, such as in a card's memory."""
+    """Run the chunk of a task, and leave the arrays of its ends where the target has them: in a card's memory."""
     problem = task.problem if isinstance(task.problem, Problem) else build(task.problem)
     target = TARGETS[task.engine]
     chunk = target.chunk(task, problem)

@@ -38,7 +38,7 @@ class Chunk(Protocol):
 
 @dataclass(frozen=True)
 class Target:
-    """What runs the chunks of an ensemble.
+    """A target runs the chunks of an ensemble.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Where a kernel runs: on a card by CuPy, or on this machine by its C compiler, with arrays, launches and nothing else.
+"""Devices run a kernel: a card by CuPy, or the processor of this machine by its C compiler.
 
 A device has `xp`, the module of its arrays (cupy or numpy), `compiled(text)`, which gives a function
 launch(kernel, threads, *arguments) for a kernel's text (`exact`: no product and sum become one fma), and
