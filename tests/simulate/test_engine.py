@@ -184,7 +184,8 @@ def test_problems_of_other_classes_are_refused_in_words() -> None:
     tops, inertia = problems.noncommuting_tops(), problems.random_inertia()
     for name, problem, words in (
         ("energy-preserving", tops, "takes one"), ("energy-preserving", inertia, "several Hamiltonians"),
-        ("midpoint", inertia, "several Hamiltonians"), ("both-invariants", "pendulum", r"Problem\.nambu"),
+        ("midpoint", inertia, "several Hamiltonians"), ("stochastic-midpoint", tops, "not several"),
+        ("both-invariants", "pendulum", r"Problem\.nambu"),
     ):  # fmt: skip
         with pytest.raises(sepv.UsageError, match=words):
             sepv.ensemble(name, problem, h=1 / 32, T=1 / 32, paths=9, engine="compiled")

@@ -122,6 +122,8 @@ def taken(scheme: Scheme, problem: Problem) -> Formula:
                 f"{problem.name} has several Hamiltonians, the scheme {scheme.name!r} takes one"
             )
         return formula
+    if isinstance(problem, StructuresProblem) and scheme.systems == Systems.HAMILTONIANS:
+        raise CannotCompile(f"{problem.name} has several structures, and not several Hamiltonians")
     structures = noise_structures(problem)
     if any(isinstance(G, CommutingStructure) for G in structures):
         raise CannotCompile(f"{problem.name} has structures that are undefined at critical points of H")
