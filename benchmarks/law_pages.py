@@ -1,6 +1,7 @@
 """Write the heads of the laws' pages from the `Law` objects: ``python -m benchmarks.law_pages``.
 
-The head of a law's page, all that comes before the formula, is made from the `Law`; the rest is written by hand.
+The head of a law's page, all that comes before the formula, is made from the `Law`; the rest is written by hand. The
+table of `docs/adapting.md` that says how laws are measured in the middle of a path is made from them too.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ import re
 from pathlib import Path
 
 from benchmarks import start
-from sepv.verification import Law, load_laws
+from sepv.verification import Law, Middle, load_laws
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 # Parts of a page that are written by hand, in their order; each begins a paragraph. The last part is present only if
@@ -40,7 +41,22 @@ def page(law: Law, text: str) -> str:
     return head(law) + text[text.index("$$") :]
 
 
+MIDDLES = "| laws | with a state |\n|---|---|\n"
+
+
+def middles() -> str:
+    """The table that says how each law is measured in the middle of a path of a scheme with a state, or why not."""
+    by_words: dict[str, list[str]] = {middle.value: [] for middle in Middle}
+    for law in load_laws():
+        words = law.middle.value if isinstance(law.middle, Middle) else f"first steps: {law.middle}"
+        by_words.setdefault(words, []).append(f"*{law.name}*")
+    return MIDDLES + "".join(f"| {', '.join(laws)} | {words} |\n" for words, laws in by_words.items())
+
+
 def main() -> None:
+    file = DOCS / "adapting.md"
+    before, _, after = file.read_text(encoding="utf-8").partition(MIDDLES)
+    file.write_text(before + middles() + after[after.index("\n\n") + 1 :], encoding="utf-8")
     for law in load_laws():
         file = page_of(law)
         file.write_text(page(law, file.read_text(encoding="utf-8")), encoding="utf-8")

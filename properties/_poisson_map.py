@@ -25,7 +25,7 @@ from sepv.verification._amplification import amplification
 from sepv.verification._cases.case import Case
 from sepv.verification._contraction import contraction_ball
 from sepv.verification._law import Measurement
-from sepv.verification._tolerance import operations, step_residual, structure_majorant
+from sepv.verification._tolerance import accumulated, operations, step_residual, structure_majorant
 
 # ROUGH is the largest relative error of Φ′ with which a step is judged. Steps with a larger error are skipped.
 ROUGH = 1e-6
@@ -58,7 +58,8 @@ def tangent(scheme: Scheme, case: Case) -> StepSlope:
     # A state is shifted by at most 3 widths. Inside the contraction radius y1 then moves by at most twice the shift. So
     # the residual at a shifted state is at most twice the residual at y, plus a term for y near 0.
     residual = 2 * step_residual(problem, y, y1, h, dW, scheme)
-    residual += scheme.eps * operations(problem, scheme.stages) * 2 * poisson.POINTS * float(widths.max())
+    shifts = 2 * poisson.POINTS * float(widths.max())
+    residual += accumulated(scheme) * scheme.eps * operations(problem, scheme.stages) * shifts
     error = amplification(scheme, case) * float(residual.max())
     slope, doubt = poisson.derivative(answers, widths)
     if not np.all(np.isfinite(slope)):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sepv.schemes import Scheme, point_law
+from sepv.schemes import Scheme, has_memory, point_law
 from sepv.verification import Effort, Finding, Law, Run, Verdict
 from sepv.verification._law import Measure, about_noise
 
@@ -18,6 +18,22 @@ def pathwise(run: Measure) -> Measure:
         return law.finding(Verdict.NOT_APPLICABLE, message=text)
 
     return about_noise(asked)
+
+
+FIRST_STEP = (
+    "a method with memory may make its first step with a lower order: its order is that of whole paths"
+)
+
+
+def of_one_step(run: Measure) -> Measure:
+    """Wrap the `run` of a law about the local error, so that the law is not applicable to schemes with memory."""
+
+    def asked(law: Law, scheme: Scheme, this_run: Run) -> Finding:
+        if has_memory(scheme):
+            return law.finding(Verdict.NOT_APPLICABLE, message=FIRST_STEP)
+        return run(law, scheme, this_run)
+
+    return asked
 
 
 def sparing(scheme: Scheme, effort: Effort) -> bool:

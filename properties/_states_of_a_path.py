@@ -81,7 +81,7 @@ class _Path:
     def begin(self, y: Array) -> Any:
         given = y.copy()
         with translated(self.problem, y, self.h, self.dW):
-            state = self.rule.init(shown(self.problem, self.scheme.needs), given)
+            state = self.rule.begin(shown(self.problem, self.scheme.needs), given, self.h)
         require_unchanged(y=(y, given))
         return state
 

@@ -35,7 +35,7 @@ from sepv.properties._without_solution import MADE, made, proof
 from sepv.errors import NotFinite, SchemeFault, SepvError, StepFailure
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.schemes import Scheme, SchemeCrash, ask, check_answer, raw_answer, require_unchanged, takes
-from sepv.verification import Case, Effort, Finding, Law, Measurement, Run, Verdict, require, searched
+from sepv.verification import Case, Effort, Finding, Law, Measurement, Middle, Run, Verdict, require, searched
 from sepv.verification._cases.case import has_words, to_json, to_token
 from sepv.verification._fresh import SecondProcess, step_in_digits
 from sepv.verification._search_log import Check
@@ -191,6 +191,7 @@ def _searched(check: Check) -> Law:
         unit="faults",
         cost=1.8,
         steps=1520,
+        middle=Middle.MAP,
         check=check,
         faults_violate=True,
         always_claimed=True,
@@ -253,9 +254,10 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
     """
     measured: list[tuple[Case, Array | None]] = []
 
-    def remembered(scheme: Scheme, case: Case) -> Measurement:
-        measurement = check(scheme, case)
-        measured.append((case, None if case.times else ask(scheme, *case.build())))
+    def remembered(asked: Scheme, case: Case) -> Measurement:
+        measurement = check(asked, case)
+        if asked is scheme:  # and not several steps of a path as one
+            measured.append((case, None if case.times else ask(scheme, *case.build())))
         return measurement
 
     second = SecondProcess(this_run.target, this_run.problems) if this_run.target else None

@@ -2,7 +2,7 @@
 
 The slope of the error of one step against h, in logarithms, is extrapolated to h = 0
 (`sepv.properties._orders.without_noise`). The law holds if for all problems and states the order is the claimed one or
-higher.
+higher. For a scheme with memory it is the error of a path at a fixed time, divided by the number of steps.
 """
 
 from __future__ import annotations
@@ -15,14 +15,15 @@ from sepv.properties._orders.without_noise import (
     Order,
     StepErrors,
     orders,
+    path_errors,
     quiet_problems,
     rounds_step_sizes,
     step_errors,
 )
 
 from sepv.errors import Skipped
-from sepv.problem import Systems
-from sepv.schemes import OF_SEVERAL, Scheme
+from sepv.problem import Problem, Systems
+from sepv.schemes import OF_SEVERAL, Scheme, has_memory
 from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 
 
@@ -38,9 +39,11 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:  # noqa: ARG001 - n
     judged: list[tuple[StepErrors, int, Order]] = []
     coarse: list[str] = []
     skipped: list[Skipped] = []
+    carries = has_memory(scheme)
+    what = "the error of a path, divided by its number of steps," if carries else "the error of a step"
     for problem in quiet_problems(scheme):
         try:
-            errors = step_errors(scheme, problem)
+            errors = (path_errors if carries else step_errors)(scheme, problem)
         except Skipped as reason:
             skipped.append(reason)
             lines.append(f"{problem.name}: skipped, {reason.reason}")
@@ -60,7 +63,7 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:  # noqa: ARG001 - n
         order: float | None = seen[s].order
         if order is None and seen[s].verdict is Verdict.HOLDS:  # no power, or only a bound
             order = claimed if scheme.order or np.isnan(seen[s].value) else max(1, int(seen[s].value) - 1)
-        lines.append(f"{problem.name}: {_words(seen[s])}the error of a step is {seen[s].text}")
+        lines.append(f"{problem.name}: {_words(seen[s])}{what} is {seen[s].text}")
         measured.append({"problem": problem.name, "order": order, "verdict": seen[s].verdict.value})
     if not judged:
         raise skipped[0]
@@ -71,6 +74,8 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:  # noqa: ARG001 - n
             *lines,
         ]
         lines.append(_example(errors, s))
+        if carries and _first_step_is_right(scheme, errors.problem, least):
+            lines.append("the first step of a path has the order, and later steps do not")
         if not worst.order:
             lines.append(
                 "order 0 is no convergence; if it is the scheme's own solver: Scheme(…, solver_tolerance=…)"
@@ -90,6 +95,12 @@ _OF_PROBLEMS = (Verdict.VIOLATED, Verdict.INCONCLUSIVE, Verdict.HOLDS)
 def _first(order: Order, ranks: tuple[Verdict, ...]) -> tuple[int, float]:
     """Return the sorting key of an order: the rank of its verdict, then its slope."""
     return ranks.index(order.verdict), float(np.nan_to_num(order.value, nan=np.inf))
+
+
+def _first_step_is_right(scheme: Scheme, problem: Problem, least: float) -> bool:
+    """True if the errors of the first step of a path fall like the power `least` of h, from every state."""
+    first = step_errors(scheme, problem)
+    return first.h.size >= 4 and all(o.verdict is Verdict.HOLDS for o in orders(scheme, first, least))
 
 
 def _words(order: Order) -> str:

@@ -9,7 +9,17 @@ from sepv.problem import Array, PolynomialSystem, Problem, matmul, matvec
 from sepv.problems import nambu_system
 from sepv.record import EPS, Polynomial, poly
 from sepv.schemes import Scheme, ask
-from sepv.verification import Case, Cases, Effort, Measurement, require, searched, state_ulp, step_residual
+from sepv.verification import (
+    Case,
+    Cases,
+    Effort,
+    Measurement,
+    Middle,
+    require,
+    searched,
+    state_ulp,
+    step_residual,
+)
 from sepv.verification._contraction import contraction_radius, has_majorants
 from sepv.verification._tolerance import CONTRACTION, majorants, operations
 
@@ -160,6 +170,7 @@ law = searched(
     unit="ulp of y",
     cost=1.1,
     steps=298,
+    middle=Middle.MAP,
     cases=Cases(
         # Systems are limited in size, because substitution multiplies the number of terms.
         where={

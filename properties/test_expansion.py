@@ -227,6 +227,7 @@ law = searched(
     unit="r/ϱ^k",
     cost=0.5,
     steps=156,
+    middle="the coefficients of a step in the middle depend on the steps before: orders are those of whole paths",
     cases=Cases(
         where={
             "state": ("0",),

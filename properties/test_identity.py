@@ -49,6 +49,8 @@ law = searched(
     unit="ulp of y",
     cost=0.4,
     steps=74,
+    # y1 = y0 + a(y0 − y−1) + …: BDF2, for example, has (4y0 − y−1)/3, which is y0 up to rounding if both are equal.
+    middle="a multistep method with Δ = 0 goes on from differences of earlier states, or rounds their sum",
     cases=Cases(
         where={"state": ("anywhere", "∇H = 0")},
         # Most faults depend on Δ: neither steps with ∇H(y0) = 0 nor steps with h = 0 and no noise show them.

@@ -6,7 +6,7 @@ from typing import Any
 
 from sepv.properties._orders.local_example import mean_example
 from sepv.properties._orders.local_orders import judge, mean_slope, strong_order
-from sepv.properties._sampled import pathwise
+from sepv.properties._sampled import FIRST_STEP, of_one_step, pathwise
 
 from sepv.schemes import Scheme
 from sepv.verification import Effort, Finding, Law, Run, require
@@ -39,8 +39,9 @@ law = Law(
     cost=0.2,
     steps=9200,
     spared=4810,
-    run=pathwise(run),
+    run=pathwise(of_one_step(run)),
     replay=replay,
+    middle=FIRST_STEP,
 )
 
 

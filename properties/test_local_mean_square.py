@@ -13,7 +13,7 @@ from sepv.properties._orders.any_step import lower_order
 from sepv.properties._orders.local_errors import LocalErrors
 from sepv.properties._orders.local_example import step_example
 from sepv.properties._orders.local_orders import MARGIN, judge, strong_order
-from sepv.properties._sampled import pathwise
+from sepv.properties._sampled import FIRST_STEP, of_one_step, pathwise
 
 from sepv.schemes import Scheme, Systems, order_of
 from sepv.verification import Effort, Finding, Law, Run, Verdict, require
@@ -64,8 +64,9 @@ law = Law(
     unit="slope",
     cost=0.1,
     steps=288,
-    run=pathwise(run),
+    run=pathwise(of_one_step(run)),
     replay=replay,
+    middle=FIRST_STEP,
 )
 
 

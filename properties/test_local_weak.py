@@ -10,6 +10,7 @@ from typing import Any
 
 from sepv.properties._orders.local_example import weak_example
 from sepv.properties._orders.local_orders import judge, mean_slope
+from sepv.properties._sampled import FIRST_STEP, of_one_step
 
 from sepv.schemes import Scheme, order_of
 from sepv.verification import Effort, Finding, Law, Run, require
@@ -41,8 +42,9 @@ law = Law(
     source="§5",
     unit="slope",
     cost=0.1,
-    run=about_noise(run),
+    run=about_noise(of_one_step(run)),
     replay=replay,
+    middle=FIRST_STEP,
 )
 
 

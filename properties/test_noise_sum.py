@@ -12,7 +12,17 @@ from sepv.errors import Skipped
 from sepv.problem import GivenProblem, HamiltoniansProblem, PolynomialSystem, Systems, is_several
 from sepv.record import Polynomial
 from sepv.schemes import Scheme, ask
-from sepv.verification import Case, Cases, Effort, Measurement, require, searched, state_ulp, step_residual
+from sepv.verification import (
+    Case,
+    Cases,
+    Effort,
+    Measurement,
+    Middle,
+    require,
+    searched,
+    state_ulp,
+    step_residual,
+)
 from sepv.verification._amplification import amplification
 from sepv.verification._cases.case import with_noise
 from sepv.verification._cases.fixed_cases import many
@@ -118,6 +128,7 @@ law = searched(
     unit="ulp of y",
     cost=0.8,
     steps=171,
+    middle=Middle.MAP,
     cases=Cases(
         where={"m": ("2", "3–4", "5–20")},
         adapt=several_noises,

@@ -13,7 +13,7 @@ from sepv.properties._structures import is_poisson
 
 from sepv.problem import Systems
 from sepv.schemes import Scheme
-from sepv.verification import Case, Cases, Effort, require, searched
+from sepv.verification import Case, Cases, Effort, Middle, require, searched
 from sepv.verification._contraction import shortened
 
 
@@ -34,6 +34,7 @@ law = searched(
     unit="ulp of B",
     cost=0.3,
     steps=464,
+    middle=Middle.MAP,
     cases=Cases(
         where={
             "Jacobi": ("Poisson",),

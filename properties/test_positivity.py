@@ -16,7 +16,7 @@ from sepv.errors import Skipped, StepFailure
 from sepv.problem import Array, NamedProblem, Problem, Systems, noise_field, vector_field
 from sepv.problems.shown_to_schemes import as_given
 from sepv.schemes import Scheme, by_name, guarded, splitting
-from sepv.verification import Case, Cases, Effort, Measurement, require, searched
+from sepv.verification import Case, Cases, Effort, Measurement, Middle, require, searched
 from sepv.verification.strategies import coefficients, noises
 
 NAMES = ("a", "b", "d", "nu", "mu", "noise")
@@ -144,6 +144,7 @@ law = searched(
     unit="states outside",
     cost=0.6,
     steps=96,
+    middle=Middle.MAP,
     cases=Cases(
         adapt=reaching,
         why="the problems have no domain to leave",

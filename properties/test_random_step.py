@@ -7,7 +7,17 @@ import numpy as np
 from sepv.errors import SchemeFault, Skipped, StepFailure
 from sepv.problem import Array, Problem, Systems
 from sepv.schemes import Scheme, ask
-from sepv.verification import Case, Cases, Effort, Measurement, require, searched, state_ulp, step_residual
+from sepv.verification import (
+    Case,
+    Cases,
+    Effort,
+    Measurement,
+    Middle,
+    require,
+    searched,
+    state_ulp,
+    step_residual,
+)
 from sepv.verification._amplification import amplification
 from sepv.verification._cases.of_law import only
 
@@ -83,6 +93,7 @@ law = searched(
     unit="ulp of y",
     cost=0.6,
     steps=336,
+    middle=Middle.MAP,
     cases=Cases(
         where={"m": ("1", "2", "3–4", "5–20")},
         blind={"degree of B": ("0",)},

@@ -106,6 +106,7 @@ def _law(stages: int = 1) -> Law:
         unit="ulp of y",
         cost=0.4,
         steps=24,
+        middle="a step without a solution is known from its first state alone",
         cases=Cases(
             adapt=lambda case: case if proof(case, stages) is not None else None,
             why="nothing proves of the problems that a step has no solution",
@@ -171,7 +172,8 @@ def _replay(_: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
 
 law = Law(
     **{
-        key: getattr(_law(), key) for key in ("name", "statement", "source", "unit", "cost", "steps", "cases")
+        key: getattr(_law(), key)
+        for key in ("name", "statement", "source", "unit", "cost", "steps", "cases", "middle")
     },
     run=_run,
     replay=_replay,

@@ -11,7 +11,7 @@ from sepv.properties._structures import is_constant
 
 from sepv.problem import Systems
 from sepv.schemes import Scheme
-from sepv.verification import Case, Cases, Effort, require, searched
+from sepv.verification import Case, Cases, Effort, Middle, require, searched
 from sepv.verification._contraction import shortened
 
 
@@ -32,6 +32,7 @@ law = searched(
     unit="ulp of B",
     cost=1.2,
     steps=2361,
+    middle=Middle.MAP,
     cases=Cases(
         where={
             "degree of B": ("0",),

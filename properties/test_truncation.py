@@ -192,6 +192,7 @@ law = Law(
     steps=792,
     run=about_noise(run),
     replay=replay,
+    middle="it is about increments, and about the response of one step to them",
 )
 
 

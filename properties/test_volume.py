@@ -16,7 +16,7 @@ from sepv.problem import Array, Problem, Systems, derivative_of_structure
 from sepv.problems import build
 from sepv.record import EPS
 from sepv.schemes import Scheme
-from sepv.verification import Case, Cases, Effort, Measurement, require, searched
+from sepv.verification import Case, Cases, Effort, Measurement, Middle, require, searched
 from sepv.verification._contraction import shortened
 
 # A divergence of at most NONE times its terms counts as 0, because derivatives of B have errors. The bound includes it.
@@ -69,6 +69,7 @@ law = searched(
     unit="ulp of 1",
     cost=0.5,
     steps=1500,
+    middle=Middle.MAP,
     cases=Cases(
         # If B or the factor g of a Nambu system is constant, div(B∇H) = 0 for every H.
         where={

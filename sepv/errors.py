@@ -68,6 +68,10 @@ class Skipped(SepvError):
         super().__init__(f"skipped: {reason}")
 
 
+class Unasked(Skipped):
+    """A law says nothing about a case. The scheme does not refuse the case, so that nothing is lacking."""
+
+
 class ClusterFailure(SepvError, RuntimeError):
     """A cluster of workers is lost, or cannot do this work."""
 

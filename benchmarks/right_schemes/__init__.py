@@ -2,7 +2,8 @@
 
 Each scheme claims what theory proves for it and no more. `solved_otherwise` has variants of (2.1) with other solvers
 than the core's Newton iteration, other orders of summation, fewer roundings or more refusals. `other_formulas` has
-other schemes. tests/verification/test_right_schemes.py and `benchmarks.false_alarms` run the suite on all of them.
+other schemes, and `with_memory` methods that carry a state. tests/verification/test_right_schemes.py and
+`benchmarks.false_alarms` run the suite on all of them.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from benchmarks.right_schemes import (
     long_times,
     other_formulas,
     solved_otherwise,
+    with_memory,
 )
 from sepv.schemes import Scheme
 
@@ -24,5 +26,6 @@ RIGHT: dict[str, Scheme] = {
         *charges.SCHEMES,
         *long_times.SCHEMES,
         *in_single_precision.SCHEMES,
+        *with_memory.SCHEMES,
     )
 }

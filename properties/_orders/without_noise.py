@@ -17,6 +17,12 @@ lower power of h that dominates only at small h. So errors at finer steps than t
 with a sum of two powers (`_slower`). The finest step sizes with a narrow interval decide. The unit of h is that in
 which the slope of the field is 2 (`sepv.verification._units`). A slope below ½ is no order, because y1 = y0 for h = 0.
 It comes from a tolerance that was not stated, and finer steps are left out.
+
+**Memory.** The order of a scheme that carries a state is that of its error at a fixed time T, because its first step
+may have a lower order than a path (`path_errors`). The error of a path of N = T/h steps, divided by N, is the mean
+error of its steps. It is c h^(p+1)(1 + a h + …) again (Hairer, Nørsett and Wanner, *Solving Ordinary Differential
+Equations I*, II.8 and III.9), so the same formulas judge it. Rounding errors R of a step grow by at most e^(LT) until
+T, with the slope L of the field. So they change the mean error by at most R e^(LT).
 """
 
 from __future__ import annotations
@@ -26,6 +32,7 @@ from functools import lru_cache
 
 import numpy as np
 from sepv.properties._failed_step import first_failed
+from sepv.properties._orders.convergence import failed_path
 from sepv.properties._orders.local_errors import cases
 from sepv.properties._orders.local_orders import CLEAR, FLOOR, ROUNDING
 from sepv.properties._problems_of import NO_START
@@ -35,7 +42,7 @@ from sepv.exact import FlowFailure, exact_flow
 from sepv.problem import Array, Problem, is_several, sample_states
 from sepv.record import EPS
 from sepv.schemes import Scheme, guarded
-from sepv.simulate import advance
+from sepv.simulate import advance, run_chunk
 from sepv.solve import Status
 from sepv.verification._cases.case import quiet, quiet_problem
 from sepv.verification._cases.users_problems import items, sources
@@ -47,6 +54,8 @@ RATIO = 2.0**0.5
 SIZES = 4.0 * RATIO ** -np.arange(31.0)
 # The number of step sizes in a window, which give four slopes and three extrapolations.
 WINDOW = 5
+# Numbers of steps of a path from 0 to T = τ, the problem's unit of time, for a scheme with memory. There LT = 2.
+PATHS, GROWTH = 2 ** np.arange(10), float(np.exp(2.0))
 # Distances of the step sizes of a window in SIZES, for the ratios √2, 2 and 4.
 STRIDES = (1, 2, 4)
 STATES = 3
@@ -171,7 +180,10 @@ def _falls(h: Array, e: Array, used: int, least: float, rounding: float) -> Orde
 
 @dataclass(frozen=True)
 class StepErrors:
-    """Errors (S, L) of one step of a problem from S states at L falling step sizes, in the problem's unit of length."""
+    """Errors (S, L) of one step of a problem from S states at L falling step sizes, in the problem's unit of length.
+
+    Those of a scheme with memory are mean errors of the steps of a path, whose rounding errors `growth` multiplies.
+    """
 
     problem: Problem
     h: Array
@@ -181,6 +193,38 @@ class StepErrors:
     flow: float
     steps: int
     failed: str = ""
+    growth: float = 1.0
+
+
+def path_errors(scheme: Scheme, problem: Problem) -> StepErrors:
+    """Compute the errors at T of paths from STATES states of a problem, divided by their numbers of steps PATHS.
+
+    A step size is used if no path with this step size or a smaller one failed.
+    """
+    units, asked = units_of(problem), guarded(scheme)
+    starts = np.array(list(sample_states(problem, units.length))[:STATES])
+    try:
+        flows = [exact_flow(problem, units.time, y, dense=True) for y in starts]
+    except FlowFailure as failure:
+        raise Skipped(f"the exact flow from a state near y0 is not known until T: {failure}") from failure
+    rows, steps, failed = list[list[float]](), 0, ""
+    for count in PATHS.tolist():
+        h, none, row = units.time / count, np.zeros((count, 0, 1)), list[float]()
+        for y, flow in zip(starts, flows, strict=True):
+            ends = run_chunk(asked, problem, y, h, none, None, track=False)
+            failed = failed_path(scheme, problem, ends, h, none, range(1)) or failed
+            row.append(float(np.linalg.norm(ends.y[:, 0] - flow.y)) / count)
+            if ends.status[0] != Status.CONVERGED:
+                row, rows = [], []
+                break
+        steps += count * len(starts)
+        rows += [row] * bool(row)
+    errors = np.array(rows).reshape(-1, len(starts)).T / units.length
+    sizes = units.time / PATHS[len(PATHS) - len(rows) :]
+    scale, flow_error = float(np.max(np.abs(starts))) / units.length, max(f.error for f in flows)
+    return StepErrors(
+        problem, sizes, errors, starts.T, scale, flow_error / units.length, steps, failed, GROWTH
+    )
 
 
 def step_errors(scheme: Scheme, problem: Problem) -> StepErrors:
@@ -240,7 +284,7 @@ def rounds_step_sizes(scheme: Scheme, problem: Problem) -> float | None:
 def orders(scheme: Scheme, found: StepErrors, least: float) -> list[Order]:
     """Judge if the errors of one step, from each state, fall like the power `least` of h."""
     tolerance = scheme.solver_tolerance
-    rounding = (ROUNDING * EPS + 2 * tolerance) * found.scale + 2 * found.flow
+    rounding = found.growth * (ROUNDING * EPS + 2 * tolerance) * found.scale + 2 * found.flow
     floor = CLEAR * (FLOOR * EPS + tolerance) * found.scale
     return [judge(found.h, e, least, rounding, floor) for e in found.errors]
 

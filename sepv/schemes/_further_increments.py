@@ -59,7 +59,7 @@ def carry(
     rule = scheme.step
     if not isinstance(rule, StatefulStep):
         return answer(scheme, problem, y, h, dW, any_path=any_path), None
-    before = rule.init(problem, y) if state is None else state
+    before = rule.begin(problem, y, h) if state is None else state
     after = answer(scheme, problem, before, h, dW, any_path=any_path, step=rule.step)
     return rule.value(after), after
 

@@ -16,7 +16,7 @@ from sepv.problems.shown_to_schemes import NEEDED
 from sepv.record import EPS
 from sepv.schemes._picture_look import Look
 from sepv.schemes._point_distributions import PointLaw, point_law
-from sepv.schemes._stateful import PathSolver
+from sepv.schemes._stateful import PathSolver, StatefulStep
 from sepv.solve import Solution
 
 # Kinds of a step's fifth argument: none, Lévy areas, increments over the first half, or space-time Lévy areas.
@@ -66,8 +66,10 @@ class Scheme:
     mean_square_order, weak_order : float or `sepv.schemes.Orders`, optional
         Claimed orders, in general or for each kind of noise. A mean-square order also claims the laws "local-mean",
         "local-mean-square", "mean-square-order" and "right-limit". A weak order claims "local-weak" and "weak-order".
+        A scheme with a `StatefulStep` claims no law of the local error: its order is that of the error at a fixed time.
     order : float, optional
         Claimed order p without noise: y1 = φ_h(y0) + O(h^(p+1)) for the exact flow φ. Claims "deterministic-order" too.
+        With a `StatefulStep`: the error at a fixed time is O(h^p).
     noise : bool, optional
         False if the scheme is for systems without noise, c = (). Laws then call the step with a ``dW`` of shape (0,),
         and laws about noise do not apply. By default True, except if `order` is the only order claimed.
@@ -178,11 +180,13 @@ class Scheme:
                     received=f"mean_square_order = {self.mean_square_order!r} with {law.name} increments",
                     remedy="sepv.schemes.weakly(scheme, increments) drops what a scheme claims of paths",
                 )
+        # The first step of a method with memory may have a lower order than its paths.
+        carries = isinstance(self.step, StatefulStep)
         if self.mean_square_order is not None:
-            of_one_step = ("local-mean", "local-mean-square") if isinstance(self.step, PathSolver) else ()
+            of_one_step = ("local-mean", "local-mean-square") if carries else ()
             claims |= PATHWISE - {"commutation", *of_one_step}
         if self.weak_order is not None:
-            claims |= {"weak-order", "local-weak"}
+            claims |= {"weak-order"} if carries else {"weak-order", "local-weak"}
         if self.order is not None:
             claims |= {"deterministic-order"}
         require_one_of("systems", self.systems, tuple(Systems), "leave it out for a scheme for (1.1)")

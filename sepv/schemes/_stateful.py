@@ -1,11 +1,12 @@
 """A step that carries more than y along a path, such as a stored force, a cached gradient or a second copy of y.
 
-Laws about one step make a new state for each step, y1 = value(step(init(y0))). Along a path each step gets the state of
-the step before (`sepv.schemes.carry`).
+Along a path each step gets the state of the step before (`sepv.schemes.carry`). Laws about a step are measured on the
+first step of a path, y1 = value(step(init(y0))), and on steps in the middle of one (`sepv.verification._middle`).
 """
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -28,12 +29,17 @@ class StatefulStep:
 
     Attributes
     ----------
-    init : callable (problem, y) -> state
-        The state at the beginning of a path at y, of shape (d,).
+    init : callable (problem, y) -> state, or (problem, y, h) -> state
+        The state at the beginning of a path at y, of shape (d,). A function with a third argument gets the step size.
     step : callable (problem, state, h, dW) -> state
         The state after one step. The function changes nothing in place, not even the given state.
     value : callable (state) -> y
         The y of a state, of shape (d,).
+    reverse : callable (state) -> state, or (state, rho) -> state, optional
+        The state at the same y from which steps with −h and −ΔW go back along the path. A function with two arguments
+        also gets rho (d,), the signs of y if momenta are reversed, or None. With rho, steps with h and ΔW go back, and
+        the y of the reversed state is rho·y. A function of the state alone may serve either way. The laws *symmetry*
+        and *reversibility* need it, unless y alone determines the path, as with a stored force.
 
     A state may be any object. For a scheme with `batched` it is an array, or a tuple, list or dict of arrays, each with
     the paths on its last axis. A number in it is the same for all paths.
@@ -58,22 +64,46 @@ class StatefulStep:
     (2, 9)
     """
 
-    init: Callable[[Problem, Array], Any]
+    init: Callable[..., Any]
     step: Callable[..., Any]
     value: Callable[[Any], Array]
+    reverse: Callable[..., Any] | None = None
 
     def __post_init__(self) -> None:
         for name, function in vars(self).items():
-            if not callable(function):
+            if not callable(function) and not (name == "reverse" and function is None):
                 raise UsageError(
                     expected=f"StatefulStep(init, step, value), {name} a function",
                     received=f"{type(function).__name__}: {function!r:.80}",
-                    remedy="init(problem, y) -> state, step(problem, state, h, dW) -> state, value(state) -> y",
+                    remedy="init(problem, y) -> state, step(problem, state, h, dW) -> state, value(state) -> y, and "
+                    "optionally reverse(state) -> state",
                 )
 
     def __call__(self, problem: Problem, y: Array, h: float, dW: Array, *further: Array) -> Array:
         """y1 of the first step of a path from y."""
-        return self.value(self.step(problem, self.init(problem, y), h, dW, *further))
+        return self.value(self.step(problem, self.begin(problem, y, h), h, dW, *further))
+
+    def begin(self, problem: Problem, y: Array, h: float) -> Any:
+        """The state at the beginning of a path at y with steps of size h."""
+        return self.init(problem, y, h) if _takes(self.init, 3, "h") else self.init(problem, y)
+
+    def turned(self, state: Any, rho: Array | None = None) -> Any:
+        """The state that leads back along the path, as described for `reverse`, which must be given."""
+        assert self.reverse is not None
+        return self.reverse(state, rho) if _takes(self.reverse, 2, "rho") else self.reverse(state)
+
+
+def _takes(function: Callable[..., Any], count: int, name: str) -> bool:
+    """True if a function takes `count` arguments by position, the last of them required or called `name`."""
+    try:
+        parameters = list(inspect.signature(function).parameters.values())
+    except (TypeError, ValueError):  # a function written in C may have no signature
+        return False
+    by_position = [p for p in parameters if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)]
+    if len(by_position) < count:
+        return False
+    last = by_position[count - 1]
+    return last.default is last.empty or last.name == name
 
 
 class PathSolver(StatefulStep):
@@ -82,8 +112,7 @@ class PathSolver(StatefulStep):
     `path(problem, y0, h, dW)` takes y0 (d,) and the increments dW (N, m, M) of M paths, and returns their states
     (N + 1, d, M). It is called with M = 1. The laws of orders compute each path once. Other laws make steps: the state
     of a path is y0 with the increments so far, and each step computes the path anew from y0. So N steps with noise cost
-    N(N + 1)/2 steps of the solver. A `mean_square_order` of such a scheme claims no law of the local error, because the
-    first step of a multistep method may have a lower order.
+    N(N + 1)/2 steps of the solver.
     """
 
     path: Callable[[Problem, Array, float, Array], Array]

@@ -27,6 +27,7 @@ from sepv.verification._law import Finding as Finding
 from sepv.verification._law import Law as Law
 from sepv.verification._law import LawViolated as LawViolated
 from sepv.verification._law import Measurement as Measurement
+from sepv.verification._law import Middle as Middle
 from sepv.verification._law import Run as Run
 from sepv.verification._law import Verdict as Verdict
 from sepv.verification._law import require as require

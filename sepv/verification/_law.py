@@ -40,6 +40,14 @@ class Verdict(Enum):
         return f"{number} {self.text if number == 1 else plural.get(self, self.text)}"
 
 
+class Middle(Enum):
+    """How a law is measured in the middle of a path (`sepv.verification._middle`)."""
+
+    STEPS = "each of 2, 3 or 8 steps of a path is measured alone"
+    MAP = "2, 3 or 8 steps of a path are measured as one map"
+    PATHS = "whole paths are measured"
+
+
 @dataclass(frozen=True)
 class Measurement:
     """One measurement of a law: the defect and the bound derived for it, in the law's `unit`, and a line of text."""
@@ -219,6 +227,8 @@ class Law:
     statistical : bool
         True if the law judges sampled paths, so that its verdict may be false by chance. Statistical laws share the
         probability of a false alarm of a run evenly (`sepv.properties._sequential`).
+    middle : sepv.verification.Middle or str
+        How the law is measured in the middle of a path of a scheme with memory, or why it is about first steps only.
     """
 
     name: str
@@ -233,6 +243,7 @@ class Law:
     cases: Cases | None = None
     spared: int = 0
     statistical: bool = False
+    middle: Middle | str = Middle.PATHS
 
     def claimed_by(self, scheme: Scheme) -> bool:
         """True if the scheme claims this law."""

@@ -27,8 +27,8 @@ from hypothesis.errors import Unsatisfiable
 from sepv._journal import note_case, note_violation
 from sepv._kept import kept
 from sepv._patches import without_local_constants
-from sepv.errors import NotFinite, SchemeFault, SepvError, Skipped, StepFailure, UsageError
-from sepv.schemes import Scheme, ask, takes
+from sepv.errors import NotFinite, SchemeFault, SepvError, Skipped, StepFailure, Unasked, UsageError
+from sepv.schemes import Scheme, ask, has_memory, takes
 from sepv.simulate import truncation_bound
 from sepv.verification import _corpus as corpus
 from sepv.verification._cases import case as cases_of
@@ -38,7 +38,8 @@ from sepv.verification._cases.fixed_cases import may_be_refused
 from sepv.verification._cases.of_law import EVERYTHING, Cases, Question
 from sepv.verification._cases.shrink import shrunk
 from sepv.verification._cases.users_problems import objects_of, sources
-from sepv.verification._law import Effort, Finding, Law, Measurement, Run, Verdict, in_units
+from sepv.verification._law import Effort, Finding, Law, Measurement, Middle, Run, Verdict, in_units
+from sepv.verification._middle import along_paths, anywhere
 from sepv.verification._search_log import Check, SearchLog, conclude
 
 # Reasons why a state or a step of extreme size is left out.
@@ -111,6 +112,7 @@ def searched(
     faults_violate: bool = False,
     always_claimed: bool = False,
     not_applicable: Callable[[Scheme], str] = lambda _: "",
+    middle: Middle | str = Middle.STEPS,
     cost: float = 1.0,
     steps: int = 0,
 ) -> Law:
@@ -126,9 +128,12 @@ def searched(
         True for the law "contract": a result of a wrong shape or type violates it. For other laws it is an error.
     not_applicable : scheme -> str
         The reason why the law does not apply to this scheme; empty if it does.
+    middle : Middle or str
+        How the law is measured in the middle of a path of a scheme with memory, or why it is about first steps only.
     cost, steps
         As for `sepv.verification.Law`.
     """
+    own_check, check = check, anywhere(middle, check)
 
     def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
         listed = sources(scheme)
@@ -141,9 +146,16 @@ def searched(
         if isinstance(space, str):
             return law.finding(Verdict.NOT_APPLICABLE, message=space)
         known = () if listed else tuple(own_cases.all_adapted(corpus.cases(name, scheme.systems)))
-        module = sys.modules.get(getattr(check, "__module__", ""))
-        own = getattr(module, "law", None) is law and check.__module__.startswith("sepv.properties.")
-        key = f"{name} {scheme.systems} {scheme.deterministic} {scheme.dtype}" if own and not listed else ""
+        module = sys.modules.get(getattr(own_check, "__module__", ""))
+        own = getattr(module, "law", None) is law and own_check.__module__.startswith("sepv.properties.")
+        carries = has_memory(scheme) and isinstance(middle, Middle)
+        if carries:
+            space = along_paths(space)
+        key = (
+            f"{name} {scheme.systems} {scheme.deterministic} {scheme.dtype} {carries}"
+            if own and not listed
+            else ""
+        )
         question = _Question(space, check, faults_violate, known, key)
         return in_units(scheme, _search(law, scheme, this_run.effort, question))
 
@@ -159,7 +171,7 @@ def searched(
             _measure(log, scheme, case, check, faults_violate)
         return in_units(scheme, conclude(law, scheme, log, check))
 
-    return Law(name, statement, source, unit, run, replay, always_claimed, cost, steps, cases)
+    return Law(name, statement, source, unit, run, replay, always_claimed, cost, steps, cases, middle=middle)
 
 
 def _search(law: Law, scheme: Scheme, effort: Effort, question: _Question) -> Finding:
@@ -330,7 +342,10 @@ def _measure(log: SearchLog, scheme: Scheme, case: Case, check: Check, faults_vi
             # If the scheme refuses a problem given as functions, it gets the same system as data: no case is lost.
             log.checks -= 1
             return _measure(log, scheme, replace(case, given="data"), check, faults_violate)
-        log.skip(skipped.reason, may=skipped.reason in (FAR_OFF, NO_BOUND, CLIPPED) or may_be_refused(case))
+        unasked = isinstance(skipped, Unasked)
+        log.unasked += unasked
+        known = unasked or skipped.reason in (FAR_OFF, NO_BOUND, CLIPPED)
+        log.skip(skipped.reason, may=known or may_be_refused(case))
         raise
     except (SepvError, ArithmeticError) as error:
         if isinstance(error, StepFailure) and may_be_refused(case):

@@ -32,6 +32,7 @@ class SearchLog:
         self.fault: tuple[Case, Exception] | None = None
         self.crash: tuple[Case, Exception] | None = None  # a fault that no violation may hide
         self.skipped: dict[str, int] = {}
+        self.unasked = 0  # skipped cases of which the law says nothing
         self.lacking = 0  # skipped cases that every scheme for the class must take
         self.share: float | None = None  # the measured share of the design, if cases were left out
 
@@ -84,7 +85,8 @@ def conclude(law: Law, scheme: Scheme, log: SearchLog, check: Check) -> Finding:
     skipped = "\n".join(f"{counted(n, 'case')} skipped: {reason}" for reason, n in log.skipped.items())
     if not log.checks:
         verdict = Verdict.NOT_APPLICABLE if skipped else Verdict.ERROR
-        return law.finding(verdict, message=skipped or "no case was measured", skipped=log.refused)
+        refused = 0 if log.unasked else log.refused
+        return law.finding(verdict, message=skipped or "no case was measured", skipped=refused)
     verdict = Verdict.HOLDS
     if log.share is not None and log.share < LEAST_SHARE and scheme.longest_step is not None:
         verdict = Verdict.INCONCLUSIVE

@@ -60,7 +60,7 @@ from sepv.problem import (
     over_box,
 )
 from sepv.record import EPS, TINY, PolynomialMap
-from sepv.schemes import Scheme, exact_nodes
+from sepv.schemes import Scheme, as_path, exact_nodes
 from sepv.schemes import gauss_amplification as amplification
 
 
@@ -153,12 +153,20 @@ def step_residual(
     count, least = operations(problem, stages), TINY
     if eps > EPS:
         count, least = count + INPUTS, LEAST_SINGLE
-    return 0.5 * eps * count * (scale + length * flow) + tolerance * scale + least
+    return accumulated(scheme) * (0.5 * eps * count * (scale + length * flow) + tolerance * scale + least)
 
 
 # With the contraction factor 1/4, every scheme that evaluates B and ∇H between y0 and y1 has a unique solution near y0.
 # If its equation is y1 = y0 + R, then |(I − ∂R/∂y1)⁻¹| is at most 4/3.
 CONTRACTION = 0.25
+def accumulated(scheme: Scheme | None) -> float:
+    """The factor of the residual of a map of N steps of a path: N e^(2κ) with κ = ¼ (`_middle`), and 1 for one step."""
+    count = 1 if scheme is None else as_path(scheme)[1]
+    return 1.0 if count == 1 else count * ACCUMULATED
+
+
+# e^(2κ), which bounds the growth of errors over the steps of a path inside a contraction radius (`_middle`).
+ACCUMULATED = float(np.exp(2 * CONTRACTION))
 # Roundings of y0 and ΔW to single precision before the step: 1 + κ for y0 (contraction factor κ ≤ 1) and 1 for Δ.
 INPUTS = 4.0
 # The number of states along a segment at which a function that cannot be recorded is evaluated.

@@ -27,11 +27,11 @@ WRONG_CLAIMS = (
 IMITATED = {
     name: scheme
     for scheme, names in {
-        "midpoint": "off-the-middle three-sweeps creeping-body",
+        "midpoint": "off-the-middle three-sweeps creeping-body midpoint-once",
         "splitting": "time-of-place tangent-of-first scaled-a-little",
         "yoshida-4": "triple-jump-in-digits",
         "leapfrog": "force-of-first-kick kick-of-another-mass drift-of-a-rounded-step a-little-friction "
-        "single-precision-step-size",
+        "single-precision-step-size leapfrog-once late-force force-kept-too-long",
         "blanes-moan-4": "stored-in-single-precision",
         "stochastic-midpoint": "second-noise-louder away-from-the-origin",
         "area-midpoint": "areas-of-other-sign",

@@ -46,6 +46,9 @@ class Case:
         For laws about batches, the number of states stepped together; if 0, the law chooses it.
     times : int
         For the law "contract", the number of times that the step is repeated; if 0, the law chooses it.
+    after : int
+        The step is divided into `after` + 1 equal steps of a path, of which the law measures those in the middle too
+        (`sepv.verification._middle`).
     """
 
     problem: Description
@@ -55,6 +58,7 @@ class Case:
     given: str = "data"
     batch: int = 0
     times: int = 0
+    after: int = 0
 
     def build(self) -> tuple[Problem, Array, float, Array]:
         """The arguments (problem, y, h, dW) of ``step``; a scheme gets this problem in the form that `given` names."""
@@ -83,6 +87,7 @@ class Case:
                 + ("" if several else f", so Δ = {step!r}"),
                 *([f"in a batch of {self.batch}"] if self.batch else []),
                 *([f"asked {self.times} times in a row"] if self.times else []),
+                *([f"as {self.after + 1} steps of a path, each a share of h and dW"] if self.after else []),
             ]
         )
 
@@ -133,6 +138,7 @@ def to_json(case: Case) -> dict[str, Any]:
         **({} if case.given == "data" else {"given": case.given}),
         **({"batch": case.batch} if case.batch else {}),
         **({"times": case.times} if case.times else {}),
+        **({"after": case.after} if case.after else {}),
     }
 
 
@@ -174,6 +180,7 @@ def of_valid(data: dict[str, Any], objects: Iterable[Problem] = ()) -> Case:
         given=given,
         batch=int(data.get("batch", 0)),
         times=int(data.get("times", 0)),
+        after=int(data.get("after", 0)),
     )
 
 

@@ -54,6 +54,7 @@ def _candidates(case: Case) -> Iterator[Case]:
     """Simpler cases, the largest simplifications first."""
     if case.given != "data":
         yield replace(case, given="data")
+    yield from (replace(case, after=n) for n in (0, *range(1, case.after)) if case.after)
     if case.batch > 2:
         yield from (replace(case, batch=b) for b in (2, case.batch // 2, case.batch - 1))
     system = case.problem

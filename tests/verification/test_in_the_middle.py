@@ -1,0 +1,190 @@
+"""Laws about a step are asked of steps in the middle of a path; orders of methods with memory are those of paths."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from doors import doc, finding, measured, obeys, says, verdicts
+from sepv.properties._orders.without_noise import path_errors
+from sepv.reference.faults.saboteurs import SABOTEURS
+
+import sepv
+from benchmarks.law_pages import middles
+from benchmarks.right_schemes import RIGHT
+from benchmarks.right_schemes.with_memory import SCHEMES
+from sepv import Scheme, StatefulStep, problems
+from sepv.problem import Array, Problem
+from sepv.schemes import energy_preserving, has_memory, resumed, several
+from sepv.verification import Case, Effort, Measurement, Middle, load_laws, replay, require, searched
+from sepv.verification._middle import AFTER, anywhere
+from sepv.verification._tolerance import step_residual
+
+ORDER, SYMMETRY = "deterministic-order", "symmetry"
+LEAST: dict[str, Any] = {"examples": 1, "shrink_checks": 60}
+
+
+def test_the_growth_of_residuals_over_the_steps_of_a_path_is_bounded() -> None:
+    kappa = 0.25
+    for n in range(2, 65):
+        grown = ((1 + kappa / n) / (1 - kappa / n)) ** n / (1 - kappa / n)
+        assert grown <= np.exp(2 * kappa) / (1 - kappa)
+    problem, y = problems.rigid_body(), np.array([0.8, 0.6, 0.0])
+    one, eight = (
+        step_residual(problem, y, y, 0.1, np.zeros(1), scheme)
+        for scheme in (energy_preserving, several(energy_preserving, 8))
+    )
+    np.testing.assert_allclose(eight, 8 * np.exp(2 * kappa) * one)
+
+
+def test_several_steps_as_one_and_a_resumed_step_are_those_of_a_path() -> None:
+    scheme, problem = RIGHT["reversible-heun"], problems.rigid_body()
+    h, dW = 0.25, np.array([0.5])
+    path = sepv.integrate(scheme, problem, h=h / 4, steps=4, dW=np.repeat(dW[None] / 4, 4, axis=0)).y
+    np.testing.assert_array_equal(several(scheme, 4).step(problem, path[:, 0], h, dW), path[:, 4])
+    assert isinstance(scheme.step, StatefulStep)
+    state = scheme.step.init(problem, path[:, 0])
+    for n in range(4):
+        answer = resumed(scheme, state).step(problem, path[:, n], h / 4, dW / 4)
+        np.testing.assert_array_equal(answer, path[:, n + 1])
+        state = scheme.step.step(problem, state, h / 4, dW / 4)
+
+
+@pytest.mark.parametrize("middle", [Middle.STEPS, Middle.MAP])
+def test_a_step_in_the_middle_stays_in_the_ball_of_the_case(middle: Middle) -> None:
+    """All steps of a path are together as long as the step of the case."""
+    seen: list[Case] = []
+
+    def check(scheme: Scheme, case: Case) -> Any:
+        seen.append(case)
+        return Measurement(0.0, 1.0)
+
+    case = Case(problems.rigid_body().data, (0.8, 0.6, 0.0), 0.5, (0.25,), after=7)
+    anywhere(middle, check)(RIGHT["compensated"], case)
+    assert len(seen) == (8 if middle is Middle.STEPS else 1)
+    assert sum(c.h for c in seen) == 0.5
+    assert sum(abs(c.dW[0]) for c in seen) <= 0.25
+    assert not any(c.after for c in seen)
+
+
+@pytest.mark.parametrize("scheme", [s for s in SCHEMES if s.order], ids=lambda s: s.name)
+def test_orders_of_methods_with_memory_are_those_at_a_fixed_time(scheme: Scheme) -> None:
+    found = says(
+        scheme, ORDER, "holds", "order 2: the error of a path, divided by its number of steps, is h^3.00"
+    )
+    assert found.witness is not None
+    assert {m["order"] for m in found.witness["measured"]} == {2}
+    # A higher order is not proved.
+    says(replace(scheme, order=3.0), ORDER, "violated", "order 3 claimed, 2 found")
+
+
+def test_the_error_of_two_steps_started_by_euler_falls_by_four_and_that_of_its_first_step_too() -> None:
+    errors = path_errors(RIGHT["adams-bashforth-2"], problems.rigid_body(noise=()))
+    at_the_end = errors.errors * 2.0 ** np.arange(10)
+    np.testing.assert_allclose(at_the_end[:, 7] / at_the_end[:, 8], 4, rtol=0.05)
+    assert verdicts(RIGHT["adams-bashforth-2"], "local-mean") == {"local-mean": "not applicable"}
+
+
+@pytest.mark.parametrize("name", ["adams-bashforth-2-by-paths", "explicit-midpoint", "stored-force-reversed"])
+def test_what_methods_with_memory_claim_holds(name: str) -> None:
+    laws = RIGHT[name].claims - {"long-time-energy", "reproducibility"} | {"contract"}
+    found = measured(RIGHT[name], sorted(laws), examples=1)
+    assert {f.law: f.verdict.text for f in found.findings} == dict.fromkeys(laws, "holds"), found.findings
+
+
+def test_a_violation_in_the_middle_names_the_step_and_is_replayed() -> None:
+    scheme = SABOTEURS["off-the-middle-later"].scheme
+    found = says(scheme, "casimir", "violated", "step 5 of a path", "as 8 steps of a path", **LEAST)
+    assert found.witness is not None
+    obeys(found.witness, "witness", {"after": -1}, {"after": "7"})
+    assert found.witness["after"] in AFTER
+    again = replay(scheme, "casimir", found.witness)
+    assert (again.verdict, again.defect) == (found.verdict, found.defect)
+    assert "step 5 of a path" in again.message
+    # The right scheme passes the same case, with a state and without one.
+    for right in (RIGHT["compensated"], energy_preserving):
+        assert replay(right, "casimir", found.witness).verdict.text == "holds"
+
+
+def test_a_path_that_stands_still_after_its_first_step_has_no_order() -> None:
+    stands = replace(SABOTEURS["leapfrog-once"].scheme, mean_square_order=None, weak_order=None)
+    says(stands, ORDER, "violated", "order 2 claimed, 0 found", "the first step of a path has the order")
+
+
+def test_init_gets_the_step_size_if_it_has_a_third_argument() -> None:
+    seen: list[tuple[float, ...]] = []
+
+    def step(problem: Problem, state: Any, h: float, dW: Array) -> Any:
+        return state
+
+    def with_size(problem: Problem, y: Array, h: float) -> Array:
+        seen.append((h,))
+        return y.copy()
+
+    def with_option(problem: Problem, y: Array, steps: int = 3) -> Array:
+        seen.append((steps,))
+        return y.copy()
+
+    for init in (with_size, with_option, lambda problem, y: y.copy()):
+        scheme = Scheme("still", StatefulStep(init, step, lambda state: state))
+        sepv.integrate(scheme, "rigid-body", h=0.25, steps=3)
+        sepv.ensemble(scheme, "rigid-body", h=0.125, steps=3, paths=2)
+    assert set(seen) == {(0.25,), (0.125,), (3,)}
+
+
+def two_steps(reverse: Any) -> Scheme:
+    rule = RIGHT["explicit-midpoint"].step
+    assert isinstance(rule, StatefulStep)
+    return replace(RIGHT["explicit-midpoint"], step=replace(rule, reverse=reverse))
+
+
+def test_a_path_goes_back_by_the_reversed_state_alone() -> None:
+    without = finding(two_steps(None), SYMMETRY, **LEAST)
+    assert without.verdict.text == "not applicable"
+    assert int(without.message.split(" cases skipped")[0].split()[-1]) > 20
+    assert "StatefulStep(…, reverse=…) says how it goes back" in without.message
+    assert measured(two_steps(None), f"contract,{SYMMETRY}", **LEAST).exit_code == 0
+    says(two_steps(lambda state: state), SYMMETRY, "violated", **LEAST)
+    says(two_steps(lambda s: (-s[0], *s[1:])), SYMMETRY, "not applicable", "changes signs of y", **LEAST)
+    says(two_steps(lambda s: (1.5 * s[0], *s[1:])), SYMMETRY, "error", "at the y of the state", **LEAST)
+
+
+def test_a_stored_force_goes_back_without_a_reversed_state_and_a_late_one_does_not() -> None:
+    laws = f"{SYMMETRY},reversibility"
+    assert set(verdicts(RIGHT["stored-force"], laws, **LEAST).values()) == {"holds"}
+    late = SABOTEURS["late-force"].scheme
+    assert set(verdicts(late, laws, **LEAST).values()) == {"violated"}
+
+
+def test_each_law_says_how_it_is_asked_in_the_middle_and_the_page_prints_it() -> None:
+    for law in load_laws():
+        assert isinstance(law.middle, Middle) or len(law.middle.split()) > 4
+    assert middles() in doc("adapting.md")
+    first_steps = {law.name for law in load_laws() if isinstance(law.middle, str)}
+    assert {"identity", "expansion"} <= first_steps
+    assert not any(_later("identity"))
+    assert any(_later("energy"))
+    assert any(_later("noise-sum"))
+
+
+def _later(name: str) -> list[bool]:
+    """For each measurement of a law, if it is of later steps than the first one of a path."""
+    later: list[bool] = []
+    (law,) = load_laws([name])
+    assert law.cases is not None
+
+    def step(problem: Problem, state: Any, h: float, dW: Array) -> Any:
+        return energy_preserving.step(problem, state, h, dW)
+
+    scheme = Scheme("kept", StatefulStep(lambda _, y: y.copy(), step, lambda state: state))
+    assert has_memory(scheme)
+
+    def check(asked: Scheme, _: Case) -> Measurement:
+        later.append(asked is not scheme)
+        return Measurement(0.0, 1.0)
+
+    own = searched(
+        name=name, statement="", source="", unit="", check=check, cases=law.cases, middle=law.middle
+    )
+    require(own, scheme, Effort(examples=1))
+    return later
