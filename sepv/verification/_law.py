@@ -41,7 +41,7 @@ class Verdict(Enum):
 
 
 class Middle(Enum):
-    """How a law is measured in the middle of a path (`sepv.verification._middle`)."""
+    """The way in which a law is measured on later steps of a path than the first (`sepv.verification._middle`)."""
 
     STEPS = "each of 2, 3 or 8 steps of a path is measured alone"
     MAP = "2, 3 or 8 steps of a path are measured as one map"
