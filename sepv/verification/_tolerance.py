@@ -159,6 +159,8 @@ def step_residual(
 # With the contraction factor 1/4, every scheme that evaluates B and ∇H between y0 and y1 has a unique solution near y0.
 # If its equation is y1 = y0 + R, then |(I − ∂R/∂y1)⁻¹| is at most 4/3.
 CONTRACTION = 0.25
+
+
 def accumulated(scheme: Scheme | None) -> float:
     """The factor of the residual of a map of N steps of a path: N e^(2κ) with κ = ¼ (`_middle`), and 1 for one step."""
     count = 1 if scheme is None else as_path(scheme)[1]
