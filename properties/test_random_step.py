@@ -19,6 +19,7 @@ from sepv.verification import (
     step_residual,
 )
 from sepv.verification._amplification import amplification
+from sepv.verification._cases.clipped import clips, fits
 from sepv.verification._cases.of_law import only
 
 
@@ -30,8 +31,10 @@ def check(scheme: Scheme, case: Case) -> Measurement:
     """
     problem, y, h, dW = case.build()
     others = splits(problem, h, dW)
+    if scheme.truncation is not None and clips(scheme):
+        others = [(name, a, b) for name, a, b in others if fits(problem, a, b, scheme.truncation)]
     if not others:
-        raise Skipped("a problem without noise has one split of Δ only")
+        raise Skipped("the case has one split of Δ only")
     y1 = ask(scheme, problem, y, h, dW)
     own_residual = step_residual(problem, y, y1, h, dW, scheme)
     amplified = amplification(scheme, case)

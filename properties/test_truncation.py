@@ -68,7 +68,11 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
             checks += 1
             if not ratio <= worst[0]:
                 worst = (ratio, 1.0, text)
-    for response in _responses(scheme, k, this_run.effort.seed):
+    responses = list(_responses(scheme, k, this_run.effort.seed))
+    if not responses:
+        text = "no step responds to an increment by more than its possible error: nothing shows a clip"
+        return law.finding(Verdict.NOT_APPLICABLE, message=text)
+    for response in responses:
         checks += 1
         if not response[0] <= worst[0]:
             worst = (response[0], 1.0, response[1])
@@ -116,7 +120,10 @@ def _responses(scheme: Scheme, k: int, seed: int) -> Iterator[tuple[float, str]]
         try:
             for j, share in zip(np.flatnonzero(problem.c), drawn, strict=True):
                 for posed, h, A in _steps(scheme, problem, int(j), k, share):
-                    size, place = _weakest(scheme, posed, h, A, int(j), int(rng.integers(1 - PARTS, PARTS)))
+                    found = _weakest(scheme, posed, h, A, int(j), int(rng.integers(1 - PARTS, PARTS)))
+                    if found is None:
+                        continue
+                    size, place = found
                     text = (
                         f"{problem.name}, h = {h!r}: the step does not respond to ΔW_{j + 1} beyond {place:.3g} √h "
                         f"as elsewhere, and k = {k} lets increments through up to {A:.3g} √h"
@@ -153,8 +160,11 @@ def _steps(
 
 def _weakest(
     scheme: Scheme, problem: Problem, h: float, A: float, j: int, between: int
-) -> tuple[float, float]:
-    """Return ½ max/min of |∂y1/∂ΔW_j| over parts of [−A, A]√h, one of them `between`, and the minimum's |ΔW_j|/√h."""
+) -> tuple[float, float] | None:
+    """Return ½ max/min of |∂y1/∂ΔW_j| over parts of [−A, A]√h, one of them `between`, and the minimum's |ΔW_j|/√h.
+
+    None if the scheme refuses such steps, or if all responses are below its possible error, as at a rest point.
+    """
     edges = {-PARTS, 1 - PARTS, -1, 0, 1, PARTS - 1, PARTS, between, between + 1}
     number = np.array(sorted(edges))
     xi = A * number / PARTS
@@ -162,16 +172,15 @@ def _weakest(
     dW = np.zeros((problem.noises, xi.size))
     dW[j] = np.sqrt(h) * xi
     if not all(takes(scheme, problem, y[:, i], h, dW[:, i]) for i in range(xi.size)):
-        return 0.0, 0.0
+        return None
     if scheme.batched:
         ends = ask(scheme, problem, y, h, dW)
     else:
         ends = np.stack([ask(scheme, problem, y[:, i], h, dW[:, i]) for i in range(xi.size)], axis=1)
     parts = np.flatnonzero(np.diff(number) == 1)
     responses = np.linalg.norm(np.diff(ends, axis=1), axis=0)[parts]
-    # If all responses are below the solver's possible error in a step, they are not judged.
-    if np.max(responses) < CLEAR * (FLOOR * EPS + scheme.precision) * np.max(np.abs(ends)):
-        return 0.0, 0.0
+    if np.max(responses) <= CLEAR * (FLOOR * EPS + scheme.precision) * np.max(np.abs(ends)):
+        return None
     least = int(np.argmin(responses))
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = 0.5 * float(np.max(responses) / responses[least])

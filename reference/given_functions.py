@@ -1,7 +1,9 @@
 """Reference values for a problem made of Python functions: H as accurately as its code allows, Casimirs exactly.
 
-There is no second source for such an H, so its own code is evaluated: in the platform's longest float if the code
-keeps that type, else in binary64. A bound of the error of its values is stated, and laws add it to their bounds.
+There is no second source for such an H, so its own code is used. If its operations can be recorded, they are evaluated
+in extended precision, with the constants of the code as they are. Otherwise the code is called, in the platform's
+longest float if it keeps that type, else in binary64. Then a bound of the error of its values is stated, and laws add
+it to their bounds.
 """
 
 from __future__ import annotations
@@ -12,7 +14,8 @@ from typing import Any
 import numpy as np
 from sepv.reference.arithmetic import Vector, context
 
-from sepv.problem import GivenProblem
+from sepv.problem import GivenProblem, recorded
+from sepv.record import replay
 
 # A well-written H of d variables is off by a few roundings of y and of its value. 16 is a heuristic: it covers a sum of
 # some ten terms, each a product of a few factors, in any order.
@@ -25,13 +28,29 @@ class GivenFunctions:
     def __init__(self, given: GivenProblem, digits: int) -> None:
         self.problem = given.problem
         self.ctx = context(digits)
+        self.record = recorded(self.problem.hamiltonian, self.problem.dimension)
+        elementary = {
+            "arctan": self.ctx.atan,
+            "log1p_ratio": self._log1p_ratio,
+            "expm1_ratio": self._expm1_ratio,
+        }
+        self._function: Any = lambda name, x: (elementary.get(name) or getattr(self.ctx, name))(x)
+
+    def _log1p_ratio(self, x: Any) -> Any:
+        return self.ctx.log1p(x) / x if x else self.ctx.one
+
+    def _expm1_ratio(self, x: Any) -> Any:
+        return self.ctx.expm1(x) / x if x else self.ctx.one
 
     def state(self, y: Sequence[float]) -> Vector:
         """The binary64 state y as a vector, without a rounding."""
         return [self.ctx.mpf(float(v)) for v in y]
 
     def hamiltonian(self, y: Vector) -> Any:
-        """The Hamiltonian H at a binary64 state, by the problem's own function."""
+        """The Hamiltonian H at a state, by the problem's own function; a state of its code alone is binary64."""
+        if self.record is not None:
+            at = {x.index: v for x, v in zip(self.record.y, y, strict=True)}
+            return self.ctx.mpf(replay(self.record.values, at, self._function, self.ctx.mpf)[0])
         values = [float(v) for v in y]
         with np.errstate(all="ignore"):
             try:
@@ -44,11 +63,13 @@ class GivenFunctions:
             return self.ctx.mpf(float(self.problem.hamiltonian(np.array(values))))
 
     def uncertainty(self, *states: Any) -> Any:
-        """A bound of the error of H(y1) − H(y0): ROUNDINGS half-ulps of |∇H|·|y| + |H| at each state.
+        """A bound of the error of H(y1) − H(y0): ROUNDINGS half-ulps of |∇H|·|y| + |H| at each state, 0 for a record.
 
         Longest floats would allow a smaller bound. But the code of H may compute a part of H in binary64, which cannot
         be seen from outside, so the bound is that of binary64 in either case.
         """
+        if self.record is not None:
+            return 0.0
         slopes = [
             np.sum(np.abs(self.problem.gradient(y)) * np.abs(y), axis=0) + np.abs(self.problem.hamiltonian(y))
             for y in states

@@ -29,7 +29,14 @@ from sepv.properties._reversal import mirrors, momentum_flip, turning
 from sepv import problems
 from sepv.errors import Skipped
 from sepv.exact import PHASES, closed_orbit
-from sepv.problem import Array, HamiltoniansProblem, PolynomialSystem, Problem, Systems
+from sepv.problem import (
+    Array,
+    HamiltoniansProblem,
+    PolynomialSystem,
+    Problem,
+    Systems,
+    energy_change,
+)
 from sepv.problems import canonical, started
 from sepv.record import poly
 from sepv.verification._cases.case import quiet_problem
@@ -75,7 +82,9 @@ class Orbits:
     def kinetic(self) -> float:
         """The largest kinetic energy on the orbit: the range of H at the orbit's states without the reversed part."""
         Q = self.reversed_axes
-        return float(np.ptp(self.problem.hamiltonian(self.states - Q @ (Q.T @ self.states))))
+        resting = self.states - Q @ (Q.T @ self.states)
+        first = np.broadcast_to(resting[:, :1], resting.shape)
+        return float(np.ptp(energy_change(self.problem, first, resting)))
 
     def of(self, paths: int) -> Array:
         """Return `paths` of the states, (d, paths), spread over the orbit."""

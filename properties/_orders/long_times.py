@@ -35,7 +35,7 @@ from sepv.properties._failed_step import first_failed
 from sepv.properties._growth import exponent, grows, kind_of, rounding_walk
 from sepv.properties._orders.integrable import Orbits
 
-from sepv.problem import Array, Problem
+from sepv.problem import Array, Problem, energy_change
 from sepv.record import EPS
 from sepv.schemes import Scheme, guarded
 from sepv.simulate import Carried, advance
@@ -67,7 +67,7 @@ class EnergyPath:
     def __init__(self, scheme: Scheme, problem: Problem, states: Array, h: float) -> None:
         self.scheme, self.problem, self.h, self.y = scheme, problem, h, states.copy()
         self.asked, self.carried = guarded(scheme), Carried(scheme)
-        self.none, self.start = np.zeros((0, states.shape[1])), problem.hamiltonian(states)
+        self.none = np.zeros((0, states.shape[1]))
         self.found = [np.zeros(states.shape[1])]
 
     def errors(self, steps: int) -> Array:
@@ -77,9 +77,9 @@ class EnergyPath:
             if np.any(status != Status.CONVERGED):
                 words = first_failed(self.scheme, self.problem, self.y, self.h, self.none, status)
                 raise Stopped(f"step {len(self.found)}, {words}", np.array(self.found))
-            self.y = value
             with np.errstate(over="ignore", invalid="ignore"):
-                self.found.append(self.problem.hamiltonian(value) - self.start)
+                self.found.append(self.found[-1] + energy_change(self.problem, self.y, value))
+            self.y = value
         return np.array(self.found[: steps + 1])
 
 
@@ -167,7 +167,7 @@ def _trend(scheme: Scheme, orbits: Orbits, paths: int, longer: int, finer: int) 
     slope = exponent(np.array(offsets, dtype=np.float64), moved)
     verdict = Verdict.HOLDS
     text = f"the mean moves by {np.max(np.abs(moved[:, k])):.2g} of {bounds[k]:.2g} allowed in {offsets[-1]} steps"
-    if share[k] > 1:
+    if not share[k] <= 1:
         verdict = Verdict.VIOLATED if grows(*slope) else Verdict.INCONCLUSIVE
         kind = kind_of(*slope)
         text += f", as n^({slope[0]:.2f} ± {slope[1]:.2f})" + (f", {kind}" if kind != "open" else "")

@@ -13,6 +13,7 @@ from sepv.problem import _poisson as poisson
 from sepv.problem._averaged_gradient import Average, argument_rounding
 from sepv.problem._averaged_gradient import average_gradient as average_gradient
 from sepv.problem._averaged_gradient import average_hessian as average_hessian
+from sepv.problem._averaged_gradient import energy_change as energy_change
 from sepv.problem._checks import check_problem as check_problem
 from sepv.problem._checks import sample_states
 from sepv.problem._damped import DampedProblem as DampedProblem

@@ -49,6 +49,14 @@ def average_gradient(problem: Problem, y0: Array, y1: Array) -> Average:
     return _adaptive(problem, y0, y1)
 
 
+def energy_change(problem: Problem, y0: Array, y1: Array) -> Array:
+    """H(y1) − H(y0) = ∇̄Hᵀ(y1 − y0), (...), without the digits that the difference of two values of H loses.
+
+    Its rounding error is relative to |∇H||y1 − y0|, whatever constant H contains.
+    """
+    return np.asarray(np.sum(average_gradient(problem, y0, y1).value * (y1 - y0), axis=0))
+
+
 def average_hessian(problem: Problem, y0: Array, y1: Array) -> Array | None:
     """The derivative (d, d, ...) of the averaged gradient by y1, ∫₀¹ τ H″(y0 + τ(y1 − y0)) dτ; None without H″.
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sepv.problem._derived import Array, Function
-from sepv.record import Tape, gradient, jacobian, magnitudes
+from sepv.record import CannotRecord, Tape, gradient, jacobian, magnitudes
 
 # The number of pieces of a segment, each with a box of its own, if the box of the whole segment has no finite bound.
 PIECES = 16
@@ -31,10 +31,13 @@ def recorded(function: Function, dimension: int, *, differentiated: bool = False
     tape = Tape()
     y = tape.vector(dimension)
     try:
-        values = tape.symbols(function(y))
-        values = (gradient(values[()], y) if differentiated else values).ravel()
+        symbols = tape.symbols(function(y))
+    except Exception:  # a user's function may raise anything if it is called with symbols
+        return None
+    try:
+        values = np.asarray(gradient(symbols, y) if differentiated else symbols, dtype=object).ravel()
         return Record(y, values, jacobian(values, y))
-    except Exception:
+    except CannotRecord:
         return None
 
 

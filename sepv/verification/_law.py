@@ -250,7 +250,11 @@ class Law:
         return self.always_claimed or self.name in scheme.claims
 
     def finding(self, verdict: Verdict, **details: Any) -> Finding:
-        """A finding of this law."""
+        """A finding of this law. A defect or bound that is not a number decides nothing: then it is inconclusive."""
+        unknown = any(math.isnan(details.get(key) or 0.0) for key in ("defect", "bound"))
+        if unknown and verdict in (Verdict.HOLDS, Verdict.VIOLATED):
+            verdict = Verdict.INCONCLUSIVE
+            details["message"] = f"the measurement is not a number\n{details.get('message', '')}".rstrip()
         return Finding(law=self.name, verdict=verdict, source=self.source, unit=self.unit, **details)
 
 

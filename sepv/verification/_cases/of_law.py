@@ -25,6 +25,7 @@ from sepv.problem import (
 from sepv.verification._cases import strata
 from sepv.verification._cases.case import Case, quiet
 from sepv.verification._cases.classes import CLASSES
+from sepv.verification._cases.clipped import within
 from sepv.verification._cases.from_problem import near, of_case, start_of
 from sepv.verification._cases.single_precision import in_range, single
 from sepv.verification._cases.strata import Space, Strata
@@ -149,6 +150,10 @@ class Cases:
         """The cases whose numbers single precision can hold, and whose B and ∇H it can resolve."""
         return replace(self, adapt=partial(_adapted_and_rounded, self.adapt))
 
+    def within_clip(self, k: int) -> Cases:
+        """The cases with increments up to √h A_h, for a scheme that clips at this bound, or beyond it, itself."""
+        return replace(self, adapt=partial(_adapted_within, self.adapt, k))
+
     def admits(self, case: Case) -> bool:
         """True if the law applies to the case without a change of the case."""
         return self.adapted(case) == case
@@ -229,6 +234,12 @@ def _adapted_and_rounded(adapt: Adapt, case: Case) -> Case | None:
     rounded = single(case)
     found = adapt(rounded) if in_range(rounded) else None
     return found if found is not None and single(found) == found and in_range(found) else None
+
+
+def _adapted_within(adapt: Adapt, k: int, case: Case) -> Case | None:
+    shorter = within(case, k)
+    found = None if shorter is None else adapt(shorter)
+    return found if found is None or within(found, k) == found else None
 
 
 EVERYTHING = Cases(damped=True)
