@@ -13,15 +13,21 @@ Array = NDArray[np.float64]
 
 @lru_cache(maxsize=64)
 def gauss_legendre(nodes: int) -> tuple[Array, Array]:
-    """Nodes and weights of Gauss-Legendre quadrature on [0, 1], correctly rounded.
+    """Nodes and weights of Gauss-Legendre quadrature on [0, 1], symmetric to the bit: x_k = 1 − x_{n+1−k}.
 
-    NumPy's weights at the ends have relative errors of 40 eps for 12 nodes and of 60000 eps for 128. Newton's method in
-    decimal arithmetic, which is the same on every platform, corrects NumPy's nodes.
+    The nodes above ½ and the weights are correctly rounded. If each node were, Σ w_k x_k would be
+    ½ + ε/2. Then the averaged gradient of a quadratic H would be taken at ȳ + ε(y1 − y0)/2, and each
+    step would change H by −½ε(y1 − y0)ᵀH″(y1 − y0), always in one direction: with two nodes by a
+    tenth of a rounding. NumPy's weights at the ends have relative errors of 40 eps for 12 nodes and
+    of 60000 eps for 128. Newton's method in decimal arithmetic, which is the same on every platform,
+    corrects NumPy's nodes.
     """
     with localcontext() as context:
         context.prec = 40
         rule = [_polished(nodes, float(x)) for x in np.polynomial.legendre.leggauss(nodes)[0]]
-    return np.array([float(x) for x, _ in rule]), np.array([float(w) for _, w in rule])
+    points = np.array([float(x) for x, _ in rule])
+    points[: nodes // 2] = 1 - points[::-1][: nodes // 2]  # an exact difference
+    return points, np.array([float(w) for _, w in rule])
 
 
 def _polished(nodes: int, guess: float) -> tuple[Decimal, Decimal]:

@@ -3,6 +3,7 @@
 import json
 import pickle
 from dataclasses import replace
+from typing import Any
 
 import mpmath
 import numpy as np
@@ -26,6 +27,7 @@ from sepv.problem._averaged_gradient import FEW, _adaptive, _quadratures, _size,
 from sepv.record import EPS, NoClosedForm
 from sepv.record import _polynomial as poly
 from sepv.verification._cases import case as cases
+from sepv.verification._tolerance import rounding_walk
 
 
 def test_parameters_are_the_papers() -> None:
@@ -202,7 +204,8 @@ def test_nodes_and_weights_are_correctly_rounded(n: int) -> None:
             p, slope = legendre(x)
             x -= p / slope
         slope = legendre(x)[1]
-        assert points[k] == float((1 + x) / 2)
+        # The nodes below ½ are 1 minus those above, which are correctly rounded: symmetry matters more.
+        assert points[k] == (float((1 + x) / 2) if 2 * k + 1 >= n else 1 - float((1 - x) / 2))
         assert weights[k] == float(1 / ((1 - x * x) * slope * slope))
 
 
@@ -296,3 +299,36 @@ def test_rules_that_differ_by_the_rounding_of_their_argument_agree_and_a_kink_do
     assert found.error[1] > 64 * EPS  # more than the rules' own roundings
     alone = _adaptive(problem, y0[:, :2], y1[:, :2])
     assert alone.reliable.tolist() == [True, True]
+
+
+@pytest.mark.parametrize("nodes", range(1, 41))
+def test_nodes_and_weights_are_symmetric_to_the_bit(nodes: int) -> None:
+    """So the averaged gradient of a quadratic H is taken at the middle of the segment, and H gets no bias."""
+    points, weights = gauss_legendre(nodes)
+    assert np.array_equal(points[::-1], 1 - points)
+    assert np.array_equal(weights[::-1], weights)
+
+
+def test_the_energy_of_a_quadratic_hamiltonian_has_no_bias_with_two_nodes() -> None:
+    """Two oscillators, ω = 1e8 and 1e-8, weakly coupled: a step changed H by 0.09 roundings of y1 in the mean.
+
+    100,000 steps in longest floats show a mean of 0.0041 roundings. Five such errors: a false alarm in a million.
+    """
+    one = np.array([[0.0, 1.0], [-1.0, 0.0]])
+    B = np.kron(np.eye(2), one)
+    fast, slow = 1e8, 1e-8
+
+    def energy(y: Any) -> Any:
+        return fast * (y[0] ** 2 + y[1] ** 2) / 2 + slow * ((y[2] ** 2 + y[3] ** 2) / 2 + y[0] * y[2] ** 2)
+
+    problem = sepv.Problem(4, B, energy, noise=(0.5,), initial=(1.0, 0.0, 1.0, 0.0))
+    rng = np.random.default_rng(4)
+    angle = rng.uniform(0, 2 * np.pi, 100_000)
+    y = np.stack([np.cos(angle), np.sin(angle), np.ones_like(angle), np.zeros_like(angle)])
+    y1 = sepv.schemes.energy_preserving.step(problem, y, 0.0, rng.standard_normal((1, angle.size)) / fast)
+    change = energy(y1.astype(np.longdouble)) - energy(y.astype(np.longdouble))
+    rounding = rounding_walk(problem.gradient(y1), y1)
+    mean, spread = float(np.mean(change)), float(np.std(change))
+    assert spread < 2 * rounding
+    assert abs(mean) < 5 * spread / angle.size**0.5
+    assert 5 * spread / angle.size**0.5 < 0.05 * rounding  # the test sees half of the bias
