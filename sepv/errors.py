@@ -18,8 +18,20 @@ class UsageError(SepvError, ValueError):
     """An argument, a name or a file is not what the call needs (exit code 2 on the command line)."""
 
     def __init__(self, *, expected: str, received: str, remedy: str) -> None:
-        self.expected, self.received, self.remedy = expected, received, remedy
-        super().__init__(f"Expected {expected}.\nReceived {received}.\nRemedy: {remedy}")
+        self.expected, self.received, self.remedy = map(_shortened, (expected, received, remedy))
+        super().__init__(f"Expected {self.expected}.\nReceived {self.received}.\nRemedy: {self.remedy}")
+
+
+# The most characters of each part of a message: a name from a file may have millions.
+LONGEST = 4000
+
+
+def _shortened(text: str) -> str:
+    """The text, or its beginning and end with the number of characters between them."""
+    left = len(text) - LONGEST
+    return (
+        text if left <= 0 else f"{text[: LONGEST // 2]} … ({left} more characters) … {text[-LONGEST // 2 :]}"
+    )
 
 
 # With more names than this, a message lists them at its end.

@@ -1,5 +1,6 @@
 """Cost grows as the work does: exact counts, because seconds on a shared machine cannot be gated."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -8,8 +9,10 @@ import pytest
 from drawn import EP, PENDULUM, position
 
 import sepv
+from sepv import problems
 from sepv.errors import SlowDerivation
-from sepv.record import _symbols
+from sepv.problem import _json
+from sepv.record import _symbols, poly
 from sepv.simulate._ensembles import collectors
 
 
@@ -175,3 +178,60 @@ def test_derivatives_that_take_long_say_so_and_what_to_give(monkeypatch: pytest.
 def _J(d: int) -> Any:
     J = np.kron(np.array([[0, -1], [1, 0]]), np.eye(d // 2))
     return lambda y: np.multiply.outer(J, np.ones_like(y[0]))
+
+
+def problem_file(terms: int, d: int = 3) -> dict[str, Any]:
+    """A problem with a Hamiltonian of so many terms y₁ᵃy₂ᵇ, of which one entry of H″ has nearly all."""
+    hamiltonian = [[[2 + k % 300, k // 300, *[0] * (d - 2)], 1e-3] for k in range(terms)]
+    return {"dimension": d, "hamiltonian": hamiltonian, "structure": [[0, 1, [[[0] * d, 1.0]]]]}
+
+
+def test_tables_of_a_polynomial_hold_its_terms_and_no_padding() -> None:
+    """Bytes per term: H″ of d variables has d² sums, which one long sum must not make all as long."""
+    problem = problems.build(problems.from_json(problem_file(1200, d=8)))
+    problem.hessian(np.full((8, 100), 0.5))
+    sums = problem.hessian._sums
+    _, layers = sums._layers
+    tables = sums.places, sums.coefficients, *(table for layer in layers for table in layer)
+    assert len(sums.places) > 2000  # terms of ∂²H/∂y₁², ∂²H/∂y₁∂y₂ and ∂²H/∂y₂²
+    assert sum(table.nbytes for table in tables) == 32 * len(sums.places)  # a number and a coefficient, twice
+
+
+def test_a_validator_of_schemas_sees_no_terms(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It takes a tenth of a millisecond for each number: 90,000 terms took 27 s."""
+    seen = []
+    monkeypatch.setattr(_json, "fault", lambda data, _schema: seen.append(len(json.dumps(data))) or "")
+    for terms in (10, 1000):
+        problems.from_json(problem_file(terms))
+    assert seen[0] == seen[1]
+
+
+@pytest.mark.parametrize(("data", "words"), [
+    (problem_file(100_001), "more than 100000 terms"),
+    ({"dimension": 64, "hamiltonian": [[[0] * 64, 1.0]] * 20_000, "structure": []}, "more than 1000000 exponents"),
+    ({"name": "pendulum", "parameters": {f"p{n}": [1.0] for n in range(10**5)}}, "more than 131072 numbers"),
+    ({"name": "pendulum", "parameters": {f"p{n}": [1.0] for n in range(100)}}, "parameters"),
+    ({"name": "p" * 10**6}, "name"),
+    (problem_file(3) | {"hamiltonian": [[[2, 0, 0], 1.0], [[0, -1, 0], 1.0]]}, r"hamiltonian\[1\]\[0\]\[1\]: -1"),
+    (problem_file(3) | {"structure": [[0, 1, [[[0, 0, 0], "one"]]]]}, r"structure\[0\]\[2\]\[0\]\[1\]"),
+    (problem_file(3) | {"structure": [[[0, 0, 0], 1.0]]}, r"structure\[0\]"),
+    (problem_file(3) | {"hamiltonian": "y1"}, "hamiltonian"),
+])  # fmt: skip
+def test_a_description_beyond_the_bounds_is_refused_and_the_place_of_a_fault_is_said(
+    data: Any, words: str
+) -> None:
+    with pytest.raises(sepv.ProblemError, match=words) as caught:
+        problems.from_json(data)
+    assert len(str(caught.value)) < 2000
+
+
+def test_what_an_error_echoes_has_a_bound() -> None:
+    error = sepv.UsageError(expected="a name", received="x" * 60_000_000, remedy="a shorter one")
+    assert len(str(error)) < 10_000
+    assert "59996000 more characters" in str(error)
+
+
+def test_a_product_of_long_polynomials_is_refused() -> None:
+    long = poly.polynomial(2, {(k % 300, k // 300): 1.0 for k in range(3000)})
+    with pytest.raises(sepv.UsageError, match="products of terms"):
+        poly.multiply(long, long)

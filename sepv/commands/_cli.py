@@ -43,6 +43,9 @@ class _Commands(click.Group):
     def make_context(self, info_name: str | None, args: list[str], *more: Any, **extra: Any) -> click.Context:
         """Make click's context, with the command line in it for result files."""
         words = shlex.join(["sepv", *args])  # also for `python -m sepv`
+        for stream in (sys.stdout, sys.stderr):  # before click prints --help or an error
+            if cannot_show(stream):
+                never_fail(stream)
         with interruptible():
             context = super().make_context(info_name, args, *more, **extra)
         context.meta[WORDS] = words
@@ -97,9 +100,6 @@ def main() -> None:
     sepv list                                schemes, problems, laws
     sepv completion bash                     completion for your shell
     """
-    for stream in (sys.stdout, sys.stderr):
-        if cannot_show(stream):
-            never_fail(stream)
     collect_seldom()
     # Hypothesis stores a small cache in a directory, which by default is in the user's current folder.
     if "HYPOTHESIS_STORAGE_DIRECTORY" not in os.environ:

@@ -76,7 +76,10 @@ def showing(quiet: bool = False) -> Iterator[Shown]:
 
     out = console(stderr=True)
     thread = threading.Thread(
-        target=_bar if out.is_terminal else _lines, args=(shown, out, done), daemon=True
+        # rich calls a file a terminal if FORCE_COLOR is set, but a bar is redrawn with the codes of a cursor.
+        target=_bar if out.is_terminal and out.file.isatty() else _lines,
+        args=(shown, out, done),
+        daemon=True,
     )
     thread.start()
     try:

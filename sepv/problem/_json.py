@@ -53,14 +53,95 @@ def from_json(data: Any) -> PolynomialSystem | NamedProblem:
     ProblemError
         For data that do not obey the schema of problems. The message gives the place and the reason.
     """
-    if wrong := fault(data, schema("problem")):
-        raise ProblemError(
-            expected="a problem as its schema describes it: dimension, hamiltonian [[exponents, coefficient], …], "
-            "structure [[i, j, terms], …], noise, casimirs; or name and parameters",
-            received=wrong,
-            remedy="write one with sepv.problems.to_json, and change that",
-        )
+    if wrong := _too_large(data) or fault(_without_terms(data), schema("problem")):
+        raise _ill_formed(wrong)
     return problem_from_json(data)
+
+
+# The most terms of all polynomials together, and the most exponents in them: H″ has d² polynomials of such terms.
+MOST_TERMS, MOST_EXPONENTS = 100_000, 10**6
+# The most further numbers, texts and lists. A validator of schemas needs a tenth of a millisecond for each.
+MOST_OTHER = 2**17
+# The kinds of lists under the keys of a polynomial system: terms, a list of terms, entries [i, j, terms] of a
+# structure, a list of structures.
+_TERMS = {
+    "hamiltonian": "terms", "polynomial_casimirs": "list", "nambu": "list", "noise_hamiltonians": "list",
+    "structure": "entries", "noise_structures": "list of entries",
+}  # fmt: skip
+
+
+def _ill_formed(wrong: str) -> ProblemError:
+    return ProblemError(
+        expected="a problem as its schema describes it: dimension, hamiltonian [[exponents, coefficient], …], "
+        "structure [[i, j, terms], …], noise, casimirs; or name and parameters",
+        received=wrong,
+        remedy="write one with sepv.problems.to_json, and change that",
+    )
+
+
+def _too_large(data: Any) -> str:
+    """Describe how a description is too large; an empty text if all bounds hold."""
+    terms = exponents = other = 0
+    waiting = [data]
+    while waiting:
+        value = waiting.pop()
+        if isinstance(value, list) and value and all(map(_like_a_term, value)):
+            terms += len(value)
+            exponents += sum(len(term[0]) for term in value)
+        elif isinstance(value, (list, dict)):
+            other += len(value)
+            waiting += value.values() if isinstance(value, dict) else value
+        if terms > MOST_TERMS:
+            return f"more than {MOST_TERMS} terms"
+        if exponents > MOST_EXPONENTS:
+            return f"terms with more than {MOST_EXPONENTS} exponents together"
+        if other > MOST_OTHER:
+            return f"more than {MOST_OTHER} numbers, texts and lists beside the terms"
+    return ""
+
+
+def _like_a_term(value: Any) -> bool:
+    return isinstance(value, list) and len(value) == 2 and isinstance(value[0], list)
+
+
+def _without_terms(data: Any) -> Any:
+    """Replace each list of terms by [] and validate it here, because a validator of schemas is slow.
+
+    Raises a ProblemError for the first term that does not obey the schema.
+    """
+    if not isinstance(data, dict) or "name" in data:
+        return data
+    return {key: _emptied(value, _TERMS.get(key, ""), f"$.{key}") for key, value in data.items()}
+
+
+def _emptied(value: Any, kind: str, place: str) -> Any:
+    if not kind or not isinstance(value, list):
+        return value
+    if kind == "terms":
+        for n, term in enumerate(value):
+            if not _is_term(term) and (wrong := fault([term], schema("problem") | {"$ref": "#/$defs/terms"})):
+                raise _ill_formed(f"{place}[{n}]{wrong.removeprefix('$[0]')}")
+        return []
+    if kind == "entries":
+        return [
+            [*entry[:2], _emptied(entry[2], "terms", f"{place}[{n}][2]")]
+            if isinstance(entry, list) and len(entry) == 3
+            else entry
+            for n, entry in enumerate(value)
+        ]
+    inner = "entries" if kind == "list of entries" else "terms"
+    return [_emptied(part, inner, f"{place}[{n}]") for n, part in enumerate(value)]
+
+
+def _is_term(term: Any) -> bool:
+    """True for a term [exponents, coefficient] that obeys the schema; False if a validator must decide."""
+    if not _like_a_term(term) or not all(type(e) is int and 0 <= e <= poly.MAX_DEGREE for e in term[0]):
+        return False
+    try:
+        double(term[1])
+    except ValueError:
+        return False
+    return True
 
 
 def problem_to_json(data: Description) -> dict[str, Any]:

@@ -24,6 +24,8 @@ from sepv.errors import UsageError
 Exponents = tuple[int, ...]
 # The largest degree. For larger k, x^k is 0 or infinite for nearly every binary64 number x.
 MAX_DEGREE = 1024
+# The most products of two terms in a product of polynomials: seconds of work.
+MAX_PRODUCTS = 2**22
 
 
 @dataclass(frozen=True)
@@ -124,7 +126,16 @@ def add(*summands: Polynomial) -> Polynomial:
 
 
 def multiply(p: Polynomial, q: Polynomial) -> Polynomial:
-    """The product of two polynomials, exact if all products and sums of their coefficients are exact in binary64."""
+    """The product of two polynomials, exact if all products and sums of their coefficients are exact in binary64.
+
+    Raises UsageError for more than MAX_PRODUCTS products of terms.
+    """
+    if len(p.terms) * len(q.terms) > MAX_PRODUCTS:
+        raise UsageError(
+            expected=f"polynomials whose product takes at most {MAX_PRODUCTS} products of terms",
+            received=f"{len(p.terms)} and {len(q.terms)} terms",
+            remedy="give such a system as functions: sepv.Problem",
+        )
     terms = [(tuple(map(operator.add, e, f)), c * g) for e, c in p.terms for f, g in q.terms]
     if p.degree + q.degree > MAX_DEGREE or not all(isfinite(c) for _, c in terms):
         return polynomial(p.dimension, terms)  # which reports the error
@@ -186,10 +197,13 @@ class _Sums:
     Attributes
     ----------
     top : the largest exponent of one variable
-    factors : (most factors of a monomial, monomials)
+    factors : (most factors of a monomial, monomials + 1)
         The powers to multiply for each monomial: y_i^k has the number i + d·k. Short monomials are padded by y_1⁰ = 1.
-    places, coefficients : (1 + most terms of a sum, sums), and (…, 1)
-        The numbers of the monomials in each sum, and their coefficients. Row 0 and the padding of short sums are 0 · 1.
+        The last monomial is 1.
+    places, coefficients : (terms of all sums,) each
+        The numbers of the monomials of the sums, sum after sum, and their coefficients.
+    starts : (sums + 1,)
+        Where the terms of each sum begin. Nothing is padded, so that one long sum costs its own terms alone.
     rows : (rows,) or None
         The number of the sum of each polynomial, if some polynomials are equal, such as zero entries of B and B′, or
         entries of a Hessian in pairs. None if all polynomials differ.
@@ -199,6 +213,7 @@ class _Sums:
     factors: NDArray[np.intp]
     places: NDArray[np.intp]
     coefficients: NDArray[np.float64]
+    starts: NDArray[np.intp]
     rows: NDArray[np.intp] | None
 
     def __call__(self, y: NDArray[Any]) -> NDArray[Any]:
@@ -208,15 +223,15 @@ class _Sums:
 
     def _values(self, y: NDArray[Any]) -> NDArray[Any]:
         """The values (sums, M) of the sums at states y (d, M); equal polynomials share one sum."""
-        terms, sums = self.places.shape
-        if terms == 1:
+        sums = len(self.starts) - 1
+        if not self.places.size:
             return np.zeros((sums, y.shape[1]), dtype=np.result_type(y, np.float64))
         d = len(y)
         powers = np.empty(((self.top + 1) * d, y.shape[1]), dtype=y.dtype)
         powers[:d], powers[d : 2 * d] = 1, y[: self.top * d]
         for k in range(2 * d, len(powers), d):
             np.multiply(powers[k - d : k], y, out=powers[k : k + d])
-        rule = self._at_once if terms * sums * y.shape[1] <= FEW else self._in_layers
+        rule = self._at_once if (1 + self._longest) * sums * y.shape[1] <= FEW else self._in_layers
         return rule(powers)
 
     def _at_once(self, powers: NDArray[Any]) -> NDArray[Any]:
@@ -224,7 +239,8 @@ class _Sums:
         # `take` is twice as fast as an index for few states.
         monomials = powers.take(self.factors[0] if one else self.factors, axis=0)
         monomials = monomials if one else np.multiply.reduce(monomials)
-        terms = self.coefficients * monomials.take(self.places, axis=0)
+        places, coefficients = self._table
+        terms = coefficients * monomials.take(places, axis=0)
         # np.add.reduce would sum a single column in pairs.
         values: NDArray[Any] = np.add.accumulate(terms)[-1] if terms.shape[2] == 1 else np.add.reduce(terms)
         return values
@@ -243,13 +259,29 @@ class _Sums:
         return values
 
     @cached_property
+    def _longest(self) -> int:
+        return int(np.diff(self.starts).max())
+
+    @cached_property
+    def _table(self) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+        """The terms (1 + most terms of a sum, sums) and (…, 1); row 0 and the padding of short sums are 0 · 1."""
+        lengths = np.diff(self.starts)
+        places = np.full((1 + self._longest, len(lengths)), self.factors.shape[1] - 1)
+        coefficients = np.zeros((*places.shape, 1))
+        sums = np.repeat(np.arange(len(lengths)), lengths)
+        terms = 1 + np.arange(len(self.places)) - np.repeat(self.starts[:-1], lengths)
+        places[terms, sums], coefficients[terms, sums, 0] = self.places, self.coefficients
+        return places, coefficients
+
+    @cached_property
     def _layers(self) -> tuple[NDArray[np.intp], list[tuple[NDArray[np.intp], NDArray[np.float64]]]]:
         """Tables for `_in_layers`: the numbers of the sums, longest first, and for n = 1, 2, … their n-th terms."""
-        one = self.factors.shape[1] - 1
-        lengths = np.count_nonzero(self.places != one, axis=0)
+        lengths = np.diff(self.starts)
         order = np.argsort(-lengths, kind="stable")
-        longer = [order[: np.count_nonzero(lengths >= n)] for n in range(1, len(self.places))]
-        return order, [(self.places[n, k], self.coefficients[n, k]) for n, k in enumerate(longer, 1)]
+        firsts = self.starts[:-1][order]
+        counts = np.searchsorted(-lengths[order], -np.arange(self._longest), side="left")
+        here = [firsts[:count] + n for n, count in enumerate(counts)]
+        return order, [(self.places[k], self.coefficients[k, None]) for k in here]
 
 
 @dataclass(frozen=True)
@@ -272,14 +304,13 @@ class PolynomialMap:
         factors = [[i + d * k for i, k in enumerate(e) if k] for e in monomials]
         # Terms in the order of the monomials, for every polynomial.
         sums = [sorted([(index[e], c) for e, c in terms]) for terms in distinct.values()]
-        nothing = (len(monomials), 0.0)  # the last monomial is 1
-        entries = np.array([[nothing] * len(sums), *zip_longest(*sums, fillvalue=nothing)])
         numbers = {key: r for r, key in enumerate(distinct)}
         return _Sums(
             max(map(max, monomials), default=0),
             np.array([*zip_longest(*factors, [0], fillvalue=0)]),
-            entries[..., 0].astype(np.intp),
-            np.ascontiguousarray(entries[..., 1:]),
+            np.array([place for terms in sums for place, _ in terms], dtype=np.intp),
+            np.array([c for terms in sums for _, c in terms], dtype=np.float64),
+            np.cumsum([0, *map(len, sums)]),
             np.array([numbers[id(p) if p.terms else 0] for p in self.rows])
             if len(sums) < len(self.rows)
             else None,

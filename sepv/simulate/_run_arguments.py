@@ -141,4 +141,12 @@ def initial_state(problem: Problem, y0: ArrayLike | None) -> Array:
             received=f"shape {y.shape}: {start!r:.80}",
             remedy="one number for each component",
         )
+    with np.errstate(all="ignore"):
+        energy = float(problem.hamiltonian(y))
+    if not np.isfinite(energy):
+        raise UsageError(
+            expected="y0 with a finite energy H(y0), from which defects are measured",
+            received=f"H(y0) = {energy!r} at y0 = {y.tolist()!r:.200}",
+            remedy="another y0, or other units of y or H",
+        )
     return y

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import sys
 from collections.abc import Callable, Sequence
 from html import escape
 from typing import TYPE_CHECKING
@@ -10,7 +11,16 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.text import Text
 
-from sepv.console import Column, Table, counted, plain_console, print_sentence, print_table
+from sepv.console import (
+    Column,
+    Table,
+    ascii_text,
+    cannot_show,
+    counted,
+    plain_console,
+    print_sentence,
+    print_table,
+)
 from sepv.verification._law import Finding, Verdict
 from sepv.verification._profiles import PROFILES, SUITE, found
 
@@ -68,7 +78,8 @@ def _plain(write: Callable[[Console], None]) -> str:
     """The text that `write` prints on a console, without colour."""
     out = io.StringIO()
     write(plain_console(out))
-    return "\n".join(line.rstrip() for line in out.getvalue().rstrip().splitlines())
+    text = "\n".join(line.rstrip() for line in out.getvalue().rstrip().splitlines())
+    return ascii_text(text) if cannot_show(sys.stdout) else text
 
 
 # The columns of the table. On a narrow terminal the columns with a number `goes` are dropped, in order of this number.

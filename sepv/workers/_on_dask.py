@@ -92,6 +92,8 @@ def dask_crew(workers: Any, function: Callable[[Any], Any], alike: tuple[str, ..
         yield DaskCrew(workers, function, alike)
         return
     address = workers if isinstance(workers, str) else workers.scheduler_address
+    if address.startswith("tls://"):
+        _require_certificates(address)
     try:
         client = Client(address, timeout=CONNECT, set_as_default=False)
     except (OSError, ValueError) as error:
@@ -104,6 +106,19 @@ def dask_crew(workers: Any, function: Callable[[Any], Any], alike: tuple[str, ..
         yield DaskCrew(client, function, alike)
     finally:
         client.close(timeout=CONNECT)
+
+
+def _require_certificates(address: str) -> None:
+    """Raise a UsageError for a TLS address if Dask's configuration names no certificates."""
+    from distributed.security import Security
+
+    if Security().get_connection_args("client").get("ssl_context") is None:
+        raise UsageError(
+            expected="certificates for a scheduler that uses TLS",
+            received=f"{address}, and none in the configuration of Dask",
+            remedy="workers=Client(address, security=Security(tls_ca_file=…, tls_client_cert=…, tls_client_key=…)), or "
+            "distributed.comm.tls in ~/.config/dask (docs/clusters.md)",
+        )
 
 
 class DaskCrew(Futures):

@@ -78,12 +78,15 @@ def test_the_action_is_green_and_red(tmp_path: Path, wrong: str, code: int) -> N
     ({}, 2, "Expected a TARGET, or a program with --exec"),
     ({"target": "midpoint", "arguments": "--law energy\n--claim energy\n"}, 1, "not found to hold: energy"),
     ({"target": "midpoint", "arguments": "--law *"}, 2, "'*'"),
+    ({"target": "--exec=touch run"}, 2, "expected target: a name that does not begin with -"),
+    ({"target": "midpoint", "folder": "-rf"}, 2, "expected folder: a name that does not begin with -"),
 ])  # fmt: skip
 def test_the_action_says_what_is_wrong(tmp_path: Path, inputs: dict[str, str], code: int, words: str) -> None:
     (tmp_path / "laws.json").touch()
     done = act(tmp_path, **inputs)
     assert done.returncode == code, done.stdout + done.stderr
     assert words in done.stdout + done.stderr
+    assert not (tmp_path / "run").exists()
 
 
 def test_every_input_is_used_once() -> None:

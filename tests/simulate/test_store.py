@@ -1,5 +1,6 @@
 """Ends on disk: the bits of memory, resumed after a crash, and never written over."""
 
+import json
 import re
 import shutil
 import subprocess
@@ -14,6 +15,7 @@ from drawn import EP, PENDULUM, position, same
 import sepv
 from sepv import problems, schemes
 from sepv.simulate._batch import AXES
+from sepv.simulate._results.code_hash import code_of
 from sepv.simulate._results.zarr_store import _checksum
 
 pytest.importorskip("zarr")
@@ -110,7 +112,10 @@ def test_a_store_can_stop_at_an_error_and_go_on_later(tmp_path: Path) -> None:
     ("more", "words"),
     [
         ({"seed": 6}, "seed is 5 there and 6 here"),
-        ({"h": 1 / 32}, "h is 0.0625 there and 0.03125 here (and steps, fingerprint)"),
+        (
+            {"h": 1 / 32},
+            "h is 0.0625 there and 0.03125 here (and steps, steps from drawn states, fingerprint)",
+        ),
         ({"chunk": 128}, "chunk is 256 there and 128 here"),
         ({"paths": 1001}, "paths is 1000 there"),
         ({"y0": [0.5, 0.5]}, "y0 is"),
@@ -130,8 +135,76 @@ def test_another_scheme_or_problem_of_the_same_name_is_seen(tmp_path: Path) -> N
     place = tmp_path / "paths.zarr"
     sepv.ensemble(EP, PENDULUM, store=place, engine="numpy", **SMALL)
     other = sepv.Scheme(EP.name, step, batched=True, truncation=EP.truncation)
-    with pytest.raises(sepv.UsageError, match="fingerprint is"):
+    with pytest.raises(sepv.UsageError, match="made by other code"):
         sepv.ensemble(other, PENDULUM, store=place, engine="numpy", **SMALL)
+
+
+STEP = """
+import numpy as np
+LIMIT = {limit}
+def shift(y):
+    return np.where(np.abs(y) > LIMIT, 1e-3, 0.0)
+def step(problem, y, h, dW):
+    {body}
+    delta = problem.random_step(h, dW)
+    return y + delta * np.einsum("ij...,j...->i...", problem.structure(y), problem.gradient(y)) + shift(y)
+"""
+
+
+def _own(limit: float = 50.0, body: str = "pass") -> Any:
+    """A scheme of a user's module; what it does far from y0 depends on a constant that another function names."""
+    space: dict[str, Any] = {"__name__": "own"}
+    exec(STEP.format(limit=limit, body=body), space)
+    return sepv.Scheme("own", space["step"])
+
+
+@pytest.mark.parametrize(("changed", "words"), [
+    ({"limit": 60.0}, "made by other code .own.shift: "),
+    ({"body": "h = h if np.all(abs(y) < 70.0) else 2 * h"}, "made by other code .own.step: "),
+])  # fmt: skip
+def test_a_scheme_that_changed_far_from_y0_does_not_continue_a_store(tmp_path: Path, changed, words) -> None:
+    """101 of 512 paths were the old scheme's: the steps at y0 and near it are the same."""
+    place = tmp_path / "paths.zarr"
+    before = _own()
+    sepv.ensemble(before, PENDULUM, store=place, **SMALL)
+    again = sepv.ensemble(_own(), PENDULUM, store=place, **SMALL)  # the same code, loaded anew
+    assert again.y.shape == (2, 1000)
+    with pytest.raises(sepv.UsageError, match=words):
+        sepv.ensemble(_own(**changed), PENDULUM, store=place, **SMALL)
+
+
+def test_caches_and_work_arrays_of_a_scheme_are_not_its_code() -> None:
+    """A store must be continued after they have changed, and in another process, where sets have other orders."""
+    work, cache = np.zeros(3), dict[int, int]()
+
+    def step(problem: Any, y: Any, h: float, dW: Any) -> Any:
+        cache[len(cache)] = 1
+        work[:] = y[0] if str(h) in {"a", "b", "c"} else 0.0
+        return y
+
+    before = code_of(step)
+    step(None, np.ones(3), 0.1, None)
+    assert code_of(step) == before
+
+
+def test_libraries_and_programs_are_known_by_their_bytes(tmp_path: Path) -> None:
+    program = tmp_path / "program"
+    program.write_bytes(b"one")
+
+    class Program:
+        argv = (str(program), "--fast")
+
+    first = code_of(Program())
+    program.write_bytes(b"two")
+    assert code_of(Program()) != first
+
+
+def test_a_refusal_names_the_versions_that_differ(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    place = tmp_path / "paths.zarr"
+    sepv.ensemble(EP, PENDULUM, store=place, **SMALL)
+    monkeypatch.setattr("platform.python_version", lambda: "3.99.0")
+    with pytest.raises(sepv.UsageError, match=r"made by other versions \(python: .* there and 3.99.0 here\)"):
+        sepv.ensemble(EP, PENDULUM, store=place, **SMALL)
 
 
 def test_what_sepv_did_not_write_is_left_alone(tmp_path: Path) -> None:
@@ -145,6 +218,39 @@ def test_what_sepv_did_not_write_is_left_alone(tmp_path: Path) -> None:
     zarr.create_group(str(tmp_path / "other.zarr"))
     with pytest.raises(sepv.UsageError, match="not written by sepv"):
         sepv.ensemble(EP, PENDULUM, store=str(tmp_path / "other.zarr"), **SMALL)
+
+
+def _entry(key: str, value: Any) -> Any:
+    """Change, or take away, an entry of a description of an array."""
+
+    def harm(file: Path) -> None:
+        described = json.loads(file.read_text())
+        described.pop(key) if value is None else described.update({key: value})
+        file.write_text(json.dumps(described))
+
+    return harm
+
+
+@pytest.mark.parametrize(("file", "harm"), [
+    ("zarr.json", lambda p: p.write_text("no JSON")),
+    ("zarr.json", lambda p: p.write_text("")),
+    ("y/zarr.json", lambda p: p.write_text("{")),
+    ("work/zarr.json", lambda p: p.write_bytes(b"\xff\xfe")),
+    ("work/zarr.json", lambda p: p.write_text((p.parents[1] / "zarr.json").read_text())),
+    ("y/zarr.json", _entry("shape", [2, 7])),
+    ("y/zarr.json", _entry("shape", None)),
+    ("y/zarr.json", _entry("data_type", "int32")),
+    ("y/zarr.json", _entry("codecs", [{"name": "unheard of"}])),
+    ("y/zarr.json", _entry("chunk_grid", {"name": "regular", "configuration": {"chunk_shape": [2, 33]}})),
+])  # fmt: skip
+def test_a_store_whose_descriptions_are_damaged_is_refused_in_words(
+    tmp_path: Path, file: str, harm: Any
+) -> None:
+    place = tmp_path / "paths.zarr"
+    computed(place)
+    harm(place / file)
+    with pytest.raises(sepv.UsageError, match=r"no Zarr group|damaged description|an array 'y' of"):
+        computed(place)
 
 
 def test_arrays_without_entries_need_no_place(tmp_path: Path) -> None:

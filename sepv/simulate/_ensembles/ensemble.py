@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import math
+import platform
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
+from importlib import metadata
 from typing import Any, Literal
 
 import numpy as np
@@ -20,11 +23,15 @@ from sepv.schemes import PointLaw, Scheme, Step, point_law
 from sepv.simulate._batch import CHUNK, Ensemble
 from sepv.simulate._ensembles.collectors import InMemory, OnDisk, Reduced, Reducing, Total, run
 from sepv.simulate._ensembles.task import Task, portable
+from sepv.simulate._results.code_hash import code_of
 from sepv.simulate._results.reductions import Functionals, validate
 from sepv.simulate._run_arguments import checked, require_drawable
 from sepv.simulate.targets._target import CannotCompile, Target
 from sepv.simulate.targets.registry import AUTOMATIC, TARGETS
 from sepv.workers import check, run_all
+
+# States from which steps are compared when a store is continued.
+DRAWN_STATES = 32
 
 
 def ensemble(
@@ -147,6 +154,7 @@ def ensemble(
     total: Total
     function: Any = run if reduce is None else Reducing(dict(reduce), keep=store is not None)
     if store is not None:
+        empty = replace(empty, about={**empty.about, **_made_by(whole, problem)})
         total = OnDisk(whole, empty, progress, store, size, reduce, until)
     elif reduce is not None:
         total = Reduced(whole, empty, progress, reduce, until)
@@ -305,18 +313,39 @@ def _about(whole: Task, problem: Problem, dW: Any) -> dict[str, Any]:
     }
 
 
+def _made_by(whole: Task, problem: Problem) -> dict[str, Any]:
+    """Describe what computes the paths of a store, as JSON: steps from drawn states, hashes of code, versions."""
+    y0, rng = whole.y0, np.random.default_rng(20140203)
+    starts = y0[:, None] + (1 + np.abs(y0))[:, None] * rng.standard_normal((len(y0), DRAWN_STATES))
+    steps = [_fingerprint(whole.scheme, problem, y.tobytes(), whole.h) for y in starts.T]
+    packages = TARGETS[whole.engine].alike
+    return {
+        "steps from drawn states": hashlib.sha256("".join(steps).encode()).hexdigest()[:16],
+        "code": code_of(whole.scheme, problem),
+        "versions": {key: metadata.version(key) for key in packages} | {"python": platform.python_version()},
+    }
+
+
 def _fingerprint(scheme: Scheme, problem: Problem, start: bytes, h: float) -> str:
-    """Hash the problem's values at y0 and one step of the scheme, because functions cannot be compared."""
+    """Hash the problem's values at a state and one step of the scheme, because functions cannot be compared."""
     y0 = np.frombuffer(start).copy()
-    with np.errstate(all="ignore"):
-        values = [problem.hamiltonian(y0), problem.gradient(y0), problem.structure(y0)]
-        try:
-            increment = np.full(problem.noises, 0.25 * math.sqrt(h))
-            values.append(scheme.step(problem, y0.copy(), h, increment))
-        except Exception as error:  # a refused step is part of the scheme's behaviour too
-            values.append(np.frombuffer(type(error).__name__.encode(), dtype=np.uint8))
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        values = []
+        for part in (problem.hamiltonian, problem.gradient, problem.structure):
+            values.append(_value(lambda part=part: part(y0.copy())))  # type: ignore[misc]
+        increment = np.full(problem.noises, 0.25 * math.sqrt(h))
+        values.append(_value(lambda: scheme.step(problem, y0.copy(), h, increment)))
     bits = b"".join(np.ascontiguousarray(value).tobytes() for value in values)
     return hashlib.sha256(bits).hexdigest()[:16]
+
+
+def _value(function: Callable[[], Any]) -> Any:
+    """The value of a function, or the name of its exception: a refused step is part of a scheme's behaviour too."""
+    try:
+        return function()
+    except Exception as error:
+        return np.frombuffer(type(error).__name__.encode(), dtype=np.uint8)
 
 
 _kept_fingerprint = lru_cache(maxsize=256)(_fingerprint)

@@ -57,6 +57,7 @@ class ZarrStore:
         zarr = optional("zarr", "zarr ≥ 3, for store=", "pip install 'zarr>=3'")
         self.paths, self.chunk = paths, chunk
         self.chunks = -(-paths // chunk)
+        self.where = where
         self.group = _group(zarr, where, {**about, "format": FORMAT, "paths": paths, "chunk": chunk})
         self.time_first = self.group.attrs["sepv"]["format"] == TIME_FIRST
         self.arrays: dict[str, Any] = {}
@@ -70,14 +71,27 @@ class ZarrStore:
         self.work = self._array("work", (self.chunks, line), (1, line), ("chunk", "counted"), np.int64)
 
     def _array(self, name: str, shape: Any, chunks: Any, axes: Any, dtype: Any) -> Any:
-        if name in self.group:
-            return self.group[name]
+        """The store's array, or a new one. UsageError if its description is damaged, or is that of another array."""
         kind = np.dtype(dtype).kind
-        return self.group.create_array(
-            name, shape=shape, chunks=chunks, dtype=dtype, fill_value=_FILL[kind], dimension_names=axes,
-            # Only integers can be compressed, because the digits of states look random.
-            compressors=None if kind == "f" else "auto",
-        )  # fmt: skip
+        try:
+            array = self.group.get(name)
+            if array is None:
+                array = self.group.create_array(
+                    name, shape=shape, chunks=chunks, dtype=dtype, fill_value=_FILL[kind], dimension_names=axes,
+                    # Only integers can be compressed, because the digits of states look random.
+                    compressors=None if kind == "f" else "auto",
+                )  # fmt: skip
+            there = array.shape, array.chunks, np.dtype(array.dtype)
+        except OSError:
+            raise
+        except Exception as error:  # zarr raises what its parsers raise
+            wrong = f"a damaged description of its array {name!r} ({type(error).__name__}: {error})"
+            raise _other(self.where, wrong) from error
+        wanted = tuple(shape), tuple(chunks), np.dtype(dtype)
+        if there != wanted:
+            wrong = "shape {}, chunks {}, {}".format(*there) + ", not {}, {}, {}".format(*wanted)
+            raise _other(self.where, f"an array {name!r} of {wrong}")
+        return array
 
     def save(self, number: int, chunk: Any) -> None:
         """Write chunk `number`, given as an `Ensemble`. Its row of `work` is written last and marks it as complete."""
@@ -140,9 +154,20 @@ def _group(zarr: Any, where: Any, about: dict[str, Any]) -> Any:
     if found.get("format") == TIME_FIRST:
         about = {**about, "format": TIME_FIRST}
     differ = [key for key in sorted({*found, *about}) if found.get(key) != about.get(key)]
-    differ.sort(key="fingerprint".__eq__)  # the least informative reason comes last
+    vague = (
+        "code",
+        "versions",
+        "steps from drawn states",
+        "fingerprint",
+    )  # the least informative reason comes last
+    differ.sort(key=lambda key: vague.index(key) if key in vague else -1)
     if differ:
         key = differ[0]
+        if isinstance(found.get(key), dict) and isinstance(about.get(key), dict):
+            there, here = found[key], about[key]
+            names = [name for name in sorted({*there, *here}) if there.get(name) != here.get(name)]
+            shown = "; ".join(f"{name}: {there.get(name)} there and {here.get(name)} here" for name in names)
+            raise _other(target, f"it was made by other {key} ({shown})")
         raise _other(
             target,
             f"it holds other paths: {key} is {found.get(key)!r:.120} there and {about.get(key)!r:.120} here"
