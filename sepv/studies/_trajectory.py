@@ -1,4 +1,4 @@
-"""How the invariants of a table of states drift, and whether its rows are steps of a scheme.
+"""Drift of the invariants of a table of states, and whether each row is a step of a scheme from the row before.
 
 **Growth.** The errors e(t) = I(y(t)) − I(y(0)) of a single path are cut into 16 to 64 blocks. In each block the errors
 since its start are a sample of how the error grows over the times T_b/2^k, T_b the length of a block. The exponent of
@@ -62,7 +62,7 @@ class Drift:
 
     @property
     def kind(self) -> str:
-        """What explains the errors, "digits" or "rounding"; else a kind of growth, or "inconclusive"."""
+        """The explanation of the errors, "digits" or "rounding"; else a kind of growth, or "inconclusive"."""
         if np.all(np.abs(self.errors) <= self.rounding):
             return "rounding"
         if np.all(np.abs(self.errors) <= self.digits + self.rounding):

@@ -318,7 +318,7 @@ def _made_by(whole: Task, problem: Problem) -> dict[str, Any]:
     y0, rng = whole.y0, np.random.default_rng(20140203)
     starts = y0[:, None] + (1 + np.abs(y0))[:, None] * rng.standard_normal((len(y0), DRAWN_STATES))
     steps = [_fingerprint(whole.scheme, problem, y.tobytes(), whole.h) for y in starts.T]
-    packages = TARGETS[whole.engine].alike
+    packages = TARGETS[whole.engine].packages
     return {
         "steps from drawn states": hashlib.sha256("".join(steps).encode()).hexdigest()[:16],
         "code": code_of(whole.scheme, problem),
