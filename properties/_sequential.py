@@ -25,7 +25,9 @@ from sepv.properties._setups import TILTED, Setup, setups_for
 from sepv.errors import Skipped
 from sepv.problem import Problem, Systems, is_several
 from sepv.schemes import OF_SEVERAL, Scheme, guarded
+from sepv.verification._advice import is_explicit
 from sepv.verification._cases.users_problems import sources
+from sepv.verification._first_order import first_order
 from sepv.verification._law import Effort, Finding, Law, Run, Verdict
 from sepv.verification._laws import load_laws
 
@@ -206,12 +208,17 @@ def _explained(
         lines += [_wanted(scheme, setup, assess, errors, alpha) for setup, errors in decisive]
     setup, errors = decisive[0]
     flat = errors.rms()[-2] < 1.5 * errors.rms()[-1] < 1.5 * FLAT * errors.scale
-    if verdict is Verdict.VIOLATED and flat and not scheme.solver_tolerance:
+    problem = setup.build()
+    causes = first_order(scheme, problem) if verdict is Verdict.VIOLATED else []
+    lines += causes
+    step = setup.T / errors.steps[-1], np.zeros(problem.noises)
+    tolerance = verdict is Verdict.VIOLATED and flat and not scheme.solver_tolerance and not causes
+    if tolerance and not is_explicit(scheme, problem, np.array(problem.initial, dtype=np.float64), *step):
         lines.append(
             f"errors of {errors.rms()[-1]:.1e} do not fall; if it is the scheme's own solver: "
             "Scheme(…, solver_tolerance=…)"
         )
-    lines.append(worst_path(setup.build(), errors, run.effort.seed, drawn=not is_tilted(scheme)))
+    lines.append(worst_path(problem, errors, run.effort.seed, drawn=not is_tilted(scheme)))
     statement = (
         f"intervals miss with nominal probability {alpha:.1e}; in a whole run nominally ≤ {FALSE_ALARM:g}"
     )

@@ -42,7 +42,7 @@ def keeps_states(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array
             y,
             "let value read from the state what init put there",
         )
-    _same("one state for one y", start, path.read(path.begin(y), y))
+    _same("one state for one y", start, path.read(path.begin(y), y), _EARLIER)
     first = path.step(begun, y)
     y1 = path.read(first, y)
     _same("a state that step leaves as it is", start, path.read(begun, y))
@@ -52,7 +52,7 @@ def keeps_states(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array
     _same("paths that share nothing", y2, path.read(path.step(first, y), y))
     path.step(beside, y1)
     again = path.step(path.begin(y), y)
-    _same("one path for the same increments", y2, path.read(path.step(again, y), y))
+    _same("one path for the same increments", y2, path.read(path.step(again, y), y), _EARLIER)
     if y.ndim == 2:
         part = list(range(0, y.shape[1], 2))
         fewer = _Path(scheme, rule, problem, h, dW[:, part])
@@ -107,14 +107,15 @@ class _Path:
         return check_answer(value, y, self.scheme.dtype).copy()
 
 
-def _same(expected: str, before: Array, after: Array) -> None:
+_OWN = "make a new state in each step; keep nothing of a path outside of its state"
+_EARLIER = (
+    "begin each path anew: init or the scheme remembers an earlier run (a counter, a flag, kept forces)"
+)
+
+
+def _same(expected: str, before: Array, after: Array, remedy: str = _OWN) -> None:
     if not np.array_equal(before, after):
-        _fault(
-            expected,
-            after,
-            before,
-            "make a new state in each step; keep nothing of a path outside of its state",
-        )
+        _fault(expected, after, before, remedy)
 
 
 def _fault(expected: str, after: Array, before: Array, remedy: str) -> None:

@@ -24,6 +24,10 @@ from sepv.verification import Case
 APART = 2.0**-20
 # The size of the short steps made around a step without a solution, as a fraction of the size of that step.
 SHORT_OF_FOLD = 2.0**-10
+# The remedy for a step that depends on earlier calls.
+FORGET = "remove what changes from call to call: a counter, random numbers, a cache, what an earlier run left"
+# The number of calls that show if a step changes from call to call, before another cause is named.
+ASKED = 8
 # The number of states in each repeated call of a scheme that takes batches: 1024 calls make ten thousand steps.
 LANES = 10
 # The search for a new object at its predecessor's address ends after ADDRESSES objects elsewhere, or FRESH objects.
@@ -48,7 +52,7 @@ def repeats(scheme: Scheme, case: Case) -> None:
                 expected="one answer for one question, however often it is asked",
                 received=f"{first.tolist()}, and then, asked for the {n}th time, "
                 f"{answer if isinstance(answer, str) else answer.tolist()}",
-                remedy="remove counters, caches and random numbers from the step",
+                remedy=FORGET,
             )
         if time.monotonic() > end:
             break
@@ -82,26 +86,63 @@ def refuses_again(scheme: Scheme, case: Case) -> None:
             )
 
 
-def reads_again(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, share: float) -> None:
+def reads_again(
+    scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, share: float, before: Array
+) -> None:
     """Step with arrays that held other numbers in the last call: with y, then with dW after `dW *= share`.
 
     Both results are compared with those from new arrays. Loops often overwrite arrays in place, and a scheme that
-    recognises a state by `y is last` then returns old values. The second step has the length share·h, so that Δ is not
+    recognises a state by `y is last` then returns old values. `before` is the state that y held in the last call. The second step has the length share·h, so that Δ is not
     longer.
     """
-    answers = []
-    for factor in (1.0, share):
-        dW *= factor
-        raw = raw_answer(scheme, problem, y, factor * h, dW)
-        answers.append((factor * h, dW.copy(), check_answer(raw, y, scheme.dtype).copy()))
-    for step, noise, answer in answers:
+    whole, state = dW.copy(), y.copy()
+
+    def answers(*, primed: bool = False) -> list[tuple[float, Array, Array]]:
+        found = []
+        dW[...] = whole
+        if primed:  # the arrays held other numbers in the last call, as before the first answers
+            y[...] = before
+            with suppress(SepvError):
+                raw_answer(scheme, problem, y, h, dW)
+            y[...] = state
+        for factor in (1.0, share):
+            dW[...] *= factor
+            raw = raw_answer(scheme, problem, y, factor * h, dW)
+            found.append((factor * h, dW.copy(), check_answer(raw, y, scheme.dtype).copy()))
+        return found
+
+    for n, (step, noise, answer) in enumerate(answers()):
         anew = ask(scheme, problem, y, step, noise)
         if not np.array_equal(answer, anew):
+            remembers_calls(scheme, problem, y.copy(), step, noise, anew)
+            if not np.array_equal(
+                answers(primed=True)[n][2], answer
+            ):  # another call has another answer, in the same arrays too
+                raise _memory(answer, anew)
             raise SchemeFault(
                 expected="one answer for one question, whichever arrays hold y and dW",
                 received=f"{answer.tolist()} from arrays that held other numbers before, {anew.tolist()} from others",
                 remedy="recognise arguments by their numbers, not as objects (y is last, id(y)), or remember nothing",
             )
+
+
+def remembers_calls(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array, answer: Array) -> None:
+    """Raise SchemeFault if the step that had the result `answer` has another one in one of the next ASKED calls.
+
+    So a counter, or anything else that changes from call to call, is not taken for a fault of arrays or records.
+    """
+    for _ in range(ASKED):
+        other = ask(scheme, problem, y, h, dW)
+        if not np.array_equal(other, answer):
+            raise _memory(answer, other)
+
+
+def _memory(first: Array, other: Array) -> SchemeFault:
+    return SchemeFault(
+        expected="one answer for one question: the same bits for the same arguments",
+        received=f"{first.tolist()} and then {other.tolist()}, in other calls",
+        remedy=FORGET,
+    )
 
 
 def tells_apart(y: Array, other: Array, answer: Array, to_other: Array, least: float) -> None:
@@ -148,6 +189,9 @@ def forgets_problems(scheme: Scheme, problem: Problem, y: Array, h: float, dW: A
         twin = _as_others(whole)
         answer = ask(scheme, twin, y, h, dW)
         if not np.array_equal(first, answer):
+            remembers_calls(scheme, problem, y, h, dW, first)
+            if np.array_equal(first, ask(scheme, twin, y, h, dW)):
+                raise _memory(first, answer)
             raise SchemeFault(
                 expected="one answer for one question, whichever record holds the problem",
                 received=f"{answer.tolist()} from an equal record, {first.tolist()} before",
@@ -196,5 +240,5 @@ def again(scheme: Scheme, case: Case, before: Array | None) -> None:
         raise SchemeFault(
             expected="one answer for one question, in whichever order questions come",
             received=f"{before.tolist()}, and {answer.tolist()} after others",
-            remedy="remove state, caches and random numbers from the step",
+            remedy=FORGET,
         )

@@ -93,6 +93,7 @@ law = searched(
     statement="every Casimir is kept, quadratic or not",
     source="§5",
     unit="ulp of C",
+    preserves=True,
     cost=0.3,
     steps=51,
     cases=Cases(

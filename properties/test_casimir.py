@@ -46,6 +46,7 @@ law = searched(
     statement="every quadratic Casimir yᵀAy and every linear Casimir bᵀy is kept",
     source="Prop. 3.2",
     unit="ulp of C",
+    preserves=True,
     cost=0.4,
     steps=75,
     cases=Cases(

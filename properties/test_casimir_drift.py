@@ -61,6 +61,7 @@ law = searched(
     statement="E[C(y1)] = C(y0) + hσ if additive noise makes E[C] of a quadratic or linear Casimir C grow at rate σ",
     source="trace formula",
     unit="ulp of C",
+    preserves=True,
     cases=Cases(
         where={"Casimirs": ("linear", "quadratic", "two")},
         adapt=with_casimirs,

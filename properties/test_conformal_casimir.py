@@ -44,6 +44,7 @@ law = searched(
     statement="with damping −γy quadratic Casimirs decay by the factor e^(−2γh), linear ones by e^(−γh)",
     source="arXiv 2503.01540",
     unit="ulp of C",
+    preserves=True,
     cost=0.3,
     steps=60,
     cases=Cases(

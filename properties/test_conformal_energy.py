@@ -49,6 +49,7 @@ law = searched(
     statement="with damping −γy a homogeneous H of degree p decays by the factor e^(−pγh)",
     source="arXiv 2503.01540",
     unit="ulp of H",
+    preserves=True,
     cost=0.3,
     steps=60,
     cases=Cases(

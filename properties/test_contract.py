@@ -23,10 +23,12 @@ from sepv.properties._states_of_a_path import keeps_states
 from sepv.properties._surroundings import watched
 from sepv.properties._without_memory import (
     APART,
+    FORGET,
     again,
     forgets_problems,
     reads_again,
     refuses_again,
+    remembers_calls,
     repeats,
     tells_apart,
 )
@@ -117,7 +119,7 @@ def _keeps(
     moved = np.where(y == 0, np.max(np.abs(y)) / 64, y)
     if may_ask(scheme, problem, between[0] * moved) and not np.shares_memory(answer, copied):
         copied[...] = between[0] * moved
-        reads_again(scheme, problem, copied, h, noise, between[0])
+        reads_again(scheme, problem, copied, h, noise, between[0], y)
     _takes_any_layout(scheme, problem, y, h, dW, first)
     if max(scheme.solver_tolerance, scheme.eps) <= LEAST_APART and may_ask(scheme, problem, NEAR * y):
         tells_apart(y, NEAR * y, first, ask(scheme, problem, NEAR * y, h, dW), LEAST_APART)
@@ -137,7 +139,7 @@ def _keeps(
             raise SchemeFault(
                 expected="one answer for one question: the same bits for the same arguments",
                 received=f"{first.tolist()} and then {second.tolist()}",
-                remedy="remove state, caches and random numbers from the step; the noise comes in dW",
+                remedy=f"{FORGET}; the noise comes in dW",
             )
     return first
 
@@ -170,6 +172,7 @@ def _takes_any_layout(scheme: Scheme, problem: Problem, y: Array, h: float, dW: 
             continue
         share = max(LAYOUT, OTHERWISE * max(scheme.eps, scheme.solver_tolerance))
         if np.any(np.abs(answer - first) > share * np.max(np.abs(first))):
+            remembers_calls(scheme, problem, y, h, dW, first)
             raise SchemeFault(
                 expected="one answer for the same numbers, however they lie in memory",
                 received=f"{answer.tolist()} for y of strides {state.strides}, {first.tolist()} before",

@@ -25,6 +25,8 @@ from sepv.errors import Skipped
 from sepv.problem import Problem, Systems
 from sepv.schemes import OF_SEVERAL, Scheme, has_memory
 from sepv.verification import Effort, Finding, Law, Run, Verdict, require
+from sepv.verification._advice import is_explicit
+from sepv.verification._first_order import first_order
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:  # noqa: ARG001 - nothing is drawn
@@ -76,10 +78,13 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:  # noqa: ARG001 - n
         lines.append(_example(errors, s))
         if carries and _first_step_is_right(scheme, errors.problem, least):
             lines.append("the first step of a path has the order, and later steps do not")
+        causes = first_order(scheme, errors.problem)
+        lines += causes
         if not worst.order:
-            lines.append(
-                "order 0 is no convergence; if it is the scheme's own solver: Scheme(…, solver_tolerance=…)"
-            )
+            start = errors.starts[:, s]
+            solved = causes or is_explicit(scheme, errors.problem, start, float(errors.h[0]), np.zeros(0))
+            hint = "" if solved else "; if it is the scheme's own solver: Scheme(…, solver_tolerance=…)"
+            lines.append(f"order 0 is no convergence{hint}")
     verdict = Verdict.VIOLATED if coarse else worst.verdict
     return law.finding(
         verdict, defect=worst.value if np.isfinite(worst.value) else None, bound=least, at_least=True,

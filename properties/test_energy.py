@@ -76,6 +76,7 @@ law = searched(
     statement="H(y1) = H(y0) for every skew-symmetric B, every polynomial H and every step",
     source="Prop. 3.1",
     unit="ulp of H",
+    preserves=True,
     cost=0.8,
     steps=310,
     cases=Cases(

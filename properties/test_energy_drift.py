@@ -96,6 +96,7 @@ law = searched(
     statement="E[H(y1)] = H(y0) + hσ if the exact E[H] grows at a constant rate σ",
     source="trace formula",
     unit="ulp of H",
+    preserves=True,
     cases=Cases(
         adapt=steady,
         why="the generator makes no constant of H_0, or the problems are not given as data",

@@ -32,6 +32,7 @@ law = searched(
     statement="Φ′(y0) B(y0) Φ′(y0)ᵀ = B(y1) if B satisfies Jacobi's identity",
     source="GNI VII.2",
     unit="ulp of B",
+    preserves=True,
     cost=0.3,
     steps=464,
     middle=Middle.MAP,

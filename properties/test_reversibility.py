@@ -40,6 +40,7 @@ law = searched(
     statement="ρΦ(ρΦ(y0)) = y0 if the reversal ρ of momenta reverses the exact flow",
     source="GNI V.1",
     unit="ulp of y",
+    preserves=True,
     cost=0.6,
     steps=174,
     middle=Middle.MAP,

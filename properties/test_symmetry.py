@@ -26,6 +26,7 @@ law = searched(
     statement="Φ(−h, −ΔW) ∘ Φ(h, ΔW) = id: the step with −h and −ΔW from y1 returns to y0",
     source="(2.1)",
     unit="ulp of y",
+    preserves=True,
     cost=0.6,
     steps=174,
     middle=Middle.MAP,

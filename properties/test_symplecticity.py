@@ -30,6 +30,7 @@ law = searched(
     statement="Φ′(y0) B Φ′(y0)ᵀ = B for constant B",
     source="GNI VI.4",
     unit="ulp of B",
+    preserves=True,
     cost=1.2,
     steps=2361,
     middle=Middle.MAP,

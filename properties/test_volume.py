@@ -67,6 +67,7 @@ law = searched(
     statement="det Φ′(y0) = 1 if div(B∇H) = 0",
     source="GNI VI.9",
     unit="ulp of 1",
+    preserves=True,
     cost=0.5,
     steps=1500,
     middle=Middle.MAP,

@@ -20,6 +20,7 @@ from sepv.files import finite
 from sepv.problem import Array, Problem, damping_of
 from sepv.record import EPS
 from sepv.schemes import Scheme, order_of
+from sepv.verification._first_order import first_order
 from sepv.verification._law import Finding, Law, Run, Verdict
 
 # Half the distance between local rms orders, which are multiples of ½. Slopes at the fine end are within 0.1 of their
@@ -176,7 +177,7 @@ def judge(
         measured.append(_measured(local, sizes, seen, bound, order_shown(seen, order, spacing, needed)))
         lines.append(f"{problem.name}: {seen.text}, {bound:g} needed")
         if seen.verdict is Verdict.VIOLATED and not shown:
-            shown.append(example(scheme, problem, float(local.h[0])))
+            shown += [example(scheme, problem, float(local.h[0])), *first_order(scheme, problem)]
     if not slopes and unknown and not skipped:  # the law itself cannot decide
         return law.finding(Verdict.NOT_APPLICABLE, message=unknown)
     if not slopes:

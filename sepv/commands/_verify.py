@@ -95,7 +95,7 @@ def verify(targets: cli.Names, laws: cli.Names, **options: Any) -> None:
             remedy="sepv verify energy-preserving, or sepv verify --exec './program'",
         )
     if options["coverage"] and targets:
-        raise SystemExit(_coverage(targets, laws))
+        raise SystemExit(_coverage(targets, laws, options["problems"], options["timeout"]))
     command, seconds = options["program"], options["call_timeout"]
     if not command:
         raise SystemExit(_verify(targets, laws, options))
@@ -110,15 +110,14 @@ def verify(targets: cli.Names, laws: cli.Names, **options: Any) -> None:
         raise SystemExit(_verify((scheme,), laws, options, f"--exec {shlex.quote(command)}"))
 
 
-def _coverage(targets: cli.Names, laws: cli.Names) -> int:
-    """Run ``--coverage``: print how the laws choose their random inputs, for the class of systems of each target."""
+def _coverage(targets: cli.Names, laws: cli.Names, problems: cli.Names, seconds: float) -> int:
+    """Run ``--coverage``: print how the laws choose their cases, for the class or the problems of each target."""
     from sepv.console import console
-    from sepv.schemes import load_scheme
-    from sepv.verification import load_laws
+    from sepv.verification import load_in_time, load_laws
     from sepv.verification import show_coverage as show
 
     for target in targets:
-        show(load_laws(laws or None), load_scheme(target).systems, console())
+        show(load_laws(laws or None), load_in_time(target, (), seconds, problems or None), console())
     return 0
 
 

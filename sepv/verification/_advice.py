@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from itertools import combinations, pairwise
+from typing import Any
 
 import numpy as np
 
 from sepv import problems
-from sepv.problem import PolynomialSystem
+from sepv.errors import SepvError
+from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.record import EPS
-from sepv.schemes import Scheme
+from sepv.schemes import Scheme, ask
 from sepv.verification._cases.case import Case
 from sepv.verification._cases.ends import beyond, in_other_units
 from sepv.verification._law import Law, Measurement
@@ -26,6 +30,8 @@ MOST_TOLERANCE = 2.0**-23
 # The parts of a step are h and each c_jΔW_j. A part is named if alone it makes at least MOST of the sum of defects. A
 # pair is named if each part alone makes at most LEAST of the pair's defect, and halving a part halves it, within HALF.
 MOST, LEAST, HALF = 0.95, 1e-3, (0.45, 0.55)
+# The lengths of steps, relative to a case's, that an iteration to a tolerance solves with different numbers of steps.
+LENGTHS = (1.0, 2.0**-4, 2.0**-10, 2.0**-24)
 # The largest number of parts of a step whose pairs are measured.
 PARTS = 5
 
@@ -37,6 +43,11 @@ def advice(
 
     `case` is the simplified counterexample, `measured` its measurement, and `largest` the largest defect of the search.
     """
+    if (repeated := again(case)) is not None and not repeated.violates:
+        return (
+            "\nthe same step, asked again, obeys the law: the scheme remembers earlier calls, as by a counter, "
+            "a cache, random numbers, or what an earlier run left"
+        )
     share = _largest_share(case, again) if law.unit.startswith("ulp") else ""
     return share + (
         _has_a_unit(case, again) or _may_be_a_tolerance(law, scheme, case, measured, largest, again)
@@ -50,10 +61,41 @@ def _may_be_a_tolerance(
     small = law.unit.startswith("ulp") and measured.bound > 0 and largest * EPS < MOST_TOLERANCE
     if not small or scheme.solver_tolerance or _is_a_power(case, measured.defect, again):
         return ""
+    if is_explicit(scheme, *case.build()):
+        return ""
     size = f"the defect is {measured.defect * EPS:.1e}{law.unit.removeprefix('ulp')}"
     return (
         f"\n{size}; if the step solves its equation to a tolerance, state it: Scheme(…, solver_tolerance=…)"
     )
+
+
+def is_explicit(scheme: Scheme, problem: Problem, y: Array, h: float, dW: Array) -> bool:
+    """True if steps of very different lengths evaluate the problem's functions equally often, and at least once.
+
+    An iteration that ends by a tolerance needs fewer evaluations for shorter steps. If the scheme uses none of these
+    functions, or a step fails, nothing is known, and the result is False.
+    """
+    calls = [0]
+
+    def counted(function: Any) -> Any:
+        def call(*arguments: Any) -> Any:
+            calls[0] += 1
+            return function(*arguments)
+
+        return call if callable(function) else function
+
+    functions = ("structure", "hamiltonian", "gradient", "mean_gradient", "hessian", "structure_derivative")
+    watched = {name: counted(getattr(problem, name)) for name in functions}
+    numbers: set[int] = set()
+    with warnings.catch_warnings(), suppress(SepvError, ArithmeticError, TypeError):
+        warnings.simplefilter("ignore")
+        seen = replace(problem, **watched, data=None, check=False)
+        ask(scheme, seen, y, h, dW)  # what a scheme computes once for a problem is not counted
+        for share in LENGTHS:
+            calls[0] = 0
+            ask(scheme, seen, y, share * h, share * dW)
+            numbers.add(calls[0])
+    return len(numbers) == 1 and 0 not in numbers
 
 
 def _has_a_unit(case: Case, again: MeasuredAgain) -> str:

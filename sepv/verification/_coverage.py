@@ -8,9 +8,10 @@ from collections.abc import Iterable
 from rich.console import Console
 
 from sepv.console import Table, columns, fits, print_table
-from sepv.problem import Systems
+from sepv.schemes import Scheme
 from sepv.verification import _corpus as corpus
 from sepv.verification._cases.strata import KIND, Space
+from sepv.verification._cases.users_problems import sources
 from sepv.verification._law import Law
 
 
@@ -40,9 +41,31 @@ def impossible(space: Space) -> dict[str, list[str]]:
     return by_axis
 
 
-def show(laws: Iterable[Law], systems: Systems, out: Console) -> None:
-    """Print how many cases of each stratum (property range) these laws measure, for schemes for the class `systems`."""
-    chosen = {law.name: law.cases.space(systems) if law.cases else None for law in laws}
+def show(laws: Iterable[Law], scheme: Scheme, out: Console) -> None:
+    """Print how many cases of each stratum (property range) these laws measure for a scheme: of its class or problems.
+
+    A problem that is no family has no design: its cases are drawn near its initial state.
+    """
+    asked = list(laws)
+    if not scheme.problems:
+        own = {law.name: law.cases.space(scheme.systems) if law.cases else None for law in asked}
+        witnesses = {name: len(corpus.cases(name, scheme.systems)) for name in own}
+        _show(own, witnesses, out)
+    for item in sources(scheme):
+        named = item.text or getattr(item.fixed, "name", "") or "a strategy"
+        if item.space is None:
+            out.print(
+                f"{named}: no design; cases are drawn near its initial state, with steps of all lengths"
+            )
+            continue
+        out.print(f"{named}:")
+        usable = [law for law in asked if law.cases and item.meets(law.cases.adapted, law.cases.where)]
+        own = {law.name: item.part(law.cases.where) if law in usable and law.cases else None for law in asked}
+        _show(own, dict.fromkeys(own, 0), out)
+
+
+def _show(chosen: dict[str, Space | None], witnesses: dict[str, int], out: Console) -> None:
+    """Print the tables of `show` for the space of each law; None for a law without a design."""
     spaces = {name: space for name, space in chosen.items() if space is not None}
     order = list(spaces)
     counts = {name: cases_by_stratum(spaces[name]) for name in order}
@@ -50,8 +73,7 @@ def show(laws: Iterable[Law], systems: Systems, out: Console) -> None:
     for name in order:
         met, possible = pairs(spaces[name])
         design = spaces[name].design()
-        known = len(corpus.cases(name, systems))
-        numbers = (known, len(design.rows), met, possible, len(design.impossible))
+        numbers = (witnesses[name], len(design.rows), met, possible, len(design.impossible))
         rows.append([name, *map(str, numbers)])
     heads = columns(["law"], ["witnesses", "cases", "pairs met", "possible", "impossible"])
     title = "Cases by design, and pairs of strata that they meet"

@@ -97,6 +97,9 @@ class Finding:
         The fraction of the law's cases that was measured, if the scheme skipped cases that it must not refuse.
     afresh : str
         For a violation, the verdict on its witness in a new process; empty if there was no such process.
+    power : float or None
+        For a violation of an invariant or a structure (`Law.preserves`), the power of h with which the defect falls at
+        its witness; None if it is not clear.
     step_seconds : float or None
         Seconds for a step of one state, if the law timed it. They help to estimate a run's remaining time.
     """
@@ -120,6 +123,7 @@ class Finding:
     step_seconds: float | None = None
     share: float | None = None
     afresh: str = ""
+    power: float | None = None
 
     @property
     def verdict_text(self) -> str:
@@ -229,6 +233,9 @@ class Law:
         probability of a false alarm of a run evenly (`sepv.properties._sequential`).
     middle : sepv.verification.Middle or str
         How the law is measured in the middle of a path of a scheme with memory, or why it is about first steps only.
+    preserves : bool
+        True if a step preserves an invariant or a structure by this law about single steps. A violation is then
+        reported with the power of h with which its defect falls.
     """
 
     name: str
@@ -244,6 +251,7 @@ class Law:
     spared: int = 0
     statistical: bool = False
     middle: Middle | str = Middle.PATHS
+    preserves: bool = False
 
     def claimed_by(self, scheme: Scheme) -> bool:
         """True if the scheme claims this law."""

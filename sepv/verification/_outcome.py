@@ -12,6 +12,7 @@ from sepv.errors import UsageError, require_one_of
 from sepv.files import finite
 from sepv.schemes import NORMAL, Scheme, point_law
 from sepv.verification._cases.case import has_words
+from sepv.verification._cases.users_problems import objects_of
 from sepv.verification._law import Effort, Finding, Verdict
 from sepv.verification._laws import load_laws
 from sepv.verification._profiles import SUITE, Profiled, Requirement, missing, profiled
@@ -140,9 +141,14 @@ class Report:
         """The command that measures a finding again, or Python code if a command cannot name the scheme or problem."""
         if not finding.replay:
             return ""
-        if self.target and has_words(finding.witness):
+        if self.target and (has_words(finding.witness) or self._own(finding)):
             return f"sepv verify {self.target} {finding.replay}"
         return f'report.replay("{finding.law}")  # in this Python process, with the report of sepv.verify(…)'
+
+    def _own(self, finding: Finding) -> bool:
+        """True if the target itself brings the problem of a witness, as one of `Scheme(…, problems=[…])`."""
+        name = (finding.witness or {}).get("problem", {}).get("object")
+        return sum(problem.name == name for problem in objects_of(self.scheme)) == 1
 
     def __str__(self) -> str:
         """The table of the laws, the counterexamples and the last line, as `sepv verify` prints them."""
@@ -215,7 +221,7 @@ def fails(f: Finding, pinned: frozenset[str] | None = None) -> bool:
 
 _TOLD = (
     "law", "claimed", "verdict", "defect", "bound", "at_least", "unit", "source", "witness", "replay", "checks",
-    "skipped", "share", "message", "expected", "seconds", "afresh",
+    "skipped", "share", "message", "expected", "seconds", "afresh", "power",
 )  # fmt: skip
 
 

@@ -36,7 +36,7 @@ from sepv.verification._cases.ends import beyond, is_long
 from sepv.verification._cases.fixed_cases import may_be_refused
 from sepv.verification._cases.from_problem import describe, start_of
 from sepv.verification._cases.of_law import EVERYTHING, Cases, Question
-from sepv.verification._cases.shrink import shrunk
+from sepv.verification._cases.shrink import in_strange_units, shrunk
 from sepv.verification._cases.users_problems import objects_of, sources
 from sepv.verification._law import Effort, Finding, Law, Measurement, Middle, Run, Verdict, in_units
 from sepv.verification._middle import along_paths, anywhere
@@ -112,6 +112,7 @@ def searched(
     middle: Middle | str = Middle.STEPS,
     cost: float = 1.0,
     steps: int = 0,
+    preserves: bool = False,
 ) -> Law:
     """Make a law about single steps. It is measured case by case, first on listed cases and then on random ones.
 
@@ -127,7 +128,7 @@ def searched(
         The reason why the law does not apply to this scheme; empty if it does.
     middle : Middle or str
         How the law is measured in the middle of a path of a scheme with memory, or why it is about first steps only.
-    cost, steps
+    cost, steps, preserves
         As for `sepv.verification.Law`.
     """
     own_check, check = check, anywhere(middle, check)
@@ -178,7 +179,10 @@ def searched(
             _measure(log, scheme, case, check, faults_violate)
         return in_units(scheme, conclude(law, scheme, log, check))
 
-    return Law(name, statement, source, unit, run, replay, always_claimed, cost, steps, cases, middle=middle)
+    return Law(
+        name, statement, source, unit, run, replay, always_claimed, cost, steps, cases, middle=middle,
+        preserves=preserves,
+    )  # fmt: skip
 
 
 def _search(law: Law, scheme: Scheme, effort: Effort, question: _Question) -> Finding:
@@ -195,7 +199,9 @@ def _search(law: Law, scheme: Scheme, effort: Effort, question: _Question) -> Fi
         # Witnesses were simplified already, and fixed cases are simple, so a search would find no simpler violation.
         if violation is None or violation[0] not in (*known, *fixed):
             _explore(log, scheme, effort, question, effort.examples * (1 if first else UNDESIGNED))
-        if (log.violation or log.fault) in (violation, fault) and log.failed:
+        unchanged = (log.violation or log.fault) in (violation, fault)
+        strange = log.violation is not None and in_strange_units(log.violation[0])
+        if log.failed and (unchanged or strange):
             _simplify(log, scheme, effort, question)
     return replace(conclude(law, scheme, log, question.check), seconds=time.perf_counter() - start)
 
@@ -372,6 +378,7 @@ def _measure(log: SearchLog, scheme: Scheme, case: Case, check: Check, faults_vi
         log.worst = measured
     if measured.violates:
         log.violation, log.largest = (case, measured), max(measured.defect, log.largest)  # a NaN remains
+        log.found = log.found or log.violation
         note_violation(lambda: cases_of.to_json(case))
         raise _Violation
     return measured

@@ -14,6 +14,7 @@ from sepv.verification._advice import advice
 from sepv.verification._cases import case as cases_of
 from sepv.verification._cases.case import Case
 from sepv.verification._law import Finding, Law, Measurement, Verdict
+from sepv.verification._power_of_h import least_power, words
 
 Check = Callable[[Scheme, Case], Measurement]
 # The share of a law's cases that must be measured if the scheme states its longest step. No share is required of a
@@ -28,6 +29,7 @@ class SearchLog:
         self.checks = 0
         self.worst: Measurement | None = None
         self.violation: tuple[Case, Measurement] | None = None
+        self.found: tuple[Case, Measurement] | None = None  # the first violation, before simplification
         self.largest = 0.0  # defect of the violation, before simplification
         self.fault: tuple[Case, Exception] | None = None
         self.crash: tuple[Case, Exception] | None = None  # a fault that no violation may hide
@@ -63,6 +65,9 @@ def conclude(law: Law, scheme: Scheme, log: SearchLog, check: Check) -> Finding:
     if log.violation is not None:
         case, measured = log.violation
         hints = advice(law, scheme, case, measured, log.largest, partial(_measured_again, scheme, check))
+        if law.preserves:
+            seen["power"] = least_power([log.violation, log.found], partial(_measured_again, scheme, check))
+            hints += f"\n{words(seen['power'])}"
         message = f"{case.describe()}\n{measured.detail}{hints}"
         if log.crash is None:
             return law.finding(Verdict.VIOLATED, message=message, **_witness(law, case), **seen)

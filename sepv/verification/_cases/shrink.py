@@ -6,6 +6,7 @@ may not find a rare violation again.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
@@ -17,7 +18,11 @@ from sepv.errors import SepvError
 from sepv.problem import PolynomialSystem, Structure
 from sepv.record import Polynomial, poly
 from sepv.verification._cases.case import Case
+from sepv.verification._cases.ends import in_other_units
 from sepv.verification._contraction import contraction_radius
+
+# States and steps beyond STRANGE or below 1/STRANGE are shown in other units, if the law is violated there too.
+STRANGE = 2.0**16
 
 
 def shrunk(case: Case, fails: Callable[[Case], bool | None]) -> Case:
@@ -55,6 +60,11 @@ def _candidates(case: Case) -> Iterator[Case]:
     if case.given != "data":
         yield replace(case, given="data")
     yield from (replace(case, after=n) for n in (0, *range(1, case.after)) if case.after)
+    if in_strange_units(case):
+        size = max(map(abs, case.y), default=0.0) or 1.0
+        time = -round(math.log2(abs(case.h)) / 2) if case.h else 0
+        if not in_strange_units(known := in_other_units(case, -round(math.log2(size)), time)):
+            yield known
     if case.batch > 2:
         yield from (replace(case, batch=b) for b in (2, case.batch // 2, case.batch - 1))
     system = case.problem
@@ -72,6 +82,14 @@ def _candidates(case: Case) -> Iterator[Case]:
                 yield replace(case, dW=_put(case.dW, k, simple))
     if case.h != _rounded(case.h):
         yield replace(case, h=_rounded(case.h))
+
+
+def in_strange_units(case: Case) -> bool:
+    """True for a case as data whose |y| or |h| is far from 1. In other units of y and time it says the same."""
+    if not isinstance(case.problem, PolynomialSystem):
+        return False
+    sizes = [v for v in (abs(case.h), max(map(abs, case.y), default=0.0)) if v]
+    return any(not 1 / STRANGE <= size <= STRANGE for size in sizes)
 
 
 def _put(entries: tuple[Any, ...], n: int, *new: Any) -> tuple[Any, ...]:

@@ -38,11 +38,15 @@ class Item:
 
     def design(self, seed: int, where: Mapping[str, Strata]) -> list[Case]:
         """Cases of a family that cover all pairs of property ranges (strata); `where` restricts the ranges."""
+        part = self.part(where)
+        return [] if part is None else [*(case for _, case in part.cases(seed)), *part.further(seed).values()]
+
+    def part(self, where: Mapping[str, Strata]) -> Space | None:
+        """The space of the family's cases in the ranges `where`, or in all if none is left; None without a family."""
         if self.space is None:
-            return []
+            return None
         part = self.space.part(where)
-        whole = part if all(axis.strata for axis in part.axes) else self.space.part()
-        return [*(case for _, case in whole.cases(seed)), *whole.further(seed).values()]
+        return part if all(axis.strata for axis in part.axes) else self.space.part()
 
     def meets(self, adapted: Callable[[Case], Case | None], where: Mapping[str, Strata]) -> bool:
         """True if a law applies to the item: to its one problem, a case of its family, or one of thirty drawn cases."""
