@@ -92,8 +92,8 @@ def reads_again(
     """Step with arrays that held other numbers in the last call: with y, then with dW after `dW *= share`.
 
     Both results are compared with those from new arrays. Loops often overwrite arrays in place, and a scheme that
-    recognises a state by `y is last` then returns old values. `before` is the state that y held in the last call. The second step has the length share·h, so that Δ is not
-    longer.
+    recognises a state by `y is last` then returns old values. `before` is the state that y held in the last call. The
+    second step has the length share·h, so that Δ is not longer.
     """
     whole, state = dW.copy(), y.copy()
 
