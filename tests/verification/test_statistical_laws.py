@@ -12,6 +12,7 @@ from scipy.special import bdtr, fdtri, stdtrit
 from sepv.properties import _sequential as sequential
 from sepv.properties import test_commutation as commutation
 from sepv.properties import test_mean_square_order as mean_square
+from sepv.properties import test_right_limit as limit
 from sepv.properties import test_rounding as rounding
 from sepv.properties import test_weak_order as weak
 from sepv.properties._orders.convergence import (
@@ -76,6 +77,23 @@ def test_laws_without_a_reference_do_not_fail_a_damped_scheme() -> None:
 @pytest.mark.parametrize("name", ["energy-preserving", "milstein"])
 def test_a_noise_wrong_by_one_per_cent_is_another_limit(name: str, factor: float) -> None:
     says(noisier(schemes.by_name(name), factor), "right-limit", "violated", "noise", paths=2048)
+
+
+def test_a_limit_holds_only_if_its_shares_are_surely_below_one_per_cent() -> None:
+    """The bound of the law's statement; fewer paths give longer intervals."""
+    assert f"right to {100 * limit.RESOLUTION:g} %" in limit.law.statement
+    scheme, problem = schemes.energy_preserving, problems.pendulum()
+    setup = next(s for s in setups_for(scheme, Effort()) if s.problem == "pendulum")
+    errors, assess, alpha = sampled(scheme, setup, 2048, Run(Effort())), limit.assessing(False), 3e-6
+    seen = [assess(problem, errors, alpha, more / 2048) for more in (2048 / 4**k for k in range(8))]
+    worst = [a.high for a in seen]
+    assert worst == sorted(worst)
+    assert seen[0].verdict is Verdict.HOLDS
+    assert worst[0] < 0.01 < worst[-1]
+    assert all(a.high < 0.01 for a in seen if a.verdict is Verdict.HOLDS)
+    # The bound alone decides: the same sample holds for a bound just above its shares, and is undecided just below.
+    for bound, verdict in ((1.01 * worst[0], Verdict.HOLDS), (0.99 * worst[0], Verdict.INCONCLUSIVE)):
+        assert limit.assessing(False, resolution=bound)(problem, errors, alpha, 1.0).verdict is verdict
 
 
 @pytest.mark.parametrize("order", [0.5, *(pytest.param(p, marks=pytest.mark.deep) for p in (1.0, 2.0, 4.0))])
