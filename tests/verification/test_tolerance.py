@@ -19,9 +19,11 @@ from sepv.schemes import _gonzalez as gonzalez
 from sepv.schemes import _itoh_abe as itoh_abe
 from sepv.schemes._tableaux import amplification
 from sepv.solve import counted
+from sepv.verification import Case
 from sepv.verification import _tolerance as tolerance
+from sepv.verification._amplification import amplification as amplified
 from sepv.verification._cases.classes import CLASSES
-from sepv.verification._contraction import _spectral_norm, contraction_ball
+from sepv.verification._contraction import CONTRACTION, _spectral_norm, contraction_ball, contraction_radius
 
 # The same formula in another order: a dozen operations on numbers that do not cancel.
 SAME = 12 * EPS
@@ -316,3 +318,30 @@ def test_the_spectral_norm_is_bounded_tightly() -> None:
         assert np.all(exact <= found * (1 + SAME))
         assert np.all(found <= 1.05 * exact)
     assert _spectral_norm(np.zeros((3, 3, 1))) == 0
+
+
+def test_errors_of_a_contraction_are_amplified_by_no_more_than_the_bound() -> None:
+    """‖(I − ∂R/∂y1)⁻¹‖ at the contraction radius: H = ½|y|² + ¼y2⁴, ∂R/∂y1 of (2.1) by differences."""
+    H = poly.add(poly.squares((1, 1)), poly.polynomial(2, {(0, 4): 0.25}))
+    data = PolynomialSystem(2, H, ((0, 1, poly.constant(2, -1.0)),), ())
+    problem, y = problems.polynomial_problem(data), np.array([0.5, 1.0])
+    case = Case(data, (0.5, 1.0), contraction_radius(problem, y), ())
+    y1 = schemes.energy_preserving.step(problem, y, case.h, np.zeros(0))
+
+    def right(end: np.ndarray) -> np.ndarray:
+        nodes = zip((0.5 - 15**0.5 / 10, 0.5, 0.5 + 15**0.5 / 10), (5 / 18, 8 / 18, 5 / 18), strict=True)
+        mean = sum(w * problem.gradient(y + t * (end - y)) for t, w in nodes)
+        return case.h * problem.structure((y + end) / 2) @ mean
+
+    slope = np.stack([(right(y1 + e) - right(y1 - e)) / 2e-6 for e in 1e-6 * np.eye(2)], axis=1)
+    size = np.abs(np.linalg.inv(np.eye(2) - slope)).sum(axis=1).max()
+    assert 1 < size <= amplified(schemes.energy_preserving, case)
+
+
+def test_the_ball_of_a_contraction_may_be_smaller_than_the_state() -> None:
+    """H = ¼(y1⁴ + y2⁴) at y = 0: |∇H| ≤ r³ and |H″| ≤ 3r², so that the radius min(r⁻², κ/3r²) grows as r falls."""
+    H = poly.polynomial(2, {(4, 0): 0.25, (0, 4): 0.25})
+    problem = problems.polynomial_problem(PolynomialSystem(2, H, ((0, 1, poly.constant(2, -1.0)),), ()))
+    radius, ball = contraction_ball(problem, np.zeros(2))
+    assert ball == 2.0**-5
+    assert radius == pytest.approx(min(1.0, CONTRACTION / 3) * 2.0**10)
