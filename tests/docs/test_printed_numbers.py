@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from doors import ROOT, block_in, doc, python, verdicts
 from scipy.optimize import minimize_scalar
+from scipy.stats import beta
 from sepv.properties._trace_formula import mean_after
 from sepv.properties.test_energy_drift import drift_of_energy, quantity
 from sepv.properties.test_reference import check as check_reference
@@ -267,6 +268,17 @@ def test_the_midpoint_rule_keeps_the_impulse_of_vortices_and_two_one_their_energ
         seen = problem.hamiltonian(y), strength @ (y[::2] ** 2 + y[1::2] ** 2)
         assert [float(f"{np.ptp(v):.0e}") for v in seen] == pytest.approx(moved, abs=1e-12)
         assert np.ptp(strength @ y[::2]) < 1e-12
+
+
+def test_false_alarms_are_stated_with_their_intervals() -> None:
+    """Clopper and Pearson's two-sided intervals of 95 %."""
+    printed(
+        "false-alarms.md",
+        "6 of 300 runs with new seeds alarmed (95 % confidence: 0.7–4.3 %",
+        "no false alarm in 9 runs, which bounds the probability of an alarm by 34 % only",
+    )
+    assert [beta.ppf(0.025, 6, 295), beta.ppf(0.975, 7, 294)] == pytest.approx([0.007, 0.043], abs=5e-4)
+    assert pytest.approx(0.34, abs=5e-3) == 1 - 0.025 ** (1 / 9)
 
 
 PAGE = doc("class.md")
