@@ -64,9 +64,13 @@ class SecondProcess:
             self.end()
 
     def end(self) -> None:
-        """End the process, if it has not ended."""
+        """End the process, if it has not ended, and close its pipes."""
         self.process.kill()
         self.process.wait()
+        for pipe in (self.process.stdin, self.process.stdout):
+            if pipe is not None:
+                with suppress(OSError):  # what was not yet sent to an ended process
+                    pipe.close()
 
 
 def asked_afresh(target: Any, findings: Sequence[Finding], problems: Any = None) -> tuple[Finding, ...]:
