@@ -40,6 +40,7 @@ ELSEWHERE = {
     "integrator-rounding": "test_solvers.py",
     "trend": "test_compliance.py",
     "profiles": "test_profiles.py",
+    "random-systems": "test_random_systems.py",
     "index": "test_site.py",  # the first page of the site, whose example is measured as it is built
     "api": "test_site.py",  # directives, no commands
 }
