@@ -12,7 +12,7 @@ import math
 import sys
 import time
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import chain
@@ -149,17 +149,20 @@ def searched(
         if isinstance(space, str):
             return law.finding(Verdict.NOT_APPLICABLE, message=space)
         starts = [start_of(describe(item.fixed, item.text)) for item in listed if item.fixed is not None]
-        if scheme.truncation is not None and clips(
-            scheme, starts if listed else space.design(this_run.effort.seed)
-        ):
+        module = sys.modules.get(getattr(own_check, "__module__", ""))
+        own = getattr(module, "law", None) is law and own_check.__module__.startswith("sepv.properties.")
+        of_class, plain = space, f"{name} {kind} False" if own else ""
+
+        def probes() -> Iterator[Case]:
+            yield from starts if listed else _design(of_class, plain, this_run.effort.seed)
+
+        if scheme.truncation is not None and clips(scheme, probes()):
             # Other increments never come: the law "truncation" tests that the step uses those up to √h A_h.
             own_cases, kind = own_cases.within_clip(scheme.truncation), f"{kind} within {scheme.truncation}"
             space = asked(own_cases)
             if isinstance(space, str):
                 return law.finding(Verdict.NOT_APPLICABLE, message=space)
         known = () if listed else tuple(own_cases.all_adapted(corpus.cases(name, scheme.systems)))
-        module = sys.modules.get(getattr(own_check, "__module__", ""))
-        own = getattr(module, "law", None) is law and own_check.__module__.startswith("sepv.properties.")
         carries = has_memory(scheme) and isinstance(middle, Middle)
         if carries:
             space = along_paths(space)
@@ -206,14 +209,16 @@ def _search(law: Law, scheme: Scheme, effort: Effort, question: _Question) -> Fi
     return replace(conclude(law, scheme, log, question.check), seconds=time.perf_counter() - start)
 
 
+def _design(where: Question, key: str, number: int) -> list[Case]:
+    """The cases of a design; under a key they are stored between runs."""
+    if not key:
+        return where.design(number)
+    return list(kept("designs", DESIGNS).get(f"{key} {number}", lambda: where.design(number)))
+
+
 def _designed(question: _Question, seed: int, repeat: int) -> list[Case]:
     """The cases of a law's design for a seed, in random order, so that no range of a property always comes first."""
-    number = seed + 1000003 * repeat
-    if question.key:
-        store = kept("designs", DESIGNS)
-        drawn = list(store.get(f"{question.key} {number}", lambda: question.where.design(number)))
-    else:
-        drawn = question.where.design(number)
+    drawn = _design(question.where, question.key, seed + 1000003 * repeat)
     Random(seed).shuffle(drawn)
     return drawn
 
