@@ -215,7 +215,9 @@ GIVEN = {
 @pytest.mark.parametrize("name", GIVEN)
 def test_the_midpoint_rule_is_of_order_one_on_every_problem(name: str) -> None:
     report = verify("midpoint", laws=WITH_CLIP, problems=[GIVEN[name]])
-    assert [f.verdict.value for f in report.findings] == ["holds"] * 4
+    # Without noise no increment acts, so that none can be seen to be clipped.
+    clipped = "holds" if GIVEN[name].noises else "not_applicable"
+    assert [f.verdict.value for f in report.findings] == [clipped, *["holds"] * 3]
     assert all(GIVEN[name].name in f.message for f in report.findings[1:])
 
 
