@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 
 import sepv
+from benchmarks import start
 from sepv import problems, schemes
 from sepv.simulate import Task, run_task
 from sepv.simulate._run_arguments import checked
@@ -223,13 +224,13 @@ def reduced(paths: int = REDUCED) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def main() -> int:
-    """Print the measurements as JSON."""
+def main() -> None:
+    """Print the measurements as JSON; the exit code is 1 if the card and NumPy disagree, and 2 without a card."""
     try:
         device = devices.card()
     except sepv.UsageError as error:
         print(error, file=sys.stderr)
-        return 2
+        raise SystemExit(2) from None
     properties = device.xp.cuda.runtime.getDeviceProperties(0)
     found: dict[str, Any] = {
         "card": properties["name"].decode(),
@@ -253,8 +254,9 @@ def main() -> int:
         found[name]["roundings"] <= ULPS * STEPS**0.5 and not found[name]["increments_differ"]
         for name in SYSTEMS
     )
-    return 0 if agree else 1
+    if not agree:
+        raise SystemExit(1)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    start(main)
