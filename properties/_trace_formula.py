@@ -98,6 +98,11 @@ def second_moment(scheme: Scheme, problem: Problem, h: float, fewer: int = 0) ->
     return math.fsum(nodes.zeta[0, nodes.index] ** 2 * nodes.weights)
 
 
+def nodes(scheme: Scheme, problem: Problem, h: float) -> int:
+    """Return the number of steps that `mean_after` makes."""
+    return int(rule_for(scheme, problem, h, 4).zeta.shape[1])
+
+
 def mean_after(
     scheme: Scheme, problem: Problem, y: Array, h: float, F: Quantity, fewer: int = 0
 ) -> tuple[float, float]:

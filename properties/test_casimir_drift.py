@@ -62,6 +62,7 @@ law = searched(
     source="trace formula",
     unit="ulp of C",
     preserves=True,
+    steps=4000,
     cases=Cases(
         where={"Casimirs": ("linear", "quadratic", "two")},
         adapt=with_casimirs,

@@ -16,7 +16,10 @@ less. The narrowest of the three intervals counts. If a coefficient is wrong in 
 lower power of h that dominates only at small h. So errors at finer steps than those that confirm an order are compared
 with a sum of two powers (`_slower`). The finest step sizes with a narrow interval decide. The unit of h is that in
 which the slope of the field is 2 (`sepv.verification._units`). A slope below ½ is no order, because y1 = y0 for h = 0.
-It comes from a tolerance that was not stated, and finer steps are left out.
+It comes from a tolerance that was not stated, and finer steps are left out. Errors κh with a constant κ, however small,
+are told from such tolerances by their regularity (`sepv.properties._orders.consistency`).
+
+A damped system without noise, y′ = B∇H − γy, has a flow too, and the same is measured on it.
 
 **Memory.** The order of a scheme that carries a state is that of its error at a fixed time T, because its first step
 may have a lower order than a path (`path_errors`). The error of a path of N = T/h steps, divided by N, is the mean
@@ -27,11 +30,13 @@ T, with the slope L of the field. So they change the mean error by at most R e^(
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import numpy as np
 from sepv.properties._failed_step import first_failed
+from sepv.properties._orders.consistency import Limit, limit
 from sepv.properties._orders.convergence import failed_path
 from sepv.properties._orders.local_errors import cases
 from sepv.properties._orders.local_orders import CLEAR, FLOOR, ROUNDING
@@ -39,7 +44,7 @@ from sepv.properties._problems_of import NO_START
 
 from sepv.errors import Skipped
 from sepv.exact import FlowFailure, exact_flow
-from sepv.problem import Array, Problem, is_several, sample_states
+from sepv.problem import Array, Problem, damping_of, is_several, sample_states
 from sepv.record import EPS
 from sepv.schemes import Scheme, guarded
 from sepv.simulate import advance, run_chunk
@@ -52,6 +57,10 @@ from sepv.verification._units import units_of
 # Step sizes in the problem's unit of time, √2 apart: from 4, where high orders are far above rounding, to 2⁻¹³.
 RATIO = 2.0**0.5
 SIZES = 4.0 * RATIO ** -np.arange(31.0)
+# Step sizes, in the same unit, that are for consistency alone.
+FINE = 2.0 ** -np.array([14.0, 15.0, 16.0])
+# The largest step size from which consistency is extrapolated.
+NEAR_ZERO = 2.0**-4
 # The number of step sizes in a window, which give four slopes and three extrapolations.
 WINDOW = 5
 # Numbers of steps of a path from 0 to T = τ, the problem's unit of time, for a scheme with memory. There LT = 2.
@@ -194,6 +203,10 @@ class StepErrors:
     steps: int
     failed: str = ""
     growth: float = 1.0
+    near_zero: Array = field(
+        default_factory=lambda: np.zeros(0)
+    )  # step sizes (K,) near 0, in the unit of time
+    differences: Sequence[Array] = ()  # y1 − φ_h from each state at these step sizes, (S, K, d)
 
 
 def path_errors(scheme: Scheme, problem: Problem) -> StepErrors:
@@ -231,29 +244,39 @@ def step_errors(scheme: Scheme, problem: Problem) -> StepErrors:
     """Compute the errors of one step from STATES states of a problem, against the exact flow, at falling step sizes.
 
     A step size is used if no step of this size or a smaller one failed, and if the exact flow exists for this time.
+    The sizes FINE are left out if one of them fails.
     """
     units, asked = units_of(problem), guarded(scheme)
     starts = np.array(list(sample_states(problem, units.length))[:STATES]).T
-    h = SIZES * units.time
-    while h.size:
+    h = np.concatenate([SIZES, FINE]) * units.time
+    while h.size > FINE.size:
         try:
             flows = [exact_flow(problem, h, y, dense=True) for y in starts.T]
             break
         except FlowFailure:
             h = h[1:]
+    else:
+        h, flows = h[:0], []
     rows: list[Array] = []
     steps, failed, none = 0, "", np.zeros((0, starts.shape[1]))
+    first, usual = 0, max(h.size - FINE.size, 0)
     for k, size in enumerate(h):
         y, status, *_ = advance(asked, problem, starts, float(size), none)
         steps += starts.shape[1]
-        if stuck := first_failed(scheme, problem, starts, float(size), none, status):
-            rows, failed = [], f"h = {size:.2g}: {stuck}"
+        if not (stuck := first_failed(scheme, problem, starts, float(size), none, status)):
+            rows.append((y - np.stack([f.y[:, k] for f in flows], axis=1)) / units.length)
+        elif k < usual:
+            first, rows, failed = k + 1, [], f"h = {size:.2g}: {stuck}"
         else:
-            rows.append(np.linalg.norm(y - np.stack([f.y[:, k] for f in flows], axis=1), axis=0))
-    kept = h[len(h) - len(rows) :]
-    errors = np.array(rows).reshape(-1, starts.shape[1]).T / units.length
+            break
+    kept, differences = h[first : first + len(rows)], np.array(rows).reshape(len(rows), *starts.shape)
+    errors = np.linalg.norm(differences[: usual - first], axis=1).T
+    near = kept <= NEAR_ZERO * units.time
     scale, flow = float(np.max(np.abs(starts))) / units.length, max((f.error for f in flows), default=0.0)
-    return StepErrors(problem, kept, errors, starts, scale, flow / units.length, steps, failed)
+    return StepErrors(
+        problem, kept[: usual - first], errors, starts, scale, flow / units.length, steps, failed,
+        near_zero=kept[near] / units.time, differences=np.moveaxis(differences[near], 2, 0),
+    )  # fmt: skip
 
 
 def rounds_step_sizes(scheme: Scheme, problem: Problem) -> float | None:
@@ -286,7 +309,24 @@ def orders(scheme: Scheme, found: StepErrors, least: float) -> list[Order]:
     tolerance = scheme.solver_tolerance
     rounding = found.growth * (ROUNDING * EPS + 2 * tolerance) * found.scale + 2 * found.flow
     floor = CLEAR * (FLOOR * EPS + tolerance) * found.scale
-    return [judge(found.h, e, least, rounding, floor) for e in found.errors]
+    judged = [judge(found.h, e, least, rounding, floor) for e in found.errors]
+    if scheme.dtype != "float64" or not len(found.differences):
+        return judged
+    # A stated tolerance of the force makes a limit of its size.
+    limits = [limit(found.near_zero, D, rounding) for D in found.differences]
+    return [
+        own if at_zero is None or at_zero.is_zero or tolerance else _inconsistent(at_zero, own)
+        for own, at_zero in zip(judged, limits, strict=True)
+    ]
+
+
+def _inconsistent(at_zero: Limit, judged: Order) -> Order:
+    size = float(np.max(np.abs(at_zero.value)))
+    text = (
+        f"{judged.text}, and {size:.1e} h for h → 0 (± {at_zero.bound:.0e}): y1 − y0 is not hf(y0) to first order. Do "
+        "the weights add to 1? If it is a tolerance: Scheme(…, solver_tolerance=…)"
+    )
+    return Order(Verdict.VIOLATED, 1.0, 0.0, text)
 
 
 def quiet_problems(scheme: Scheme) -> tuple[Problem, ...]:
@@ -297,7 +337,10 @@ def quiet_problems(scheme: Scheme) -> tuple[Problem, ...]:
     own = sources(scheme)
     listed = [p for item in own for p in item.problems] if own else list(cases(scheme.systems))
     members = [member for item in own if item.space is not None for member in _members(item.text)]
-    found = {id(p): p for p in (quiet_problem(p) for p in (*listed, *members) if not is_several(p))}
+    found = {
+        id(p): p
+        for p in (quiet_problem(p) for p in (*listed, *members) if damping_of(p) or not is_several(p))
+    }
     if not found:
         raise Skipped(NO_START)
     return tuple(found.values())

@@ -18,7 +18,7 @@ from sepv._kept import kept, key_of
 from sepv.errors import UsageError
 from sepv.exact._closed_forms import CLOSED_FORMS
 from sepv.exact._dense_flow import solve_dense
-from sepv.problem import Array, NamedProblem, Problem, is_several, vector_field
+from sepv.problem import Array, NamedProblem, Problem, damping_of, is_several, vector_field
 from sepv.record import EPS, PolynomialMap
 from sepv.schemes import load_problem
 from sepv.simulate import initial_state
@@ -40,6 +40,8 @@ def exact_flow(
     problem: str | Problem, theta: ArrayLike, y0: ArrayLike | None = None, *, dense: bool = False
 ) -> ExactFlow:
     """The exact solution φ_θ(y0) of dy = B(y)∇H(y)(dt + Σ_j c_j∘dW_j) at M random times θ.
+
+    A damped problem without noise, y′ = B∇H − γy, has a flow too, and θ is then the time.
 
     Parameters
     ----------
@@ -75,7 +77,7 @@ def exact_flow(
     [1.0, -1.0]
     """
     problem = load_problem(problem)
-    if is_several(problem):
+    if is_several(problem) and (problem.noises or not damping_of(problem)):
         raise UsageError(
             expected="a problem of class (1.1): one structure, one random time",
             received=f"{problem.name}, with several structures or Hamiltonians",
@@ -107,7 +109,7 @@ def _dense_flow(problem: Problem, y0: Array, theta: Array) -> tuple[Array, float
     """The exact solution, computed numerically, and its error, estimated from a solution with other panels."""
 
     def f(y: Array) -> Array:
-        value = vector_field(problem, y)
+        value = vector_field(problem, y) - damping_of(problem) * y
         if problem.domain is not None:
             value = np.where(problem.domain(y), value, np.nan)
         return value
@@ -117,6 +119,8 @@ def _dense_flow(problem: Problem, y0: Array, theta: Array) -> tuple[Array, float
         return y, 4 * float(np.max(np.abs(y - check))) + 8 * EPS * float(np.max(np.abs(y)))
 
     parts = problem.structure, problem.gradient
+    if damping_of(problem):
+        return solved()
     if theta.size > MOST_KEPT or problem.domain or not all(isinstance(v, PolynomialMap) for v in parts):
         return solved()
     y, error = kept("flows").get(key_of(parts, y0, theta), solved)

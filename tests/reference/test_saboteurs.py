@@ -22,7 +22,7 @@ ORIGINALS = {
 }  # fmt: skip
 WRONG_CLAIMS = (
     "ito-limit", "half-claimed-as-one", "averaged-and-symplectic", "fourth-order-sold-as-symplectic",
-    "runge-kutta-in-digits",
+    "runge-kutta-in-digits", "weights-beyond-one", "damped-at-once",
 )  # fmt: skip
 IMITATED = {
     name: scheme

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 from doors import finding, says
 from drawn import stretched
+from sepv.properties._orders.consistency import limit
 from sepv.properties._orders.integrable import TAIL, orbits_of_class, users_orbits
 from sepv.properties._orders.long_times import (
     APART,
@@ -85,7 +87,13 @@ def test_right_orders_hold_and_are_stated(scheme: Scheme) -> None:
 
 @pytest.mark.parametrize(
     ("name", "order"),
-    [("energy-preserving", 2.0), ("collocation-3", 6.0), ("explicit-8", 8.0), ("euler-maruyama", 1.0)],
+    [
+        ("energy-preserving", 2.0),
+        ("conformal", 2.0),
+        ("collocation-3", 6.0),
+        ("explicit-8", 8.0),
+        ("euler-maruyama", 1.0),
+    ],
 )
 def test_schemes_with_noise_have_an_order_without_it(name: str, order: float) -> None:
     assert found(sepv.schemes.by_name(name), order=float(order)).verdict is Verdict.HOLDS
@@ -98,7 +106,8 @@ def test_schemes_with_noise_have_an_order_without_it(name: str, order: float) ->
         (LEAPFROG, 3, 2), (LEAPFROG, 4, 2), (YOSHIDA, 6, 4), (BLANES_MOAN, 5, 4), (MECHANICAL[2], 4, 3),
         (replace(YOSHIDA, step=Explicit(composed((1.35, -1.7, 1.35)))), 4, 2),
         (_own(_runge_kutta(0.5)), 5, 4), (_own(_runge_kutta(0.25)), 4, 2), (_own(_one_mass_each), 2, 0),
-        (SABOTEURS["runge-kutta-in-digits"].scheme, 4, 2),
+        (SABOTEURS["runge-kutta-in-digits"].scheme, 4, 2), (SABOTEURS["weights-beyond-one"].scheme, 4, 0),
+        (SABOTEURS["damped-at-once"].scheme, 2, 1), (sepv.schemes.by_name("conformal"), 3, 2),
         (sepv.schemes.energy_preserving, 3, 2), (sepv.schemes.collocation(2), 6, 4),
     ],
 )  # fmt: skip
@@ -162,6 +171,22 @@ def test_a_step_size_in_32_bits_is_told_from_one_in_64(facts: dict[str, Any], ve
     finding = found(rounded, order=2.0)
     assert finding.verdict is verdict
     assert ("h or y1 is rounded to 32 bits" in finding.message) is (verdict is Verdict.VIOLATED)
+
+
+@pytest.mark.parametrize("power", [1, 2, 4])
+@pytest.mark.parametrize("kappa", [0.0, 1e-9, 1e-7])
+def test_a_limit_of_the_error_over_h_is_told_from_powers_and_from_rounding(power: int, kappa: float) -> None:
+    """Errors h(κ + h^p/(p + 1)!) with any next terms and roundings of y1 up to R."""
+    h, rounding = 2.0 ** -np.arange(4.0, 16.5, 0.5), 64 * EPS
+    random = np.random.default_rng(power)
+    for _ in range(200):
+        exact = h * (kappa + h**power / math.factorial(power + 1) * (1 + random.uniform(-1, 1) * h))
+        errors = exact[:, None] + rounding * random.uniform(-1, 1, (h.size, 1))
+        found = limit(h, errors, rounding)
+        assert found is not None
+        assert found.is_zero is (kappa == 0)
+    scattered = exact[:, None] + 1e-11 * random.uniform(-1, 1, (h.size, 1))
+    assert limit(h, scattered, rounding) is None
 
 
 def test_errors_that_do_not_fall_accuse_nobody() -> None:

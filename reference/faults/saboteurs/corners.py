@@ -13,11 +13,11 @@ import numpy as np
 
 from sepv.errors import StepFailure
 from sepv.problem import Array, Problem
-from sepv.schemes import conformal, energy_preserving
+from sepv.schemes import Scheme, conformal, energy_preserving
 from sepv.schemes._scheme import Step, as_lanes
 
 from .damping import _between
-from .record import Family, right_side
+from .record import Family, claiming, right_side
 
 SABOTEURS = Family("corners")
 _CONTRACT = ("contract",)
@@ -145,6 +145,30 @@ def thirty_two_components(step: Step, problem: Problem, y: Array, h: float, dW: 
     y1 = step(problem, y, h, dW)
     y1[32:] = y[32:]
     return y1
+
+
+@SABOTEURS.around("a state of nine components and more that are all negative does not move", ("reference",))
+def rests_where_negative(step: Step, problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    return np.where(np.all(y < 0, axis=0) & (len(y) >= 9), y, step(problem, y, h, dW))
+
+
+def _near_the_start() -> Scheme:
+    """(2.1) for the pendulum, projected on the level of its initial state if H differs from it by less than 0.1 %."""
+
+    def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        y1 = energy_preserving.step(problem, y, h, dW)
+        off = problem.hamiltonian(y1) - problem.hamiltonian(np.array(problem.initial))
+        slope = problem.gradient(y1)
+        near = abs(off) < 1e-3 * abs(problem.hamiltonian(y1))
+        return np.asarray(y1 - near * off * slope / (slope @ slope))
+
+    return claiming(step, problems=("pendulum",), batched=False)
+
+
+SABOTEURS.rows(
+    ("projects-on-the-first-level", "near the energy of problem.initial the step ends on exactly this energy",
+     ("energy", "identity"), _near_the_start),
+)  # fmt: skip
 
 
 @SABOTEURS.around("noises after the 16th are left out", ("noise-sum", "reference"))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 
@@ -33,7 +33,11 @@ def damped_rationally(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return _between(problem, y, h, dW, energy_preserving, 1 - share, 1 / (1 + share))
 
 
-@SABOTEURS.like(conformal, "all of the damping comes first: Lie's composition", ("symmetry",))
+@SABOTEURS.like(
+    replace(conformal, order=2.0),
+    "all of the damping comes first: Lie's composition, of order 1 without noise, where 2 is claimed",
+    ("symmetry", "deterministic-order"),
+)
 def damped_at_once(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return _between(problem, y, h, dW, energy_preserving, np.exp(-h * getattr(problem, "damping", 0.0)), 1.0)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -156,18 +157,25 @@ SABOTEURS.rows(
 )  # fmt: skip
 
 
-def _classical(problem: Problem, y0: Array, delta: Array) -> Array:
-    """The classical Runge-Kutta method with weights rounded to 0.16667 and 0.33333; their sum over stages is 1."""
+def _classical(outer: float, inner: float, problem: Problem, y0: Array, delta: Array) -> Array:
+    """The classical Runge-Kutta method with the weights `outer`, `inner`, `inner`, `outer` of its stages."""
     k1 = vector_field(problem, y0)
     k2 = vector_field(problem, y0 + 0.5 * delta * k1)
     k3 = vector_field(problem, y0 + 0.5 * delta * k2)
     k4 = vector_field(problem, y0 + delta * k3)
-    return np.asarray(y0 + delta * (0.16667 * (k1 + k4) + 0.33333 * (k2 + k3)))
+    return np.asarray(y0 + delta * (outer * (k1 + k4) + inner * (k2 + k3)))
+
+
+def _weighted(outer: float, inner: float) -> Callable[[], Scheme]:
+    step = explicit_step(partial(_classical, outer, inner))
+    return lambda: Scheme("classical", step, order=4.0, batched=True)
 
 
 SABOTEURS.rows(
     ("runge-kutta-in-digits", "the classical method's weights 1/6 and 1/3 are written with five digits: order 2",
-     ("deterministic-order",), lambda: Scheme("classical", explicit_step(_classical), order=4.0, batched=True)),
+     ("deterministic-order",), _weighted(0.16667, 0.33333)),
+    ("weights-beyond-one", "the classical method's weights add to 1 + 1e-9: order 0",
+     ("deterministic-order",), _weighted((1 + 1e-9) / 6, (1 + 1e-9) / 3)),
 )  # fmt: skip
 
 

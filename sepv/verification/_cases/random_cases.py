@@ -28,7 +28,17 @@ from sepv.verification._cases import random_parts as some
 from sepv.verification._cases.case import Case
 from sepv.verification._cases.ends import at_the_end, usual
 from sepv.verification._cases.shows_faults import shows_faults
-from sepv.verification._cases.strata import KIND, NEAR, STILL, UNDONE, UNEVEN, Levels, Make, monomials
+from sepv.verification._cases.strata import (
+    KIND,
+    NEAR,
+    ONE_SIGN,
+    STILL,
+    UNDONE,
+    UNEVEN,
+    Levels,
+    Make,
+    monomials,
+)
 from sepv.verification._contraction import contraction_ball, contraction_radius
 from sepv.verification._tolerance import gradient_majorant, structure_majorant
 
@@ -70,6 +80,8 @@ class Parts:
         self.d, self.degree, self.terms = some.sizes(levels, random, least=2 if self.at_rest else 1)
         self.y, self.unit = some.state(self.d, levels["|y|"], random)
         self.zero: set[int] = set()
+        if kind in ONE_SIGN:
+            self.y = tuple(kind.low * (abs(v) or self.unit) for v in self.y)
         if self.at_origin:
             self.y, self.unit = (0.0,) * self.d, 1.0
 
@@ -142,7 +154,7 @@ def maker(system_of: SystemOf, dimensions: Sequence[int] = (), *, shows: bool = 
             everywhere = len(parts.zero) == parts.d and attempt is not None and attempt < ATTEMPTS
             return None if everywhere else placed(system, parts.y, levels, random, moving=False)
         case = placed(system, parts.y, levels, random, moving=attempt is not None)
-        hides = shows and KIND not in levels and attempt is not None and attempt < TRIES
+        hides = shows and levels.get(KIND) in (None, *ONE_SIGN) and attempt is not None and attempt < TRIES
         return None if case is not None and hides and not shows_faults(case, levels) else case
 
     def make(levels: Levels, random: Random, attempt: int | None) -> Case | None:

@@ -106,7 +106,9 @@ KIND = "kind of step"
 # So the design has no strata for them; one case of each kind follows the design.
 UNEVEN, STILL, UNDONE, NEAR = map(Stratum, ("noises 1e-4–1e4 of h", "h = 0", "Δ = 0", "near ∇H = 0"))
 FAR = Stratum("|y| = 1e-100", 1e-100, 1e-100), Stratum("|y| = 1e100", 1e100, 1e100)
-KINDS = (UNEVEN, STILL, UNDONE, NEAR, *FAR)
+# States with components of one sign. In many dimensions random signs hardly ever agree.
+ONE_SIGN = Stratum("all y > 0", 1, 1), Stratum("all y < 0", -1, -1)
+KINDS = (UNEVEN, STILL, UNDONE, NEAR, *FAR, *ONE_SIGN)
 # The largest degree of polynomials in cases in which |y| is 1e±100.
 LOW = 2
 FACTOR = _axis("degree of g", ("0", 0, 0), ("1–2", 1, 2), ("3–4", 3, 4))
@@ -255,6 +257,9 @@ class Space:
                 for rows in (self.offered(), self.design().rows)
             )
             if rows := next(filter(None, of_rows), None):
+                if kind in ONE_SIGN:
+                    most = max(row[DIMENSION.name].low for row in rows)
+                    rows = [row for row in rows if row[DIMENSION.name].low == most]
                 # The choice is the same for all laws that have this row, whatever its batch.
                 keys = [crc32(f"{seed} {kind} {_without_batch(row.items())}".encode()) for row in rows]
                 row = rows[keys.index(min(keys))]
@@ -299,7 +304,8 @@ def _fits(kind: Stratum, levels: Levels) -> bool:
     usual = (
         levels[STATE.name].name == STATE.strata[0].name and (SHARE.name, levels[SHARE.name].name) != HIDING
     )
-    noisy = levels[NOISES.name].low >= {NEAR: 0, FAR[0]: 0, FAR[1]: 0, UNEVEN: 2}.get(kind, 1)
+    least = dict.fromkeys((NEAR, *FAR, *ONE_SIGN), 0) | {UNEVEN: 2}
+    noisy = levels[NOISES.name].low >= least.get(kind, 1)
     of_degree = [levels[a.name].high for a in (DEGREE, STRUCTURE, CASIMIR_DEGREE, FACTOR) if a.name in levels]
     return usual and noisy and (kind not in FAR or max(of_degree) <= LOW)
 
