@@ -349,7 +349,7 @@ def _drawn_until_made(make: Make, levels: tuple[tuple[str, Stratum], ...], seed:
 
 # After this many draws it is concluded that the strata have no case: the rules of the class forbid too little.
 MOST_ATTEMPTS = 10_000
-_CHOICES = [st.integers(0, n) for n in range(25)]
+_CHOICES = [st.integers(0, n) for n in range(4 * len(KINDS) + 1)]
 _RANDOM = st.randoms(use_true_random=False)
 # Draws of a random search before another row is drawn.
 DRAWS = 4
