@@ -30,7 +30,6 @@ T, with the slope L of the field. So they change the mean error by at most R e^(
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
@@ -206,7 +205,7 @@ class StepErrors:
     near_zero: Array = field(
         default_factory=lambda: np.zeros(0)
     )  # step sizes (K,) near 0, in the unit of time
-    differences: Sequence[Array] = ()  # y1 − φ_h from each state at these step sizes, (S, K, d)
+    differences: Array | tuple[Array, ...] = ()  # y1 − φ_h from each state at these step sizes, (S, K, d)
 
 
 def path_errors(scheme: Scheme, problem: Problem) -> StepErrors:
