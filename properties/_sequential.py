@@ -26,6 +26,7 @@ from sepv.errors import Skipped
 from sepv.problem import Problem, Systems, is_several
 from sepv.schemes import OF_SEVERAL, Scheme, guarded
 from sepv.verification._advice import is_explicit
+from sepv.verification._along_paths import watching
 from sepv.verification._cases.users_problems import sources
 from sepv.verification._first_order import first_order
 from sepv.verification._law import Effort, Finding, Law, Run, Verdict
@@ -126,7 +127,8 @@ def sampled(scheme: Scheme, setup: Setup, paths: int, run: Run) -> StrongErrors:
     if done < paths:
         problem, guarded_scheme = setup.build(), guarded(scheme)
         how: dict[str, Any] = {
-            "T": setup.T, "steps": setup.steps, "unit": setup.unit, "paths": range(done, paths), "seed": run.effort.seed
+            "T": setup.T, "steps": setup.steps, "unit": setup.unit, "paths": range(done, paths),
+            "seed": run.effort.seed, "watch": watching(run, scheme),
         }  # fmt: skip
         if order is not None and is_tilted(scheme):
             more = tilted_errors(guarded_scheme, problem, order=order, **how)

@@ -35,11 +35,12 @@ from sepv.exact import FlowFailure, exact_flow
 from sepv.problem import Array, HamiltoniansProblem, Problem, damping_of, is_several, vector_field
 from sepv.record import EPS, TINY
 from sepv.schemes import Scheme, Systems, guarded
-from sepv.simulate import Carried, advance, wiener
+from sepv.simulate import Carried, Watch, advance, wiener
 from sepv.simulate import truncation as bounded
 from sepv.solve import Status
 from sepv.statistics import fishers_f, students_t
 from sepv.verification import Effort, Finding, Law, Run, Verdict, energy_ulp, require
+from sepv.verification._along_paths import watching
 from sepv.verification._cases.from_problem import describe
 from sepv.verification._cases.of_law import NOT_KEPT, UNDAMPED
 from sepv.verification._tolerance import rounding_variances
@@ -86,6 +87,7 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
     effort = this_run.effort
     lines, broken, skipped, checks = [], [], [], 0
     ratio = scheme.eps / EPS  # the scheme's rounding relative to that of binary64
+    watch = watching(this_run, scheme)
     deeper = DEEPER if effort.examples >= DEEP_EXAMPLES else 1
     spared = sparing(scheme, effort)
     paths, runs = (SPARED_PATHS, _fewer(runs_for(scheme))) if spared else (PATHS, runs_for(scheme))
@@ -93,7 +95,7 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
         size = h if scheme.longest_step is None else h / divisor(scheme, problem, h)
         label, steps = f"{problem.name}, h = {size:g}", usual * deeper
         try:
-            defects, predicted, failed = energy_walk(scheme, problem, size, steps, effort.seed, paths)
+            defects, predicted, failed = energy_walk(scheme, problem, size, steps, effort.seed, paths, watch)
         except Skipped as reason:
             skipped.append(f"{label}: {reason}")
             continue
@@ -251,11 +253,13 @@ def escaping(problem: Problem, dW: Array, h: float) -> str:
 
 
 def energy_walk(
-    scheme: Scheme, problem: Problem, h: float, steps: int, seed: int, paths: int = PATHS
-) -> tuple[np.ndarray, float, str]:
+    scheme: Scheme, problem: Problem, h: float, steps: int, seed: int, paths: int = PATHS,
+    watch: Watch | None = None,
+) -> tuple[np.ndarray, float, str]:  # fmt: skip
     """Return energy defects (checkpoints, paths), the change of H by a step's rounding, and a text on a failed step.
 
-    Defects have a sign, and are NaN for failed paths. H is in extended precision. The unit is the ulp of H.
+    Defects have a sign, and are NaN for failed paths. H is in extended precision. The unit is the ulp of H. `watch`
+    sees each step.
     """
     guarded_scheme, exact = guarded(scheme), exact_problem(describe(problem), 30)
     dW = _increments(scheme, problem, h, steps, seed, paths)
@@ -278,9 +282,12 @@ def energy_walk(
             failed = f"path {k} of seed {seed} in step {n}, " + failed_step(
                 scheme, problem, y[:, k], h, dW[n - 1][:, k]
             )
-        alive = alive[status == Status.CONVERGED]
-        carried.keep(status == Status.CONVERGED)
-        y[:, alive] = value[:, status == Status.CONVERGED]
+        solved = status == Status.CONVERGED
+        alive = alive[solved]
+        carried.keep(solved)
+        if watch is not None and alive.size:
+            watch(problem, y[:, alive], value[:, solved], h, dW[n - 1][:, alive])
+        y[:, alive] = value[:, solved]
         spent[alive] += rounding_variances(problem.gradient(y[:, alive]), y[:, alive])
         if n == checkpoint:
             if not rows and unit <= TINY and alive.size:

@@ -25,7 +25,7 @@ from sepv.properties._orders.several_fields import finer, refined
 from sepv.problem import Array, HamiltoniansProblem, Problem, column
 from sepv.record import EPS
 from sepv.schemes import Scheme, order_of
-from sepv.simulate import Ensemble, areas, run_chunk, seen, wiener
+from sepv.simulate import Ensemble, Watch, areas, run_chunk, seen, wiener
 from sepv.solve import Status
 from sepv.statistics import Estimate, binomial, jackknife
 
@@ -88,10 +88,11 @@ def strong_errors(
     paths: range,
     seed: int = 0,
     unit: float = 1.0,
+    watch: Watch | None = None,
 ) -> StrongErrors:
     """Return errors of the paths numbered `paths`, from the initial state, for increasing `steps` that divide the last.
 
-    `unit` is the unit of time of h in the truncation bound A_h of Remark 2.1.
+    `unit` is the unit of time of h in the truncation bound A_h of Remark 2.1. `watch` sees each step.
     """
     start, finest, noises = np.array(problem.initial, dtype=np.float64), steps[-1], problem.noises
     reference = 0.0
@@ -121,13 +122,14 @@ def strong_errors(
             assert exact is not None
             yield used, exact, W, ones
 
-    found = errors_of(scheme, problem, T, steps, paths, _CHUNK, draw)
+    found = errors_of(scheme, problem, T, steps, paths, _CHUNK, draw, watch)
     return replace(found, reference=reference)
 
 
 def errors_of(
-    scheme: Scheme, problem: Problem, T: float, steps: Sequence[int], paths: range, chunk: int, draw: Draw
-) -> StrongErrors:
+    scheme: Scheme, problem: Problem, T: float, steps: Sequence[int], paths: range, chunk: int, draw: Draw,
+    watch: Watch | None = None,
+) -> StrongErrors:  # fmt: skip
     """Return the errors of the paths numbered `paths`, run in chunks, with the increments and weights of `draw`."""
     start, shape = np.array(problem.initial, dtype=np.float64), (len(steps), len(paths))
     squared, weights = np.full(shape, np.nan), np.full(shape, np.nan)
@@ -142,7 +144,7 @@ def errors_of(
             h = T / steps[row]
             largest = max(largest, float(np.max(np.abs(exact))))
             ends[row, :, here], W[row, :, here], weights[row, here] = exact, end, ratio
-            result = run_chunk(scheme, problem, start, h, used, None, track=False)
+            result = run_chunk(scheme, problem, start, h, used, None, track=False, watch=watch)
             failures[row] += np.count_nonzero(result.status != Status.CONVERGED)
             failed = failed or failed_path(scheme, problem, result, h, used, paths[here])
             with np.errstate(over="ignore"):  # a path that blows up has an infinite error

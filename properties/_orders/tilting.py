@@ -27,6 +27,7 @@ from sepv.properties._orders.convergence import StrongErrors, clipped, errors_of
 from sepv.exact import exact_flow
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme
+from sepv.simulate import Watch
 
 _CHUNK = 256
 # Errors below FLOOR·eps·scale are rounding. FLOOR is smaller than for plain samples: rare paths have small weights and
@@ -60,7 +61,7 @@ def tilted_increments(
 
 def tilted_errors(
     scheme: Scheme, problem: Problem, *, T: float, steps: Sequence[int], paths: range, seed: int, order: float,
-    unit: float = 1.0,
+    unit: float = 1.0, watch: Watch | None = None,
 ) -> StrongErrors:  # fmt: skip
     """Return strong errors by importance sampling for a scheme of mean-square order `order`, multiplied by weights.
 
@@ -81,4 +82,4 @@ def tilted_errors(
             W = used.sum(axis=0)
             yield used, exact_flow(problem, problem.random_step(T, W)).y, W, weights
 
-    return replace(errors_of(scheme, problem, T, steps, paths, _CHUNK, draw), floor=FLOOR)
+    return replace(errors_of(scheme, problem, T, steps, paths, _CHUNK, draw, watch), floor=FLOOR)

@@ -20,7 +20,18 @@ from rich.text import Text
 from sepv._arguments import did_you_mean
 from sepv.console import Table, columns, fits, print_table
 from sepv.errors import require_one_of
-from sepv.verification import LAWS, Effort, Run, Verdict, load_laws, measure
+from sepv.schemes import Scheme
+from sepv.verification import (
+    LAWS,
+    Effort,
+    Finding,
+    Law,
+    Run,
+    Verdict,
+    along_paths,
+    load_laws,
+    measure,
+)
 from sepv.workers import ended_at_once
 
 from .saboteurs import SABOTEURS, Saboteur
@@ -109,19 +120,23 @@ def detect(
     scheme, run = saboteur.scheme, Run(Effort(examples, paths, seed, _NO_SHRINKING, corpus=corpus))
     if first:
         laws = sorted(laws, key=lambda law: (law not in saboteur.caught_by, LAWS.index(law)))
-    detections: list[Detection] = []
+    measured, findings = list[Law](), dict[str, Finding]()
     for chosen in laws:
-        (law,) = load_laws([chosen])
-        finding = measure(law, scheme, run, TIMEOUT)
-        message = finding.message if finding.verdict is Verdict.ERROR else ""
-        detection = Detection(
-            name, saboteur.family, chosen, seed, finding.verdict, law.claimed_by(scheme), chosen in saboteur.caught_by,
-            finding.checks, round(finding.seconds, 3), message,
-        )  # fmt: skip
-        detections.append(detection)
-        if first and detections[-1].kills:
+        measured += load_laws([chosen])
+        findings[chosen] = measure(measured[-1], scheme, run, TIMEOUT)
+        if first and _detection(saboteur, seed, measured[-1], findings[chosen], scheme).kills:
             break
-    return detections
+    else:
+        along_paths(scheme, measured, findings, name, TIMEOUT)
+    return [_detection(saboteur, seed, law, findings[law.name], scheme) for law in measured]
+
+
+def _detection(saboteur: Saboteur, seed: int, law: Law, finding: Finding, scheme: Scheme) -> Detection:
+    message = finding.message if finding.verdict is Verdict.ERROR else ""
+    return Detection(
+        saboteur.name, saboteur.family, law.name, seed, finding.verdict, law.claimed_by(scheme),
+        law.name in saboteur.caught_by, finding.checks, round(finding.seconds, 3), message,
+    )  # fmt: skip
 
 
 def find(name: str) -> Saboteur:

@@ -17,7 +17,7 @@ from sepv.simulate import _truncation as truncation
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._areas import RoughPath
 from sepv.simulate._areas import drawn as drawn
-from sepv.simulate._batch import CHUNK, Carried, advance, batch_step, judged, run_chunk
+from sepv.simulate._batch import CHUNK, Carried, Watch, advance, batch_step, judged, run_chunk
 from sepv.simulate._batch import Ensemble as Ensemble
 from sepv.simulate._run_arguments import initial_state, step_count
 from sepv.simulate._truncation import seen

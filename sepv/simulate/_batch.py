@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -28,6 +28,8 @@ AXES: dict[str, tuple[str, ...]] = {
     "casimir_defect": (),
     "states": ("component", "time"),
 }
+# A function that sees each step of a batch: the problem, y0 and y1 (d, M), h and dW (m, M).
+Watch = Callable[[Problem, Array, Array, float, Array], None]
 
 
 @dataclass(frozen=True, repr=False)
@@ -153,14 +155,15 @@ class Ensemble:
 
 
 def run_chunk(
-    scheme: Scheme, problem: Problem, y0: Array, h: float, raw: Array, k: int | None, *, track: bool = True
-) -> Ensemble:
+    scheme: Scheme, problem: Problem, y0: Array, h: float, raw: Array, k: int | None, *, track: bool = True,
+    watch: Watch | None = None,
+) -> Ensemble:  # fmt: skip
     """Run paths from y0 (d,) with the Wiener increments `raw` (N, m, M); `_truncation.seen` bounds them, given k.
 
     If the scheme needs more than increments, such as areas (`sepv.schemes._further_increments`), they are in further
-    rows of `raw`. With track=False the invariants are not computed, and their defects are zero.
+    rows of `raw`. With track=False the invariants are not computed, and their defects are zero. `watch` sees each step.
     """
-    batch = Batch(scheme, problem, y0, raw.shape[2], track=track)
+    batch = Batch(scheme, problem, y0, raw.shape[2], track=track, watch=watch)
     m = problem.noises
     used = bounded.seen(raw[:, :m], h, k, scheme.increments)
     if isinstance(scheme.step, PathSolver):
@@ -177,7 +180,8 @@ class Batch:
     """Paths in NumPy, advanced together; a path whose step failed keeps the state before this step."""
 
     def __init__(
-        self, scheme: Scheme, problem: Problem, y0: Array, paths: int, *, track: bool = True, compensated: bool = False
+        self, scheme: Scheme, problem: Problem, y0: Array, paths: int, *, track: bool = True, compensated: bool = False,
+        watch: Watch | None = None,
     ) -> None:  # fmt: skip
         if compensated and scheme.solve is None:
             raise UsageError(
@@ -185,7 +189,7 @@ class Batch:
                 received=f"the scheme {scheme.name!r}, whose step returns a state and not its increment",
                 remedy="engine='compiled', or compensated=False",
             )
-        self.scheme, self.problem, self.track = scheme, problem, track
+        self.scheme, self.problem, self.track, self.watch = scheme, problem, track, watch
         self.y = np.repeat(y0[:, None], paths, axis=1)
         self.lost = np.zeros_like(self.y) if compensated else None
         self.status, self.failed = np.zeros(paths, dtype=np.int64), np.full(paths, -1)
@@ -220,6 +224,8 @@ class Batch:
             # Knuth's two-sum, because a component near zero may be smaller than its increment.
             taken = value - before
             self.lost[:, alive] = (before - (value - taken)) + (wanted - taken)
+        if self.watch is not None and ok.any():
+            self.watch(self.problem, before[:, ok], value[:, ok], h, dW[:, alive[ok]])
         self.alive = alive = alive[ok]
         self.carried.keep(ok)
         self.y[:, alive] = value[:, ok]

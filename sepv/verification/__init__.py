@@ -49,7 +49,7 @@ from sepv.verification._tolerance import energy_ulp as energy_ulp
 from sepv.verification._tolerance import state_ulp as state_ulp
 from sepv.verification._tolerance import step_residual as step_residual
 from sepv.verification._units import units_of
-from sepv.verification._verify import load_in_time, measure, replay
+from sepv.verification._verify import along_paths, load_in_time, measure, replay
 from sepv.verification._verify import verify as verify
 
 if TYPE_CHECKING:

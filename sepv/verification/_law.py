@@ -100,6 +100,9 @@ class Finding:
     power : float or None
         For a violation of an invariant or a structure (`Law.preserves`), the power of h with which the defect falls at
         its witness; None if it is not clear.
+    along : tuple of (law, witness)
+        For a law about paths, steps of its paths that a law about single steps should measure
+        (`sepv.verification._along_paths`).
     step_seconds : float or None
         Seconds for a step of one state, if the law timed it. They help to estimate a run's remaining time.
     """
@@ -124,6 +127,7 @@ class Finding:
     share: float | None = None
     afresh: str = ""
     power: float | None = None
+    along: tuple[tuple[str, dict[str, Any]], ...] = ()
 
     @property
     def verdict_text(self) -> str:
@@ -196,6 +200,8 @@ class Run:
         Errors along sampled paths; the key is the setup of the paths (`sepv.properties._setups.Setup`).
     steps : dict
         Errors of single steps; the key is the problem, which is compared by identity.
+    worst : dict
+        The worst steps of paths so far (`sepv.verification._along_paths`).
     target, problems : str, any
         The scheme and its problems in words that another process can load; "" if there are none.
     """
@@ -203,6 +209,7 @@ class Run:
     effort: Effort = field(default_factory=Effort)
     paths: dict[Any, Any] = field(default_factory=dict, compare=False, repr=False)
     steps: dict[Any, Any] = field(default_factory=dict, compare=False, repr=False)
+    worst: dict[Any, Any] = field(default_factory=dict, compare=False, repr=False)
     target: str = ""
     problems: Any = None
 

@@ -18,6 +18,7 @@ from sepv._kept import save_all
 from sepv.errors import ClusterFailure, SepvError, Skipped, TargetError, UsageError
 from sepv.schemes import Scheme, Step, load_scheme, require_trusted, words_for
 from sepv.verification import _side_by_side as side_by_side
+from sepv.verification._along_paths import replays, taken
 from sepv.verification._cases import case as cases
 from sepv.verification._cases.users_problems import items
 from sepv.verification._expected_failures import Expectations, ExpectedFailure
@@ -142,11 +143,31 @@ def verify(
         if law.name not in by_law:
             unmeasured = law.finding(Verdict.NOT_MEASURED, message=why)
             by_law[law.name] = replace(unmeasured, claimed=law.claimed_by(candidate))
+    if not interrupted:
+        along_paths(candidate, chosen, by_law, target, timeout)
     save_all()
     findings = asked_afresh(scheme, [by_law[law.name] for law in chosen], problems)
     report = Report(candidate, findings, effort, interrupted, known.claims, target, required=required)
     gaps = known.gaps((law.name for law in chosen), candidate.name, report.problems)
     return replace(report, gaps=tuple(gaps))
+
+
+def along_paths(
+    scheme: Scheme, laws: Iterable[Law], findings: dict[str, Finding], target: str = "", timeout: float = 600.0
+) -> None:
+    """Measure laws on the steps of paths that `findings` keep, and replace findings that these steps violate."""
+
+    def on_step(law: Law, number: int, witness: dict[str, Any]) -> Finding:
+        def replayed() -> Finding:
+            try:
+                with deadline(timeout):
+                    return law.replay(law, scheme, witness)
+            except (TimedOut, SepvError) as error:  # the law does not judge the step
+                return law.finding(Verdict.NOT_MEASURED, message=str(error))
+
+        return survived(law, f"{law.name} of {target} on step {number} of paths", replayed)
+
+    replays(laws, findings, on_step)
 
 
 def _check_arguments(jobs: Any, timeout: Any, effort: Any, expected: Any) -> None:
@@ -295,7 +316,7 @@ def measure(
         if finding.verdict is not Verdict.VIOLATED:
             note = f"expected to be violated ({failure.reason}), but its witness is not: remove the entry"
             finding = replace(finding, message=f"{note}\n{finding.message}".strip())
-    return replace(finding, seconds=time.perf_counter() - start)
+    return replace(finding, seconds=time.perf_counter() - start, along=taken(run, scheme))
 
 
 def _wrong_witness(law: Law, received: str) -> UsageError:
