@@ -153,7 +153,11 @@ def verify(
 
 
 def along_paths(
-    scheme: Scheme, laws: Iterable[Law], findings: dict[str, Finding], target: str = "", timeout: float = 600.0
+    scheme: Scheme,
+    laws: Iterable[Law],
+    findings: dict[str, Finding],
+    target: str = "",
+    timeout: float = 600.0,
 ) -> None:
     """Measure laws on the steps of paths that `findings` keep, and replace findings that these steps violate."""
 
