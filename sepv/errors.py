@@ -41,15 +41,20 @@ MANY_NAMES = 8
 def require_one_of(
     what: str, given: Any, known: Collection[Any], remedy: str = "correct the name", received: str = ""
 ) -> None:
-    """Raise a UsageError if `given` is not among the values `known`; the message calls it `what`.
+    """Raise a UsageError if `given` is not among the values `known`; the message calls it `what`."""
+    if given not in known:
+        raise unknown_name(what, received or repr(given), known, remedy)
+
+
+def unknown_name(what: str, received: str, known: Collection[Any], remedy: str) -> UsageError:
+    """The error for a value that is not among the values `known`; its message calls the value `what`.
 
     A long list of names comes last, so that what was received and the closest name are read first.
     """
-    if given not in known:
-        names, said = ", ".join(map(str, known)), received or repr(given)
-        if len(known) > MANY_NAMES:
-            raise UsageError(expected=what, received=said, remedy=f"{remedy}. There are {names}")
-        raise UsageError(expected=f"{what}, one of {names}", received=said, remedy=remedy)
+    names = ", ".join(map(str, known))
+    if len(known) > MANY_NAMES:
+        return UsageError(expected=what, received=received, remedy=f"{remedy}. There are {names}")
+    return UsageError(expected=f"{what}, one of {names}", received=received, remedy=remedy)
 
 
 class ProblemError(UsageError):
@@ -62,6 +67,10 @@ class SystemsError(UsageError):
 
 class TargetError(UsageError):
     """A scheme that cannot be loaded (exit code 3 on the command line)."""
+
+
+class UnknownTarget(TargetError):
+    """A name that names nothing: no built-in scheme, no module, or no attribute of a module."""
 
 
 class SchemeFault(UsageError):

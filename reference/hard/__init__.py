@@ -9,7 +9,8 @@ from sepv.reference.hard import _fields, _mechanics, _scales, _steps
 from sepv.reference.hard._hard_case import HardCase as HardCase
 from sepv.reference.hard._hard_case import Sample as Sample
 
-from sepv.errors import UsageError
+from sepv._arguments import did_you_mean
+from sepv.errors import unknown_name
 
 CATALOGUE: tuple[HardCase, ...] = (*_steps.CASES, *_mechanics.CASES, *_scales.CASES, *_fields.CASES)
 
@@ -19,8 +20,5 @@ def by_name(name: str) -> HardCase:
     for case in CATALOGUE:
         if case.name == name.replace("_", "-"):
             return case
-    raise UsageError(
-        expected=f"a hard case, one of {', '.join(c.name for c in CATALOGUE)}",
-        received=repr(name),
-        remedy="`sepv hard` without names runs them all",
-    )
+    known = [case.name for case in CATALOGUE]
+    raise unknown_name("a hard case", did_you_mean(name, known), known, "`sepv hard` runs them all")

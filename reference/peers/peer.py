@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from sepv._arguments import did_you_mean, optional
-from sepv.errors import TargetError
+from sepv.errors import TargetError, UnknownTarget, unknown_name
 from sepv.schemes import PathSolver, Scheme
 from sepv.studies import Method
 
@@ -125,10 +125,9 @@ def method(target: str) -> Method | None:
 def _one(target: str, library: str, known: Mapping[str, _Kind]) -> _Kind:
     by_name: dict[str, Any] = {f"{library}-{name}": value for name, value in known.items()}
     if target not in by_name:
-        raise TargetError(
-            expected=f"a solver of {library}, one of {', '.join(by_name)}",
-            received=did_you_mean(target, by_name),
-            remedy="see `sepv peers`",
+        known = unknown_name(
+            f"a solver of {library}", did_you_mean(target, by_name), by_name, "see `sepv peers`"
         )
+        raise UnknownTarget(expected=known.expected, received=known.received, remedy=known.remedy)
     kind: _Kind = by_name[target]
     return kind

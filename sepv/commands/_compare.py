@@ -13,7 +13,7 @@ import click
 
 from sepv.commands import _shared as cli
 from sepv.console import print_table
-from sepv.errors import SepvError, UsageError
+from sepv.errors import SepvError, UnknownTarget, UsageError
 from sepv.files import write_atomically
 
 if TYPE_CHECKING:
@@ -69,7 +69,8 @@ def compare(
     sepv compare leapfrog yoshida-4 -p henon-heiles --no-noise --time 100
     sepv compare mymodule:step --problem pendulum --picture cost.svg
 
-    A scheme that fails is left out and named at the end; the exit code is 3 then.
+    A scheme that does not exist ends the command before anything is timed. One that fails is left out and named at the
+    end. The exit code is 3 in both cases.
     """
     from sepv.console import showing
     from sepv.schemes import load_problem
@@ -96,6 +97,8 @@ def compare(
                 remedy="a built-in, module:attribute, exact-flow, or a solver of another library (`sepv peers`)",
             )
         methods, failed = _methods(names, system, line.update)
+        if unknown := [error for error in failed.values() if isinstance(error, UnknownTarget)]:
+            raise unknown[0]
         block: Any = cli.candidates((), programs, line.update) if programs else nullcontext([])
         with block as others:
             methods += [replace(from_scheme(program, system), name=name) for name, program in others]

@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sepv.errors import SchemeFault, SepvError, Skipped
+from sepv._arguments import did_you_mean
+from sepv.errors import SchemeFault, SepvError, Skipped, unknown_name
 from sepv.external._child import STOP_GRACE
 from sepv.external._errors import BadAnswer, StepRefused, clean
 from sepv.external._messages import MOST_STEPS, Hello
@@ -92,13 +93,12 @@ def _try_hello(program: Program, laws: set[str] | None) -> str:
 
     greeting = program.hello()
     for key, names, known in (("claims", greeting.claims, laws), ("problems", greeting.problems, set(PAPER))):
-        strange = sorted(set(names) - known) if known is not None else []
-        if strange:
-            raise BadAnswer(
-                expected=f"{key} in hello: some of {', '.join(sorted(known or ()))}",
-                received=", ".join(strange),
-                remedy="correct the name, or leave it out",
+        for strange in sorted(set(names) - known) if known is not None else ():
+            said = did_you_mean(strange, known or ())
+            error = unknown_name(
+                f"{key} in hello", said, sorted(known or ()), "correct the name, or leave it out"
             )
+            raise BadAnswer(expected=error.expected, received=error.received, remedy=error.remedy)
     takes = [*greeting.problems, *["polynomial data"] * greeting.polynomial]
     return (
         f"{greeting.scheme} takes {', '.join(takes)}, {greeting.max_steps} steps a message, "

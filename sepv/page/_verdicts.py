@@ -126,7 +126,9 @@ def _row(law: View, place: Any) -> View:
     bound = "" if law["bound"] is None else f"{'≥' if law['at_least'] else '≤'} {number(law['bound'])}"
     claimed = "expected to fail" if law["expected"] is not None else "claimed" if law["claimed"] else ""
     shown = cell(law["verdict"], law["claimed"])
+    waived = law["expected"] is not None and law["verdict"] == "violated"
     words = verdict_text(Verdict(law["verdict"]), law.get("share"), law.get("afresh", ""))
+    words = "expected" if waived else words
     return {
         "law": name(law["law"]),
         "anchor": f"law-{law['law']}" if law["law"] in LAWS else "",
@@ -141,7 +143,9 @@ def _row(law: View, place: Any) -> View:
 
 
 def _counterexamples(laws: list[View], target: str, budget: int, *, drawn: bool) -> tuple[list[View], int]:
-    """Return the counterexamples that fit into `budget` characters, claimed laws first, and the number left out.
+    """Return the counterexamples that fit into `budget` characters, and the number left out.
+
+    Claimed laws come first, and those that are violated as expected last.
 
     Laws that end with the same error share one entry. If `drawn`, an entry has pictures of the counterexample.
     """
@@ -149,7 +153,7 @@ def _counterexamples(laws: list[View], target: str, budget: int, *, drawn: bool)
     shown: list[View] = []
     shown_once: dict[str, View] = {}
     left = 0
-    for law in sorted(failures, key=lambda v: not v["claimed"]):
+    for law in sorted(failures, key=lambda v: (v["expected"] is not None, not v["claimed"])):
         error = same_error(law["message"]) if law["verdict"] == "error" else ""
         if error in shown_once:
             shown_once[error]["laws"].append(law["law"])

@@ -7,7 +7,7 @@ from functools import lru_cache
 from inspect import signature
 
 from sepv._arguments import did_you_mean
-from sepv.errors import ProblemError, UsageError, require_one_of
+from sepv.errors import ProblemError, UsageError, require_one_of, unknown_name
 from sepv.problem import Description, GivenProblem, NamedProblem, PolynomialSystem, Problem
 from sepv.problem import from_json as from_json
 from sepv.problem import to_json as to_json
@@ -79,11 +79,8 @@ def by_name(name: str) -> Problem:
     factories = PAPER | EXTENSIONS | SEVERAL | HAMILTONIANS
     factory = factories.get(str(name).replace("_", "-"))
     if factory is None:
-        raise UsageError(
-            expected=f"a problem, one of {', '.join(factories)}, a .json file, or module:attribute",
-            received=did_you_mean(name, factories),
-            remedy="see `sepv list`",
-        )
+        what = "a problem by name, a .json file, or module:attribute"
+        raise unknown_name(what, did_you_mean(name, factories), factories, "see `sepv list`")
     return factory()
 
 

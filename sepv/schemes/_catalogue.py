@@ -6,7 +6,7 @@ from collections.abc import Callable
 from importlib import import_module
 
 from sepv._arguments import did_you_mean
-from sepv.errors import UsageError
+from sepv.errors import unknown_name
 from sepv.schemes._collocation import collocation
 from sepv.schemes._explicit import explicit
 from sepv.schemes._gauss import gauss
@@ -74,9 +74,6 @@ def by_name(name: str) -> Scheme:
     """The built-in scheme with this name. Raises UsageError for any other name."""
     if scheme := built_in(name):
         return scheme
-    families = ", ".join(f"{f}-1 … {f}-{MAX_STAGES}" for f in FAMILIES)
-    raise UsageError(
-        expected=f"a built-in scheme: {', '.join([*PAPER, *EXTENSIONS, *HAMILTONIANS, *DAMPED])}, {families}",
-        received=did_you_mean(name, [*PAPER, *EXTENSIONS, *HAMILTONIANS, *DAMPED]),
-        remedy="see `sepv list`",
-    )
+    known = [*PAPER, *EXTENSIONS, *HAMILTONIANS, *DAMPED]
+    families = [f"{f}-1 … {f}-{MAX_STAGES}" for f in FAMILIES]
+    raise unknown_name("a built-in scheme", did_you_mean(name, known), [*known, *families], "see `sepv list`")

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from sepv._arguments import did_you_mean, double
-from sepv.errors import ProblemError, TargetError, UsageError
+from sepv.errors import ProblemError, TargetError, UnknownTarget, UsageError
 from sepv.files import read_json
 from sepv.problem import NamedProblem, PolynomialSystem, Problem
 from sepv.schemes._one_step import Explicit, Implicit
@@ -124,10 +124,11 @@ def _named(target: str, problems: Iterable[Problem]) -> Scheme:
         if peers.library_of(target):
             solver: Scheme = peers.scheme(target)
             return solver
-        raise TargetError(
+        own = "your own scheme goes as mypackage.mymodule:scheme"
+        raise UnknownTarget(
             expected=f"{error.expected}, or module:attribute",
             received=error.received,
-            remedy=_as_module(target) or "see `sepv list`; your own scheme goes as mypackage.mymodule:scheme",
+            remedy=_as_module(target) or f"{own}; {error.remedy}",
         ) from None
 
 
@@ -245,13 +246,13 @@ def load_object(target: str) -> Any:
     """Import module:attribute. Raises TargetError if the module cannot be imported or has no such attribute."""
     module_name, _, attribute = target.partition(":")
     if module_name.endswith(".py"):
-        raise TargetError(
+        raise UnknownTarget(
             expected="module:attribute, as after import",
             received=f"a file: {target!r}",
             remedy=_as_module(target),
         )
     if not all(part.isidentifier() for part in module_name.split(".")):
-        raise TargetError(
+        raise UnknownTarget(
             expected="module:attribute, the module as after import: mypackage.mymodule:step",
             received=f"{target!r:.80}",
             remedy="names of letters, digits and _ with dots between them before the colon",
@@ -266,7 +267,7 @@ def load_object(target: str) -> Any:
     return value
 
 
-def _no_attribute(module: Any, attribute: str) -> TargetError:
+def _no_attribute(module: Any, attribute: str) -> UnknownTarget:
     """The error for a name that a module lacks; it lists the schemes, the problems and the module's own functions."""
     public = {name: value for name, value in vars(module).items() if not name.startswith("_")}
     records = [name for name, value in public.items() if isinstance(value, (Scheme, Problem))]
@@ -274,7 +275,7 @@ def _no_attribute(module: Any, attribute: str) -> TargetError:
     callables = [name for name, value in public.items() if callable(value)]
     defined = [name for name in callables if getattr(public[name], "__module__", None) == module.__name__]
     names = list(dict.fromkeys([*records, *defined]))
-    return TargetError(
+    return UnknownTarget(
         expected=f"an attribute {attribute!r} in module {module.__name__}",
         received=f"{did_you_mean(attribute, [*names, *callables])} and a module with "
         + (", ".join(names) or "no public functions or records"),
@@ -318,7 +319,7 @@ def _module(name: str) -> Any:
         raise TargetError(expected=error.expected, received=error.received, remedy=error.remedy) from error
     except ModuleNotFoundError as error:
         missing = error.name or name
-        raise TargetError(
+        raise UnknownTarget(
             expected=f"a module {name} that can be imported",
             received=f"no module named {missing!r}",
             remedy="run in its folder, install it, or correct the name before the colon"

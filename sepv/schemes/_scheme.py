@@ -14,6 +14,7 @@ from sepv.errors import UsageError, require_one_of
 from sepv.problem import Array, Problem, Systems
 from sepv.problems.shown_to_schemes import NEEDED
 from sepv.record import EPS
+from sepv.schemes._claims import PATHWISE, require_laws
 from sepv.schemes._picture_look import Look
 from sepv.schemes._point_distributions import PointLaw, point_law
 from sepv.schemes._stateful import PathSolver, StatefulStep
@@ -26,8 +27,6 @@ DTYPES = ("float64", "float32")
 # rounded. Laws that compare errors with a floor add this error to it. Laws about single steps count each operation.
 SINGLE_STEP = 4.0
 
-# Laws about paths, which do not apply to increments that match only some moments of the normal distribution.
-PATHWISE = frozenset(("mean-square-order", "right-limit", "local-mean", "local-mean-square", "commutation"))
 # The classes of systems in which different noises have different fields.
 OF_SEVERAL = frozenset((
     Systems.SEVERAL, Systems.HAMILTONIANS, Systems.MATRIX_HAMILTONIANS, Systems.SEPARABLE_HAMILTONIANS,
@@ -155,6 +154,8 @@ class Scheme:
             raise UsageError(
                 expected="claims, names of laws", received=f"{self.claims!r:.80}", remedy="see `sepv list`"
             )
+        claims = {c.strip().replace("_", "-") for c in claims}
+        require_laws(claims)
         object.__setattr__(self, "dtype", _name_of_type(self.dtype))
         for attribute, (fits, expected) in _ATTRIBUTES.items():
             value = getattr(self, attribute)
@@ -203,7 +204,6 @@ class Scheme:
         listed = isinstance(self.problems, Iterable) and not isinstance(self.problems, str)
         object.__setattr__(self, "problems", tuple(self.problems) if listed else (self.problems,))
         object.__setattr__(self, "needs", tuple(self.needs))
-        claims = {c.strip().replace("_", "-") for c in claims}
         # A scheme that solves (2.1) must refuse a step for which (2.1) has no solution.
         object.__setattr__(
             self, "claims", frozenset(claims | ({"refusal"} if "reference" in claims else set()))

@@ -11,6 +11,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from sepv._lazy import lazily
+from sepv.schemes import LAWS as LAWS
 from sepv.verification import _law as law
 from sepv.verification import _verify as suite
 from sepv.verification._amplification import amplification as amplification
@@ -32,7 +33,6 @@ from sepv.verification._law import Run as Run
 from sepv.verification._law import Verdict as Verdict
 from sepv.verification._law import require as require
 from sepv.verification._law import verdict_text
-from sepv.verification._laws import LAWS as LAWS
 from sepv.verification._laws import laws_of
 from sepv.verification._laws import load_laws as load_laws
 from sepv.verification._outcome import Report as Report

@@ -24,6 +24,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from sepv._arguments import did_you_mean
 from sepv.errors import UsageError, require_one_of
 from sepv.verification._cases import case as cases
 from sepv.verification._law import Finding, Verdict
@@ -139,12 +140,11 @@ def load(path: str | Path, laws: Iterable[str]) -> Expectations:
 def _names(key: str, value: Any, path: str, known: tuple[str, ...]) -> frozenset[str] | None:
     if value is None:
         return None
-    if not isinstance(value, list) or not all(name in known for name in value):
-        raise UsageError(
-            expected=f"{key} in {path}, a list of laws out of {', '.join(known)}",
-            received=f"{value!r}",
-            remedy="correct the names, or write the file anew with --pin",
-        )
+    remedy = "correct the names, or write the file anew with --pin"
+    if not isinstance(value, list):
+        raise UsageError(expected=f"{key} in {path}, a list of laws", received=f"{value!r}", remedy=remedy)
+    for name in value:
+        require_one_of(f"{key} in {path}, a list of laws", name, known, remedy, did_you_mean(name, known))
     return frozenset(value)
 
 
@@ -153,7 +153,7 @@ def _entry(entry: Any, where: str, known: tuple[str, ...]) -> ExpectedFailure:
         keys = sorted(entry) if isinstance(entry, dict) else type(entry).__name__
         raise UsageError(expected=f"law, reason and witness in {where}", received=f"{keys}", remedy=_EXAMPLE)
     law, reason, witness = entry["law"], entry["reason"], entry["witness"]
-    require_one_of(f"a law in {where}", law, known)
+    require_one_of(f"a law in {where}", law, known, received=did_you_mean(law, known))
     if not isinstance(reason, str) or not reason.strip():
         raise UsageError(
             expected=f"a reason in {where}", received=repr(reason), remedy="say why this failure is expected"

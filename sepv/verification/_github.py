@@ -29,10 +29,12 @@ def step_summary(report: Report) -> str:
         _cell(summary(report).plain),
         markdown([c.heading for c in table.columns], rows),
     ]
-    for f in _told(report, [f for f in report.findings if f.verdict in (Verdict.VIOLATED, Verdict.ERROR)]):
+    shown = [f for f in report.findings if f.verdict in (Verdict.VIOLATED, Verdict.ERROR) and not f.waived]
+    for f in _told(report, sorted(shown, key=lambda f: f not in report.failing)):
         again = f"\nreplay: {report.again(f)}" if report.again(f) else ""
         text = escape(printable(_short(f.message) + again))
         parts.append(f"<details><summary>{_cell(f.words)}</summary><pre>{text}</pre></details>")
+    parts += [_cell(f.words) for f in report.findings if f.waived]
     return "\n\n".join(parts) + "\n\n"
 
 

@@ -130,9 +130,14 @@ class Finding:
     along: tuple[tuple[str, dict[str, Any]], ...] = ()
 
     @property
+    def waived(self) -> bool:
+        """True if the law is violated as expected."""
+        return self.expected is not None and self.verdict is Verdict.VIOLATED
+
+    @property
     def verdict_text(self) -> str:
-        """The verdict in words."""
-        return verdict_text(self.verdict, self.share, self.afresh)
+        """The verdict in words; "expected" for a law that is violated as expected."""
+        return "expected" if self.waived else verdict_text(self.verdict, self.share, self.afresh)
 
     @property
     def words(self) -> str:
@@ -140,7 +145,8 @@ class Finding:
         size = ""
         if self.defect is not None and self.bound is not None:
             size = f": {self.defect:.3g} against {self.bound:.3g} {self.unit}"
-        return f"{self.law} ({self.source}) {self.verdict_text}{size}"
+        why = f" ({self.expected})" if self.waived else ""
+        return f"{self.law} ({self.source}) {self.verdict_text}{size}{why}"
 
 
 def verdict_text(verdict: Verdict, share: float | None, afresh: str) -> str:

@@ -5,49 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from importlib import import_module
 
-from sepv._arguments import did_you_mean
-from sepv.errors import UsageError, require_one_of
+from sepv.errors import UsageError
+from sepv.schemes import LAWS, require_laws
 from sepv.verification._law import Law
 from sepv.verification._profiles import Requirement, laws_for
-
-# The laws in the order of a report; a law comes after its prerequisites.
-LAWS = (
-    "contract",
-    "reproducibility",
-    "identity",
-    "energy",
-    "energy-drift",
-    "casimir",
-    "casimir-drift",
-    "any-casimir",
-    "conformal-casimir",
-    "conformal-energy",
-    "poisson-map",
-    "symplecticity",
-    "volume",
-    "positivity",
-    "midpoint",
-    "reduction",
-    "noise-sum",
-    "random-step",
-    "expansion",
-    "symmetry",
-    "reversibility",
-    "equivariance",
-    "reference",
-    "refusal",
-    "rounding",
-    "truncation",
-    "deterministic-order",
-    "long-time-energy",
-    "local-mean",
-    "local-mean-square",
-    "local-weak",
-    "mean-square-order",
-    "weak-order",
-    "right-limit",
-    "commutation",
-)
 
 # Laws that share the paths they draw (`Run.paths`): one process measures them, in this order.
 SAMPLED = ("mean-square-order", "weak-order", "right-limit", "commutation")
@@ -69,8 +30,7 @@ def load_laws(names: Iterable[str] | None = None) -> list[Law]:
         For an unknown name.
     """
     wanted = LAWS if names is None else tuple(str(n).strip().replace("_", "-") for n in listed(names))
-    for name in wanted:
-        require_one_of("a law", name, LAWS, "see `sepv list`", did_you_mean(name, LAWS))
+    require_laws(wanted)
     ordered = [name for name in LAWS if name in wanted]
     return [import_module(f"sepv.properties.test_{name.replace('-', '_')}").law for name in ordered]
 

@@ -43,16 +43,22 @@ ALWAYS = ("contract",)
 
 
 def show(report: Report, out: Console, *, debug: bool = False) -> None:
-    """Print the table of a report, then each counterexample with the command that replays it."""
+    """Print the table of a report, then each counterexample with the command that replays it.
+
+    Findings that make the run fail come first; laws that are violated as expected come last, in one line each.
+    """
     print_table(law_table(report), out)
     errors_shown: set[str] = set()
-    for finding in report.findings:
+    for finding in sorted(report.findings, key=lambda f: (f.waived, f not in report.failing)):
         error = same_error(finding.message) if finding.verdict is Verdict.ERROR else ""
         if error in errors_shown:
             continue
         errors_shown |= {error} if error else set()
         if finding.verdict is Verdict.NOT_MEASURED:
             continue  # the table and the last line already show it
+        if finding.waived:
+            print_sentence(out, Text(finding.words, style="dim"))
+            continue
         if finding.message or finding.verdict is not Verdict.HOLDS or finding.expected is not None:
             _details(finding, report, out, debug=debug)
     print_sentence(out, summary(report))
@@ -101,7 +107,8 @@ def _law_row(report: Report, f: Finding) -> tuple[str | Text, ...]:
     claim = "yes" if f.law in report.scheme.claims else "always"
     claimed = "fails" if f.expected is not None else claim if f.claimed else ""
     bound = "" if f.bound is None else f"{'≥' if f.at_least else '≤'} {_number(f.bound)}"
-    return f.law, claimed, Text(text, style=_STYLES[f.verdict]), _number(f.defect), bound, f.unit, f.source
+    style = "dim" if f.waived else _STYLES[f.verdict]
+    return f.law, claimed, Text(text, style=style), _number(f.defect), bound, f.unit, f.source
 
 
 def summary(report: Report, before: str = "") -> Text:
@@ -218,8 +225,6 @@ def _headed(finding: Finding, source: str) -> Text:
 
 def _details(finding: Finding, report: Report, out: Console, *, debug: bool) -> None:
     out.print(_headed(finding, f"  {finding.source}" if finding.verdict is not Verdict.HOLDS else ""))
-    if finding.expected is not None and finding.verdict is Verdict.VIOLATED:
-        _indented(f"expected: {finding.expected}", out)
     _indented(finding.message + (f"\n{finding.traceback}" if debug else ""), out)
     if finding.verdict is not Verdict.HOLDS and (again := report.again(finding)):
         out.print(Text("  replay:", style="dim"))

@@ -15,9 +15,9 @@ from sepv import Effort, UsageError, Verdict, problems, schemes, verify
 from sepv.problem import Array, Problem, Systems, matvec, noise_field
 from sepv.record import _polynomial as poly
 from sepv.schemes import Orders, PointLaw, Scheme, weakly
+from sepv.schemes._claims import PATHWISE
 from sepv.schemes._further_increments import as_matrix, as_rows, rows_of_any_path
 from sepv.schemes._point_distributions import THREE_POINT, TWO_POINT, point_law
-from sepv.schemes._scheme import PATHWISE
 from sepv.simulate import _areas as areas
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener

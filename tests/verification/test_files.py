@@ -151,7 +151,14 @@ def test_expected_failures_are_strict_both_ways(tmp_path: Path) -> None:
     assert "[[expected]]" not in file.read_text()
     command(f"verify midpoint {few} --claim energy --write-expected {file}", 1)
     shown = command(f"verify midpoint {few} --claim energy --expected {file}").output
-    assert "expected: violated when this file was written" in shown
+    reason = "energy (Prop. 3.1) expected: [0-9.e+]+ against [0-9.e+]+ ulp of H (violated when this file was written.*)"
+    assert re.search(
+        reason.replace("(", "\\(").replace(")", "\\)").replace("file was written.*", "file was written.*"),
+        shown,
+    )
+    assert (
+        "H(y) =" not in shown
+    )  # one line for a law that is violated as expected, without its counterexample
     # A scheme that does not fail as expected, and a violation that is not in the file.
     passed = command(f"verify energy-preserving {few} --expected {file}", 1).output
     assert "Expected failures that pass: energy" in passed

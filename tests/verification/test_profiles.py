@@ -20,6 +20,7 @@ import sepv
 from sepv import Scheme, Skipped
 from sepv.schemes._midpoint import step as midpoint
 from sepv.verification import PROFILES, SUITE, Effort, Finding, Report, Verdict, badge_json, load_laws, verify
+from sepv.verification._junit_and_badge import BADGE, _fitting
 from sepv.verification._profiles import found, missing, profiled, requirements
 from sepv.verification._report import summary
 
@@ -121,13 +122,15 @@ def test_a_slope_shows_the_largest_order_that_it_suffices_for(verdict, value, or
 
 def test_a_badge_names_what_was_found_and_no_score() -> None:
     held = reported(findings(["energy"]))
-    assert badge(held) == (", ".join(found(held.profiles)), "brightgreen")
+    message, color = badge(held)
+    assert color == "brightgreen"
+    assert message.partition(", +")[0] in ", ".join(found(held.profiles))
     unclaimed = reported(findings(["casimir"], energy=Verdict.VIOLATED))
     assert badge(unclaimed)[1] == "brightgreen"
     assert "energy" not in badge(unclaimed)[0]
     nothing = dict.fromkeys((law.name.replace("-", "_") for law in LAWS), Verdict.VIOLATED)
     none = reported(findings(orders=dict.fromkeys(ORDERS), **nothing))
-    assert badge(none) == ("contract violated; no profile", "red")
+    assert badge(none) == ("contract violated", "red")
 
 
 @pytest.mark.parametrize(
@@ -137,7 +140,25 @@ def test_a_badge_names_what_was_found_and_no_score() -> None:
 def test_a_claimed_law_that_is_not_found_to_hold_is_named_on_the_badge_which_is_not_green(verdict, color):
     message, seen = badge(reported(findings(["rounding"], rounding=verdict)))
     assert seen == color
-    assert message.startswith(f"rounding {verdict.text}; method, order 1")
+    assert message == f"rounding {verdict.text}"
+
+
+def test_a_badge_has_at_most_sixty_characters() -> None:
+    """Seven broken claims are the first with six more; long lists of profiles and of waivers are counted too."""
+    broken = ["casimir", "energy", "identity", "symmetry", "midpoint", "reduction", "noise-sum"]
+    violated = dict.fromkeys((law.replace("-", "_") for law in broken), Verdict.VIOLATED)
+    assert badge(reported(findings(broken, **violated))) == ("identity violated, +6", "red")
+    waived = [
+        replace(f, expected="known") if f.verdict is Verdict.VIOLATED else f for f in findings((), **violated)
+    ]
+    message, color = badge(reported(waived))
+    assert message.endswith("; 7 waived")
+    assert color == "brightgreen"
+    whole = reported(findings(["energy"]))
+    assert len(badge(whole)[0]) <= BADGE
+    shown, more = badge(whole)[0].split(", +")
+    assert len(shown.split(", ")) + int(more) == len(found(whole.profiles))
+    assert _fitting(["x" * 80], 60) == "x" * 59 + "…"
 
 
 def test_a_waiver_makes_no_profile_and_is_shown() -> None:
@@ -159,8 +180,7 @@ def test_a_required_profile_that_is_not_found_is_exit_code_1_and_the_last_line_s
     why = "energy (energy violated), order-2 (order 1 was measured)"
     assert str(report).splitlines()[-1].endswith(f"Required and not found: {why}.")
     assert why in report._repr_html_()
-    held = ", ".join(found(report.profiles))
-    assert badge(report) == (f"no energy (energy violated); no order-2 (order 1 was measured); {held}", "red")
+    assert badge(report) == ("no energy (energy violated), +1", "red")
     data = report.to_json()
     obeys(data, "report")
     assert data["suite"]["laws_version"] == SUITE

@@ -114,9 +114,9 @@ def _item(asked: Any) -> Item:
             raise
         known = [*map(str, FAMILIES), *named.PAPER, *named.EXTENSIONS, *named.SEVERAL, *named.HAMILTONIANS]
         raise UsageError(
-            expected=f"{error.expected}; or a family, one of {', '.join(FAMILIES)}; or a Hypothesis strategy of them",
+            expected=f"{error.expected}; or a family; or a Hypothesis strategy of them",
             received=did_you_mean(text, known) if text and ":" not in text else error.received,
-            remedy=error.remedy,
+            remedy=f"{error.remedy}. The families are {', '.join(FAMILIES)}",
         ) from error
     own = (problem,) if problem.initial is not None else ()
     return Item(text, st.just(describe(problem, text)), own, problem)
