@@ -18,7 +18,7 @@ def peers() -> None:
     sepv verify sdeint-strat-heun
     sepv compare energy-preserving diffrax-heun
 
-    Another package adds a library by an entry point (docs/extending.md).
+    A package adds its own library by an entry point of the group sepv.peers (docs/maintainers.md, point 6).
     """
     from sepv.console import console
     from sepv.reference.peers.peer import installed, names

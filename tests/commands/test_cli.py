@@ -192,7 +192,7 @@ def test_a_path_that_ends_early_names_one_step_and_what_the_scheme_said(folder: 
 
 
 def test_a_scheme_that_fails_ends_no_comparison(folder: Path) -> None:
-    why = {"crashes": "not today", "fails_late": "no noise, please", "missing": "an attribute"}
+    why = {"crashes": "not today", "fails_late": "no noise, please"}
     failing = " ".join(f"everywhere:{name}" for name in why)
     shown = command(f"compare midpoint {failing} {FEW} -p pendulum --json all.json", 3).output
     assert "midpoint" in shown
@@ -203,6 +203,11 @@ def test_a_scheme_that_fails_ends_no_comparison(folder: Path) -> None:
     obeys(found, "comparison")
     assert [m["name"] for m in found["methods"]] == ["midpoint"]
     assert set(found["failed"]) == {f"everywhere:{name}" for name in why}
+    # A name that names nothing ends the command before anything is timed: somebody waits for that scheme.
+    for name, words in (("everywhere:missing", "an attribute"), ("midpiont", "did you mean 'midpoint'?")):
+        shown = command(f"compare midpoint {name} {FEW} -p pendulum", 3)
+        assert words in shown.stderr
+        assert not shown.stdout
     # Where all fail there is nothing to compare.
     assert "no noise, please" in command(f"compare everywhere:fails_late {FEW} -p pendulum", 3).output
 
