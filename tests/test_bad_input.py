@@ -361,7 +361,7 @@ CHECKS: dict[str, Check] = {
     "token: empty": token(""),
     "claims: not words": scheme("names of laws", claims=[1, 2]),
     "claims: a number": scheme("claims, names", claims=5),
-    "claims: misspelt": scheme("'enrgy' (did you mean 'energy'?)", claims=["enrgy"]),
+    "claims: misspelt": scheme("did you mean 'energy'", claims=["enrgy"]),
     "order: a text": scheme("mean_square_order, a number", mean_square_order="1"),
     "tolerance: NaN": scheme("solver_tolerance", solver_tolerance=np.nan),
     "claims: unknown": verified(claims=["speed"]),
