@@ -14,7 +14,7 @@ author = "the sepv authors"
 copyright = "2026, the sepv authors"
 version = release = __version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "mathml", "gallery"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "mathml", "gallery", "public_names"]
 exclude_patterns = ["_ext", "_generated/*.txt"]
 myst_enable_extensions = ["dollarmath"]
 # A heading of any level can be linked to, as on the pages of a code host.
@@ -22,7 +22,13 @@ myst_heading_anchors = 4
 # No fallback and no fetched script: formulas are MathML, which every browser of today shows.
 html_math_renderer = "mathml"
 
-autodoc_typehints = "none"  # docstrings give shapes, which say more
+# Signatures have types, which are links where sepv documents them; docstrings add shapes.
+autodoc_typehints = "signature"
+autodoc_typehints_format = "short"
+autodoc_preserve_defaults = True
+python_use_unqualified_type_names = True
+python_maximum_signature_line_length = 80
+autodoc_type_aliases = {"Array": "sepv.problem.Array", "ArrayLike": "numpy.typing.ArrayLike"}
 autodoc_member_order = "bysource"
 napoleon_google_docstring = False
 napoleon_use_rtype = False

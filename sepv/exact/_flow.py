@@ -65,7 +65,7 @@ def exact_flow(
     ------
     UsageError
         If θ is not finite, or there is no initial state.
-    sepv.exact._dense_flow.FlowFailure
+    FlowFailure, an ArithmeticError
         If the solution ends before the time θ.
 
     Examples

@@ -73,7 +73,7 @@ class HamiltoniansProblem(Problem):
 
     >>> import numpy as np
     >>> import sepv
-    >>> from sepv.problem._hamiltonians import HamiltoniansProblem
+    >>> from sepv.problem import HamiltoniansProblem
     >>> body = sepv.problems.rigid_body()
     >>> problem = HamiltoniansProblem(
     ...     3, body.structure, lambda y: (y[0] ** 2 + y[1] ** 2 / 2 + y[2] ** 2 / 3) / 2,

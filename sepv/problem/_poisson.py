@@ -93,7 +93,7 @@ def jacobi_defect(problem: Problem, y: Array) -> Array:
     Examples
     --------
     >>> import numpy as np, sepv
-    >>> from sepv.problem._poisson import jacobi_defect
+    >>> from sepv.problem import jacobi_defect
     >>> float(np.max(np.abs(jacobi_defect(sepv.problems.rigid_body(), np.array([0.8, 0.6, 0.1])))))
     0.0
     """

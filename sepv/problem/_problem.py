@@ -46,7 +46,7 @@ class Systems(StrEnum):
     hamiltonians
         A Hamiltonian H_j for each noise, whether or not {H_0, H_j} = 0.
 
-    Laws draw random systems from narrower classes too (`sepv.verification._cases.families`):
+    Laws draw random systems from narrower classes too:
 
     canonical-separable
         (1.1) with H = T(p) + V(q), y = (p, q) and B = J⁻¹, where J = [[0, I], [−I, 0]].
@@ -103,7 +103,7 @@ class PolynomialSystem:
     noise_structures : tuple of structures, optional
         G_1, …, G_m, one for each noise, each like `structure`. All Casimirs must then be common to B and all G_j.
     noise_hamiltonians : tuple of polynomials, optional
-        H_1, …, H_m: several Hamiltonians (`sepv.problem._hamiltonians`), whether or not {H, H_j} = 0.
+        H_1, …, H_m: several Hamiltonians (`sepv.problem.HamiltoniansProblem`), whether or not {H, H_j} = 0.
     noise_vectors : tuple of d numbers each, optional
         g_1, …, g_m: additive noise Σ c_j g_j dW_j. Give at most one of the three attributes `noise_…`.
     damping : float
@@ -144,7 +144,7 @@ class Problem:
         The structure matrix B(y), skew-symmetric, or B itself if it is constant.
     hamiltonian : callable, (d, ...) -> (...)
         H. If H and B consist of arithmetic, indexing and NumPy's elementwise functions, nothing else is needed: both
-        are called once with symbols, and ∇H and other parts not given below are derived (`sepv.problem._derived`). A
+        are called once with symbols, and ∇H and other parts not given below are derived. A
         function of one state alone, such as ``lambda y: y @ y``, is turned into one of batches in the same way.
     gradient : callable, (d, ...) -> (d, ...), optional
         ∇H. If it is given, it is compared with H, and no other part is derived.

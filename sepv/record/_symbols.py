@@ -358,7 +358,7 @@ class Symbol(Element):
         )
 
     def apply(self, name: str) -> Symbol:
-        """Apply an elementary function of `sepv.record._functions`."""
+        """Apply an elementary function by its name, such as "sin"."""
         if self.number is not None:
             with np.errstate(all="ignore"):
                 return self.tape.constant(float(FUNCTIONS[name].value(self.number)))

@@ -61,7 +61,9 @@ from sepv.schemes._projected import projected as projected
 from sepv.schemes._scheme import OF_SEVERAL, Step, as_lanes, takes
 from sepv.schemes._scheme import Scheme as Scheme
 from sepv.schemes._scheme import weakly as weakly
-from sepv.schemes._stateful import REFUSALS, PathSolver, StatefulStep, joined_lanes, lanes
+from sepv.schemes._stateful import REFUSALS, joined_lanes, lanes
+from sepv.schemes._stateful import PathSolver as PathSolver
+from sepv.schemes._stateful import StatefulStep as StatefulStep
 from sepv.schemes._steps_of_a_path import StepsOfAPath, as_path, has_memory, resumed, several
 from sepv.schemes._tableaux import MAX_STAGES, exact_nodes, gauss_tableau, moments
 from sepv.schemes._tableaux import amplification as gauss_amplification

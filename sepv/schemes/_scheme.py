@@ -80,7 +80,7 @@ class Scheme:
     truncation : int, optional
         The k of Remark 2.1: normal increments are clipped to |ΔW| ≤ √(2k h |ln h|). None for no truncation.
     increments : "normal", "two-point", "three-point" or PointLaw, optional
-        The distribution of the increments (`sepv.schemes._point_distributions`). Increments with few values are bounded
+        The distribution of the increments. Increments with few values are bounded
         and need no truncation: `truncation` is then None. With them the scheme may claim a weak order only.
     batched : bool
         True if `step` takes batches of M states, (d, M).

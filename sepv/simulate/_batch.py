@@ -62,7 +62,7 @@ class Ensemble:
         The number of fractions of steps that were solved by continuation (`sepv.schemes.continued`).
     repeated : int
         The number of chunks computed again because a worker raised or died.
-    reduced : dict of `sepv.simulate._results.reductions.Summary`
+    reduced : dict of summaries
         The summary of each functional in `reduce=`. With `reduce=` and without `store=`, the arrays have no paths.
     about : dict
         Problem, scheme, step size, seed, version.

@@ -80,7 +80,7 @@ def integrate(
         The k of the truncation in Remark 2.1; "own" means the k that the scheme declares, None means no truncation.
     increments : "normal", "two-point", "three-point" or PointLaw, optional
         The distribution of the increments; by default the one that the scheme declares. A PointLaw replaces each normal
-        increment by the law's quantile at the same probability (`sepv.simulate._truncation.seen`).
+        increment by the law's quantile at the same probability.
 
     Returns
     -------

@@ -71,12 +71,12 @@ def solve(
     start : (d, M), optional
         A guess of y1 − y0; by default 0.
     corrections : Corrections, optional
-        Straight-line code that computes R and Newton's correction (`sepv.solve._from_record`).
+        Straight-line code that computes R and Newton's correction.
 
     Notes
     -----
     The unknown is z = y1 − y0. The iteration stops if the error after a correction is only rounding, or if
-    corrections no longer shrink (`sepv.solve._stop_rule`).
+    corrections no longer shrink.
     """
 
     def evaluate(z: Array, lanes: Lanes) -> Evaluation:

@@ -41,7 +41,7 @@ class Verdict(Enum):
 
 
 class Middle(Enum):
-    """The way in which a law is measured on later steps of a path than the first (`sepv.verification._middle`)."""
+    """The way in which a law is measured on later steps of a path than the first."""
 
     STEPS = "each of 2, 3 or 8 steps of a path is measured alone"
     MAP = "2, 3 or 8 steps of a path are measured as one map"
@@ -176,7 +176,7 @@ class Effort:
         The most measurements for simplifying a counterexample; 0 leaves it unchanged. This is a number and not a time,
         so that a finding does not depend on the load of the machine.
     corpus : bool
-        True if stored cases that once showed a violation (`sepv.verification._corpus`) are tried first.
+        True if stored cases that once showed a violation are tried first.
     """
 
     examples: int = 8
@@ -203,7 +203,7 @@ class Run:
     ----------
     effort : Effort
     paths : dict
-        Errors along sampled paths; the key is the setup of the paths (`sepv.properties._setups.Setup`).
+        Errors along sampled paths; the key is the setup of the paths.
     steps : dict
         Errors of single steps; the key is the problem, which is compared by identity.
     worst : dict
@@ -243,7 +243,7 @@ class Law:
         The number of steps for a scheme that takes one state a call, if the law then makes fewer steps; else 0.
     statistical : bool
         True if the law judges sampled paths, so that its verdict may be false by chance. Statistical laws share the
-        probability of a false alarm of a run evenly (`sepv.properties._sequential`).
+        probability of a false alarm of a run evenly.
     middle : sepv.verification.Middle or str
         How the law is measured in the middle of a path of a scheme with memory, or why it is about first steps only.
     preserves : bool

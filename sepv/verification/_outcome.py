@@ -31,8 +31,8 @@ class Report:
     interrupted : bool
         True if some laws were not measured.
     pinned : frozenset of str or None
-        The laws that held when the run's pin was written; None without a pin. A pin is a file of expected verdicts
-        (`sepv.verification._expected_failures`). With a pin the run fails at each violation that the pin does not list.
+        The laws that held when the run's pin was written; None without a pin. A pin is a file of expected verdicts.
+        With a pin the run fails at each violation that the pin does not list.
     pins : bool
         True if the command writes a pin of this report.
     gaps : tuple of str

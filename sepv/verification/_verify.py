@@ -64,14 +64,14 @@ def verify(
     progress : callable (law, finding or None), optional
         Called before each law with None, and after the law with its finding.
     expected : path, optional
-        A file of claims and of expected failures (`sepv.verification._expected_failures`). Its claims are added. A law
+        A file of claims and of expected failures (docs/ci.md). Its claims are added. A law
         that is expected to fail is measured only on the witness (a stored counterexample) in the file.
     jobs : int
         The number of processes that measure laws; the verdicts do not depend on it. With several processes, the scheme
         must be one that another process can import.
     problems : problem or strategy, or a list of them, optional
         The problems that the scheme is for, if they are not all systems of its class: built-in names, families
-        (`sepv.verification._cases.families`), ``module:attribute``, ``.json`` files, `Problem` records,
+        such as "mechanical", ``module:attribute``, ``.json`` files, `Problem` records,
         Hypothesis strategies of `PolynomialSystem` or `Problem`. Laws draw their cases from these alone.
     workers : executor, map-like callable, Dask client or its address, optional
         Workers on other machines (docs/clusters.md), as for `sepv.ensemble`. If a cluster is lost, laws without a

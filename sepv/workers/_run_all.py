@@ -62,14 +62,19 @@ def run_all(
     Returns the number of tasks that failed on a worker and were computed again in this process. If a task raises here
     too, so does this function. If a cluster is lost or unfit, ClusterFailure is raised and nothing is computed again.
 
-    workers : the number of processes, or of threads if `threads` (the function must then release the GIL). For an
-        executor or its `map`, tasks are submitted one by one, so that no finished task is lost when a worker dies. Any
-        other map-like callable gets a function and numbered tasks, and may return their outcomes in any order. For
-        Dask, see `sepv.workers._on_dask`
-    receive : returns True if no more results are wanted
-    bounded : True if results must not pile up: a map is then called with LOT tasks at a time. Other workers always get
-        a few tasks at a time.
-    alike : packages that, like sepv, must have the same version on a worker of a cluster as in this process
+    Parameters
+    ----------
+    workers : int, executor, map-like callable, Dask client or its address
+        The number of processes, or of threads if `threads` (the function must then release the GIL). For an executor or
+        its `map`, tasks are submitted one by one, so that no finished task is lost when a worker dies. Any other
+        map-like callable gets a function and numbered tasks, and may return their outcomes in any order.
+    receive : callable (number, result)
+        Returns True if no more results are wanted.
+    bounded : bool
+        True if results must not pile up: a map is then called with LOT tasks at a time. Other workers always get a few
+        tasks at a time.
+    alike : tuple of str
+        Packages that, like sepv, must have the same version on a worker of a cluster as in this process.
     """
     check(workers)
     if isinstance(workers, int) and (workers == 1 or len(tasks) < 2):

@@ -72,7 +72,7 @@ def ensemble(
         The seed of the increments.
     increments : "normal", "two-point", "three-point" or PointLaw, optional
         The distribution of the increments; by default the one that the scheme declares. A PointLaw replaces each normal
-        increment by the law's quantile at the same probability (`sepv.simulate._truncation.seen`).
+        increment by the law's quantile at the same probability.
         `Ensemble.W` is always the sum of the normal increments.
     refine : int, optional
         See `sepv.simulate.increments`.

@@ -47,8 +47,8 @@ class Case:
     times : int
         For the law "contract", the number of times that the step is repeated; if 0, the law chooses it.
     after : int
-        The step is divided into `after` + 1 equal steps of a path, of which the law measures those in the middle too
-        (`sepv.verification._middle`).
+        The step is divided into `after` + 1 equal steps of a path, of which the law measures those in the middle
+        too.
     """
 
     problem: Description

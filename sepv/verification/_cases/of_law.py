@@ -85,7 +85,7 @@ class Cases:
     why : str
         The reason to report if `adapt` returns None for all of a user's problems.
     where : axis -> strata
-        For some properties of cases (axes), the values or ranges (`sepv.verification._cases.strata`) to which the law
+        For some properties of cases (axes), the values or ranges to which the law
         applies. Classes without such a property are not restricted.
     blind : axis -> strata
         Ranges in which no violation can show. Pairs of other ranges must occur in cases outside these ranges.
