@@ -125,9 +125,9 @@ def method(target: str) -> Method | None:
 def _one(target: str, library: str, known: Mapping[str, _Kind]) -> _Kind:
     by_name: dict[str, Any] = {f"{library}-{name}": value for name, value in known.items()}
     if target not in by_name:
-        known = unknown_name(
+        unknown = unknown_name(
             f"a solver of {library}", did_you_mean(target, by_name), by_name, "see `sepv peers`"
         )
-        raise UnknownTarget(expected=known.expected, received=known.received, remedy=known.remedy)
+        raise UnknownTarget(expected=unknown.expected, received=unknown.received, remedy=unknown.remedy)
     kind: _Kind = by_name[target]
     return kind

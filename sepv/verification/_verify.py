@@ -16,7 +16,7 @@ from sepv._arguments import is_number, require_whole
 from sepv._journal import Crashed, attempted, interruption_answered
 from sepv._kept import save_all
 from sepv.errors import ClusterFailure, SepvError, Skipped, TargetError, UsageError
-from sepv.schemes import Scheme, Step, load_scheme, require_trusted, words_for
+from sepv.schemes import LAWS, Scheme, Step, load_scheme, require_trusted, words_for
 from sepv.verification import _side_by_side as side_by_side
 from sepv.verification._along_paths import replays, taken
 from sepv.verification._cases import case as cases
@@ -25,7 +25,7 @@ from sepv.verification._expected_failures import Expectations, ExpectedFailure
 from sepv.verification._expected_failures import load as load_expected
 from sepv.verification._fresh import asked_afresh, words_of
 from sepv.verification._law import Effort, Finding, Law, Run, Verdict
-from sepv.verification._laws import LAWS, LOCAL, SAMPLED, laws_of, listed, load_laws, soonest
+from sepv.verification._laws import LOCAL, SAMPLED, laws_of, listed, load_laws, soonest
 from sepv.verification._outcome import Report
 from sepv.verification._profiles import requirements
 
