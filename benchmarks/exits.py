@@ -23,9 +23,9 @@ from scipy.stats import beta
 from benchmarks import over, start
 from sepv import exact_flow, problems, schemes
 from sepv.console import markdown
+from sepv.core.newton import Status
 from sepv.problem import Array, Problem
 from sepv.simulate import advance, truncate, wiener
-from sepv.solve import Status
 
 LEVELS, PLACES, NODES = 9, 32, 32
 STATES = LEVELS * PLACES

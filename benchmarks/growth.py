@@ -99,20 +99,6 @@ def stepped(d: int) -> Callable[[], Any]:
     return lambda: sepv.ensemble(EP, problem, h=0.01, steps=4, paths=64, engine="numpy")
 
 
-def sparse(d: int) -> Callable[[], Any]:
-    """Steps of (2.1) on a chain of Volterra with a sparse B (`sepv.large`)."""
-    from sepv import large
-
-    problem = large.volterra_lattice(d)
-
-    def steps() -> None:
-        y = problem.initial
-        for _ in range(5):
-            y = large.energy_preserving(problem, y, 0.01).value
-
-    return steps
-
-
 def terms(count: int) -> Callable[[], Any]:
     """A problem's file with so many terms, read and built."""
     data = {
@@ -144,7 +130,6 @@ def rows(quick: bool) -> list[Row]:
         Row("stages (degree 2s)", (1, 2, 4, 6), lambda s: ensemble(scheme=schemes.collocation(s), paths=2**12)),
         Row("d, sepv.Problem of functions", (8, 16, 40, 80) if quick else (8, 16, 40, 100, 200), made),
         Row("d, steps in NumPy", (4, 8, 16, 40), stepped),
-        Row("d, sparse", (100, 316, 1000) if quick else (100, 316, 1000, 3162, 10_000), sparse),
         Row("terms of a problem file", (1000, 4000, 16_000, 64_000), terms),
         Row("cases of a law", (25, 100) if quick else (25, 100, 400), cases),
         Row("cores (seconds)", some, lambda n: ensemble(paths=2**20, workers=n), perf_counter, False),

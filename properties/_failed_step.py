@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sepv.core.newton import Status
 from sepv.errors import SepvError
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme, ask
-from sepv.solve import Status
 
 
 def first_failed(

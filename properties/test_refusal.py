@@ -20,10 +20,10 @@ import numpy as np
 from sepv.properties._problems_of import taken_by
 from sepv.properties._without_solution import MADE, NoSolution, made, proof
 
+from sepv.core.newton import Status
 from sepv.errors import SepvError, Skipped, StepFailure
 from sepv.problem import Array, Problem, Systems, vector_field
 from sepv.schemes import Scheme, ask
-from sepv.solve import Status
 from sepv.verification import (
     Case,
     Cases,

@@ -30,6 +30,7 @@ from sepv.properties._sampled import sparing
 from sepv.reference.problem import exact_problem
 
 from sepv import problems
+from sepv.core.newton import Status
 from sepv.errors import Skipped
 from sepv.exact import FlowFailure, exact_flow
 from sepv.problem import Array, HamiltoniansProblem, Problem, damping_of, is_several, vector_field
@@ -37,7 +38,6 @@ from sepv.record import EPS, TINY
 from sepv.schemes import Scheme, Systems, guarded
 from sepv.simulate import Carried, Watch, advance, wiener
 from sepv.simulate import truncation as bounded
-from sepv.solve import Status
 from sepv.statistics import fishers_f, students_t
 from sepv.verification import Effort, Finding, Law, Run, Verdict, energy_ulp, require
 from sepv.verification._along_paths import watching

@@ -26,15 +26,14 @@ from sepv._version import __version__ as __version__
 # Importing `typing` or `pathlib` takes ten times as long as the rest of this file, so TYPE_CHECKING is set here.
 TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from sepv import core as core
     from sepv import exact as exact
     from sepv import external as external
-    from sepv import large as large
     from sepv import problem as problem
     from sepv import problems as problems
     from sepv import record as record
     from sepv import schemes as schemes
     from sepv import simulate as simulate
-    from sepv import solve as solve
     from sepv import strategies as strategies
     from sepv import studies as studies
     from sepv import verification as verification
@@ -82,9 +81,6 @@ __getattr__, __dir__ = lazily(
         "schemes": "*schemes PathSolver PointLaw Scheme StatefulStep",
         "simulate": "*simulate Ensemble ensemble long_path Trajectory integrate",
         "verification": "*verification Effort Verdict Report verify",
-        **{
-            room: f"*{room}"
-            for room in ("external", "large", "problems", "record", "solve", "strategies", "studies")
-        },
+        **{room: f"*{room}" for room in ("core", "external", "problems", "record", "strategies", "studies")},
     },
 )

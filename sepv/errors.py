@@ -181,7 +181,7 @@ class StepFailure(SepvError, ArithmeticError):
     residual : float
         Largest component of the residual of the implicit equation at the state where the iteration stopped.
     status : str
-        The kind of failure (see `sepv.solve.Status`).
+        The kind of failure (see `sepv.core.newton.Status`).
     """
 
     def __init__(

@@ -50,7 +50,7 @@ TOGETHER = {
 
 # Files and folders of the marker `quick`: a look at each floor of the core, in less than a minute of one core.
 QUICK = (
-    "tests/record/", "tests/solve/", "tests/problem/test_problems.py", "tests/problem/test_structures.py",
+    "tests/record/", "tests/core/", "tests/problem/test_problems.py", "tests/problem/test_structures.py",
     "tests/verification/test_tolerance.py", "tests/verification/test_search.py",
     "tests/test_imports.py", "tests/docs/test_names.py",
 )  # fmt: skip
@@ -84,7 +84,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
 
 # *Reproducibility* solves batches of thousands of states, for this scheme with an adaptive quadrature in each, which
-# takes a quarter of a minute. tests/solve/test_implicit.py asks the same of it with smaller batches.
+# takes a quarter of a minute. tests/core/test_implicit.py asks the same of it with smaller batches.
 DEEP = {"properties/test_reproducibility.py::test_reproducibility[discrete-gradient]"}
 
 

@@ -27,7 +27,7 @@ from sepv.reference.problem import exact_problem
 from sepv.reference.steps import reference_step
 
 import sepv
-from sepv import PolynomialSystem, SepvError, Skipped, StepFailure, large, problems, schemes
+from sepv import PolynomialSystem, SepvError, Skipped, StepFailure, problems, schemes
 from sepv.problem import HamiltoniansProblem, NamedProblem, StructuresProblem, Systems, mechanics
 from sepv.problems._common import canonical
 from sepv.record import _polynomial as poly
@@ -181,7 +181,6 @@ FOR_ONE = [*schemes.PAPER.values(), schemes.collocation(2), schemes.gauss(2), sc
 FIRST, FEW = {"q": lambda ends: ends.y[0]}, Effort(examples=2)
 TOPS, INERTIA, VORTICES = problems.noncommuting_tops(), problems.random_inertia(), problems.point_vortices()
 SU3, SPINS, KIND = problems.su3_top(), problems.two_spins(), "energy-preserving"
-CHAIN = (large.energy_preserving, large.toda_chain(4))
 ONE, TWO, NOTHING = poly.constant(3, 1.0), poly.constant(2, 1.0), np.zeros(2)
 NAMBU = problems.nambu_system(poly.variable(3, 0), ONE, poly.variable(3, 1))
 SYSTEM = {"dimension": 2, "hamiltonian": [[[2, 0], 0.5]], "structure": [[0, 1, [[[0, 0], -1.0]]]]}
@@ -516,18 +515,6 @@ CHECKS: dict[str, Check] = {
     "derived: H of shape d": bare(r"shape \(\)", hamiltonian=lambda y: y * y),
     "derived: B of values":
         bare("wants the value", structure=lambda y: np.array([[float(y[0]), 1.0], [-1.0, 0.0]])),
-    "large: two sites": refused(lambda: large.volterra_lattice(2), "≥ 3"),
-    "large: one particle": refused(lambda: large.toda_chain(1), "≥ 2"),
-    "large: half a spin": refused(lambda: large.spin_chain(2.5), "2.5"),
-    "large: no spacing": refused(lambda: large.nonlinear_schroedinger(4, spacing=0.0), "spacing"),
-    "large: negative noise": refused(lambda: large.toda_chain(4, noise=(-1.0,)), "c_j"),
-    "large: degree and mean": refused(lambda: replace(large.toda_chain(4), degree=2), "both"),
-    "large: neither degree nor mean": refused(lambda: replace(large.toda_chain(4), mean_gradient=None), "neither"),
-    "large: initial NaN": refused(lambda: replace(large.toda_chain(4), initial=np.array([np.nan])), "finite state"),
-    "large: h = 0": refused(lambda: large.integrate(*CHAIN, h=0.0, steps=2), "step size > 0"),
-    "large: no steps": refused(lambda: large.integrate(*CHAIN, h=0.1, steps=0), "steps"),
-    "large: y0 of another chain": refused(lambda: large.integrate(*CHAIN, h=0.1, steps=2, y0=np.zeros(3)), "y0"),
-    "large: dW of two noises": refused(lambda: large.integrate(*CHAIN, h=0.1, steps=2, dW=np.zeros((2, 2))), "dW"),
     "posing: functions": skipped(lambda: pose(by_hand()), "polynomial_problem"),
     "posing: rotations": skipped(lambda: pose(problems.commuting_rotations()), "polynomial_problem"),
     "posing: fields of functions": skipped(lambda: pose_fields(BODY), "given as data"),

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.right_schemes.solved_otherwise import CLAIMED, Refused, like_the_core, of_lanes
+from sepv.core.formula import CountedFields, Fields
 from sepv.errors import Skipped
 from sepv.problem import Array, DampedProblem, Problem, mechanics, noise_field, vector_field
 from sepv.record import EPS
@@ -34,7 +35,6 @@ from sepv.schemes._conformal import undamped
 from sepv.schemes._explicit import end
 from sepv.schemes._explicit_tableaux import TABLEAUX
 from sepv.schemes._leapfrog import KicksAndDrifts, composed
-from sepv.solve import CountedFields, Fields
 
 # Claims of (2.1) that a scheme with a similar structure but another formula does not make.
 _NOT_ITSELF = {"midpoint", "reduction", "reference", "refusal"}

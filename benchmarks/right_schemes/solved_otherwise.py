@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from sepv.core.formula import Increment
 from sepv.errors import Skipped
 from sepv.problem import Array, Problem, matvec
 from sepv.record import EPS, gauss_legendre
 from sepv.schemes import Implicit, Scheme, Step, as_lanes, energy_preserving
 from sepv.schemes._energy_preserving import jacobian
-from sepv.solve import Increment
 
 CLAIMED = frozenset(energy_preserving.claims)
 # Laws about paths, which schemes that are too slow for thousands of paths do not claim.

@@ -17,6 +17,7 @@ from sepv.properties._orders.local_errors import step_sizes, two_noises
 from sepv.properties._orders.local_orders import CLEAR, FLOOR, MARGIN, strong_order
 from sepv.properties._problems_of import problems_of, units_for
 
+from sepv.core.newton import Status
 from sepv.errors import Skipped
 from sepv.exact import FlowFailure, exact_flow
 from sepv.problem import (
@@ -33,7 +34,6 @@ from sepv.problems import started
 from sepv.record import EPS, poly
 from sepv.schemes import Scheme, guarded
 from sepv.simulate import advance
-from sepv.solve import Status
 from sepv.verification._law import Run
 
 # Step sizes are drawn from PAIRS equal parts of the range, at most 2.1 octaves apart, so that no decade is left out.

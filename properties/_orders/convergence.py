@@ -22,11 +22,11 @@ from sepv.properties._failed_step import failed_step
 from sepv.properties._orders.several_fields import ends as exact_ends
 from sepv.properties._orders.several_fields import finer, refined
 
+from sepv.core.newton import Status
 from sepv.problem import Array, HamiltoniansProblem, Problem, column
 from sepv.record import EPS
 from sepv.schemes import Scheme, order_of
 from sepv.simulate import Ensemble, Watch, areas, run_chunk, seen, wiener
-from sepv.solve import Status
 from sepv.statistics import Estimate, binomial, jackknife
 
 # Errors below FLOOR·eps·scale count as rounding, and their step sizes are left out.

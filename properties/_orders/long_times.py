@@ -35,11 +35,11 @@ from sepv.properties._failed_step import first_failed
 from sepv.properties._growth import exponent, grows, kind_of, rounding_walk
 from sepv.properties._orders.integrable import Orbits
 
+from sepv.core.newton import Status
 from sepv.problem import Array, Problem, energy_change
 from sepv.record import EPS
 from sepv.schemes import Scheme, guarded
 from sepv.simulate import Carried, advance
-from sepv.solve import Status
 from sepv.verification._law import Verdict
 
 # The number of periods in a window, for the mean (PERIODS) and for the oscillation (SHORT).

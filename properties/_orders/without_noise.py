@@ -41,13 +41,13 @@ from sepv.properties._orders.local_errors import cases
 from sepv.properties._orders.local_orders import CLEAR, FLOOR, ROUNDING
 from sepv.properties._problems_of import NO_START
 
+from sepv.core.newton import Status
 from sepv.errors import Skipped
 from sepv.exact import FlowFailure, exact_flow
 from sepv.problem import Array, Problem, damping_of, is_several, sample_states
 from sepv.record import EPS
 from sepv.schemes import Scheme, guarded
 from sepv.simulate import advance, run_chunk
-from sepv.solve import Status
 from sepv.verification._cases.case import quiet, quiet_problem
 from sepv.verification._cases.users_problems import items, sources
 from sepv.verification._law import Verdict

@@ -11,8 +11,8 @@ import numpy as np
 
 from sepv.problem import Array, Description, Problem
 
-# The statuses of a step without a solution, by their names in `sepv.solve.Status`. The status depends on how Newton's
-# iteration ends.
+# The statuses of a step without a solution, by their names in `sepv.core.newton.Status`. The status
+# depends on how Newton's iteration ends.
 REFUSALS = ("NO_CONVERGENCE", "LEFT_DOMAIN", "OVERFLOW", "SINGULAR")
 
 

@@ -10,6 +10,7 @@ from sepv.properties import StrongErrors, local_errors
 from sepv.properties import mean_square_slope as slope
 
 from sepv import problems
+from sepv.core.newton import Status
 from sepv.exact import exact_flow
 from sepv.problem import Array, Problem
 from sepv.problems import structure
@@ -17,7 +18,6 @@ from sepv.record import EPS
 from sepv.schemes import continued
 from sepv.schemes import energy_preserving as SCHEME
 from sepv.simulate import Ensemble, ensemble, truncate, wiener
-from sepv.solve import Status
 from sepv.studies import Axis
 from sepv.verification import Run
 

@@ -20,6 +20,7 @@ from itertools import combinations
 
 import numpy as np
 
+from sepv.core.formula import Increment
 from sepv.errors import UsageError
 from sepv.problem import (
     Array,
@@ -33,7 +34,6 @@ from sepv.problem import (
     turned_along,
 )
 from sepv.schemes import Implicit, noise_and_areas
-from sepv.solve import Increment
 
 
 def commutator(problem: StructuresProblem, i: int, j: int, y: Array, mean: Array) -> Array:

@@ -103,7 +103,7 @@ def _table(name: str, seen: Sequence[Seen]) -> Table:
 
 def _endings(seen: Seen) -> str:
     """The counts of how steps ended, in words: 190 solved, 10 refused."""
-    from sepv.solve import Status
+    from sepv.core.newton import Status
 
     short = {"CONVERGED": "solved", "REFUSED": "refused", "CRASH": "crashed"}
     short |= {s.name: s.text.split(" of ")[0].split(" or ")[0] for s in Status if s.name not in short}

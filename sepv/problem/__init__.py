@@ -1,51 +1,46 @@
 """Problems: a structure matrix B, a Hamiltonian H, noise coefficients c, and everything derived from them.
 
 Read `_problem` first (a problem as data, and the classes of systems). `_derived` derives gradient, Hessian, B′ and
-averages from recorded operations of B and H, and `_checks` compares the parts. `_averaged_gradient` and `_fields`
-evaluate formulas of B and H for batches. Equation (1.1) is dy = B∇H(dt + Σ c_j∘dW_j). Wider classes are in
+averages from recorded operations of B and H, and `_checks` compares the parts. What a step uses of a problem stands in
+`sepv.core`. Equation (1.1) is dy = B∇H(dt + Σ c_j∘dW_j). Wider classes are in
 `_structures` (a structure for each noise) and `_hamiltonians` (a Hamiltonian for each noise), narrower ones in `_nambu`
 and `_mechanics`. `_poisson` computes the defect of Jacobi's identity. `_json` reads and writes problems as JSON.
 """
 
 from __future__ import annotations
 
+from sepv.core.arrays import Array as Array
+from sepv.core.arrays import cramer, forward_differences, linear_solve, matmul, matvec
+from sepv.core.average import Average, argument_rounding
+from sepv.core.average import average_gradient as average_gradient
+from sepv.core.average import average_hessian as average_hessian
+from sepv.core.problem import (
+    Function,
+    combined,
+    combined_gradient,
+    combined_hessian,
+    combined_slope,
+    each_noise,
+    hessian,
+)
+from sepv.core.problem import field_jacobian as field_jacobian
+from sepv.core.problem import vector_field as vector_field
 from sepv.problem import _poisson as poisson
-from sepv.problem._averaged_gradient import Average, argument_rounding
-from sepv.problem._averaged_gradient import average_gradient as average_gradient
-from sepv.problem._averaged_gradient import average_hessian as average_hessian
-from sepv.problem._averaged_gradient import energy_change as energy_change
 from sepv.problem._checks import check_problem as check_problem
 from sepv.problem._checks import sample_states
 from sepv.problem._damped import DampedProblem as DampedProblem
 from sepv.problem._damped import damping_of
 from sepv.problem._derived import PartFlow
+from sepv.problem._directional import derivative_along, structure_slope
 from sepv.problem._directions import Directions, directions, projections
 from sepv.problem._enclosures import over_box as over_box
 from sepv.problem._enclosures import recorded as recorded
-from sepv.problem._fields import (
-    DENSE,
-    Algebra,
-    cramer,
-    derivative_along,
-    dot,
-    forward_differences,
-    hessian,
-    invariants,
-    linear_solve,
-    matmul,
-    matvec,
-    slope_along,
-    structure_slope,
-    turned_along,
-)
 from sepv.problem._fields import casimir_gradients as casimir_gradients
-from sepv.problem._fields import field_jacobian as field_jacobian
-from sepv.problem._fields import vector_field as vector_field
+from sepv.problem._fields import energy_change as energy_change
+from sepv.problem._fields import invariants, slope_along
 from sepv.problem._hamiltonians import HamiltoniansProblem as HamiltoniansProblem
 from sepv.problem._hamiltonians import (
     bracket,
-    combined_gradient,
-    combined_hessian,
     drift_bracket,
     is_several,
     noise_field,
@@ -65,22 +60,15 @@ from sepv.problem._nambu import Nambu as Nambu
 from sepv.problem._nambu import cross
 from sepv.problem._poisson import derivative_of_structure
 from sepv.problem._poisson import jacobi_defect as jacobi_defect
-from sepv.problem._problem import Array as Array
 from sepv.problem._problem import Description as Description
-from sepv.problem._problem import Flow, Function, Matrix, Structure, coefficients
+from sepv.problem._problem import Flow, Matrix, Structure, coefficients
 from sepv.problem._problem import GivenProblem as GivenProblem
 from sepv.problem._problem import NamedProblem as NamedProblem
 from sepv.problem._problem import PolynomialSystem as PolynomialSystem
 from sepv.problem._problem import Problem as Problem
 from sepv.problem._problem import Systems as Systems
-from sepv.problem._structures import (
-    ClosedForm,
-    combined,
-    combined_slope,
-    each_noise,
-    noise_structures,
-    undefined,
-)
+from sepv.problem._products import dot, turned_along
+from sepv.problem._structures import ClosedForm, noise_structures, undefined
 from sepv.problem._structures import CommutingStructure as CommutingStructure
 from sepv.problem._structures import StructuresProblem as StructuresProblem
 from sepv.problem._structures import commuting_hamiltonians as commuting_hamiltonians

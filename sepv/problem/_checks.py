@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from sepv.core.arrays import EPS, TINY, Array
+from sepv.core.average import gauss_legendre, mean_nodes
 from sepv.errors import ProblemError
-from sepv.problem._derived import Array
-from sepv.record import EPS, TINY, gauss_legendre, mean_nodes
 
 if TYPE_CHECKING:
     from sepv.problem._problem import Problem

@@ -17,8 +17,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from sepv._arguments import is_number
-from sepv.errors import ProblemError, Skipped, SystemsError
-from sepv.problem._problem import Array, Problem
+from sepv.core.arrays import Array
+from sepv.errors import ProblemError, SystemsError
+from sepv.problem._problem import Problem
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -56,12 +57,6 @@ class DampedProblem(Problem):
         )
 
 
-def require_undamped(problem: Problem) -> None:
-    """Raise Skipped for a damped problem, because a formula without a term for damping would ignore the damping."""
-    if damping_of(problem):
-        raise Skipped(f"the scheme leaves out the damping of {problem.name}")
-
-
 def damping_of(problem: Problem) -> float:
     """The rate γ of a problem's damping −γy dt; zero for a problem without damping."""
-    return float(getattr(problem, "damping", 0.0))
+    return float(problem.damping)

@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sepv.problem._fields import dot, matvec
+from sepv.core.arrays import matvec
+from sepv.problem._products import dot
 
 # A gradient gives no new direction if its part orthogonal to earlier gradients is below this fraction of its length.
 DEPENDENT = 2.0**-40

@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sepv.problem._derived import Array, Function
+from sepv.core.arrays import Array
+from sepv.problem._derived import Function
 from sepv.record import CannotRecord, Tape, gradient, jacobian, magnitudes
 
 # The number of pieces of a segment, each with a box of its own, if the box of the whole segment has no finite bound.

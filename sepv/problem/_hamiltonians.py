@@ -25,17 +25,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 
-from sepv.errors import ProblemError, Skipped, SystemsError
+from sepv.core.arrays import Array, matmul, matvec
+from sepv.core.problem import Function, combined_gradient, differences, hessian, vector_field
+from sepv.errors import ProblemError, Skipped, SystemsError, UsageError
 from sepv.problem._checks import sample_states
-from sepv.problem._damped import DampedProblem, require_undamped
+from sepv.problem._damped import DampedProblem
 from sepv.problem._derived import derive
-from sepv.problem._fields import differences, hessian, matmul, matvec, structure_slope, vector_field
-from sepv.problem._problem import Array, Flow, Function, Problem, constant, require_one_for_each_noise
+from sepv.problem._directional import structure_slope
+from sepv.problem._problem import Flow, Problem, constant, require_one_for_each_noise
 from sepv.problem._structures import ClosedForm, CommutingStructure, StructuresProblem
 
 # The largest bracket that counts as zero, relative to its factors. Slopes by differences may have a relative error of
@@ -123,6 +126,33 @@ class HamiltoniansProblem(Problem):
             )  # fmt: skip
             object.__setattr__(self, "noise_hamiltonians", checked)
 
+    @property
+    def structures(self) -> Sequence[Function]:
+        raise UsageError(
+            expected="a scheme for several Hamiltonians, such as stochastic-midpoint",
+            received=f"a scheme that takes the structures of noises, which {self.name} does not have",
+            remedy="use a scheme with systems='hamiltonians': with {H_0, H_j} ≠ 0 no scheme keeps H_0",
+        )
+
+    @property
+    def gradients(self) -> Sequence[Function]:
+        if self.noise_vectors:
+            raise Skipped(f"the noise of {self.name} has vectors, and no Hamiltonians")
+        return (self.gradient, *self.noise_gradients)
+
+    @property
+    def hessians(self) -> Sequence[Function]:
+        drift, *_ = super().hessians
+        if self.noise_vectors:
+            return (drift, *[self._no_curvature] * self.noises)
+        return (
+            drift,
+            *(self.noise_hessians or (partial(differences, self, G) for G in self.noise_gradients)),
+        )
+
+    def _no_curvature(self, y: Array) -> Array:
+        return np.zeros((self.dimension, *y.shape))
+
     def random_step(self, h: float, dW: Array) -> Array:  # noqa: ARG002  (the signature of `Problem`)
         """Raise SystemsError: a step has the random length Δ = h + Σ c_j ΔW_j for a single Hamiltonian only."""
         raise SystemsError(
@@ -147,16 +177,7 @@ def noise_gradients(problem: Problem) -> Sequence[Function]:
 
     Raises Skipped if the noises are given by vectors, or by structures that do not come from Hamiltonians.
     """
-    if len(noise_vectors(problem)):
-        raise Skipped(f"the noise of {problem.name} has vectors, and no Hamiltonians")
-    if isinstance(problem, HamiltoniansProblem):
-        return problem.noise_gradients
-    if isinstance(problem, StructuresProblem):
-        try:
-            return problem.noise_gradients
-        except AttributeError as error:
-            raise Skipped(str(error)) from error
-    return (problem.gradient,) * problem.noises
+    return problem.gradients[1:]
 
 
 def hamiltonian_field(problem: Problem, y: Array, parts: Array) -> Array:
@@ -167,38 +188,12 @@ def hamiltonian_field(problem: Problem, y: Array, parts: Array) -> Array:
     return matvec(problem.structure(y), combined_gradient(problem, y, parts))
 
 
-def combined_gradient(problem: Problem, y: Array, parts: Array) -> Array:
-    """The gradient of the Hamiltonian hH_0 + Σ_j c_j ΔW_j H_j of a step at y, (d, M).
-
-    `parts` (1 + m, M) holds h and the c_j ΔW_j.
-    """
-    require_undamped(problem)
-    total = parts[0] * problem.gradient(y)
-    for part, gradient in zip(parts[1:], noise_gradients(problem), strict=True):
-        total = total + part * gradient(y)
-    return np.asarray(total)
-
-
-def combined_hessian(problem: Problem, y: Array, parts: Array) -> Array:
-    """The Hessian (d, d, M) of hH_0 + Σ_j c_j ΔW_j H_j at y; `parts` (1 + m, M) holds h and the c_j ΔW_j."""
-    total = parts[0] * hessian(problem, y)
-    for j, part in enumerate(parts[1:]):
-        total = total + part * noise_hessian(problem, j, y)
-    return np.asarray(total)
-
-
 def noise_hessian(problem: Problem, j: int, y: Array) -> Array:
     """The second derivatives of the Hamiltonian of noise number j = 0, …, m − 1 at y, (d, d, ...).
 
     If the problem does not give them, they are differences of the gradient. For noise vectors they are 0.
     """
-    if len(noise_vectors(problem)):
-        return np.zeros((problem.dimension, *y.shape))
-    if not isinstance(problem, (HamiltoniansProblem, StructuresProblem)):
-        return hessian(problem, y)
-    if isinstance(problem, HamiltoniansProblem) and problem.noise_hessians:
-        return problem.noise_hessians[j](y)
-    return differences(problem, lambda at, _: noise_gradients(problem)[j](at), y)
+    return problem.hessians[1 + j](y)
 
 
 def noise_field(problem: Problem, j: int, y: Array) -> Array:

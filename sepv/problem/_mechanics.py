@@ -12,11 +12,10 @@ from functools import lru_cache
 
 import numpy as np
 
+from sepv.core.arrays import EPS, Array, matvec
 from sepv.errors import UsageError
 from sepv.problem._checks import sample_states
-from sepv.problem._fields import matvec
-from sepv.problem._problem import Array, PolynomialSystem, Problem
-from sepv.record import EPS
+from sepv.problem._problem import PolynomialSystem, Problem
 
 
 @dataclass(frozen=True, eq=False)

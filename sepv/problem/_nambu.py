@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from sepv.problem._derived import Array, Function, derivatives, to_be_derived
+from sepv.core.arrays import Array, cross_entries
+from sepv.problem._derived import Function, derivatives, to_be_derived
 
 
 @dataclass(frozen=True)
@@ -45,11 +45,6 @@ class Nambu:
         if self.gradient is to_be_derived:
             for key, value in vars(derivatives(3, self.casimir, "casimir")).items():
                 object.__setattr__(self, key, value)
-
-
-def cross_entries(u: Any, v: Any) -> tuple[Any, Any, Any]:
-    """The three components of u × v, for numbers, arrays or symbols."""
-    return u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
 
 
 def cross(u: Array, v: Array) -> Array:

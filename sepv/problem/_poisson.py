@@ -23,7 +23,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from sepv.problem._problem import Array, Problem
+from sepv.core.arrays import Array
+from sepv.problem._problem import Problem
 
 _WEIGHTS = (3 / 4, -3 / 20, 1 / 60)
 # Weights of order four for the same points. The distance between the two results bounds the error of the sixth order.

@@ -7,23 +7,23 @@ is `(d, d)` or `(d, d, M)`. A function of indexing and NumPy's elementwise funct
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import InitVar, dataclass, field
+from dataclasses import InitVar, dataclass
 from enum import StrEnum
 from inspect import signature
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from sepv._arguments import floats, is_number, is_whole
+from sepv.core.arrays import Array
+from sepv.core.problem import Function, System
 from sepv.errors import ProblemError, UsageError
 from sepv.problem._batches import ConstantStructure, taking_batches
 from sepv.problem._derived import derive, to_be_derived
+from sepv.problem._directional import derivative_along
 from sepv.problem._nambu import Nambu
 from sepv.record import Polynomial
 
-Array = NDArray[np.float64]
-Function = Callable[[Array], Array]
 Flow = Callable[[Array, Array], Array]
 # The functions that make up a problem. The first three are always set: `to_be_derived` marks a `gradient` not given.
 _FUNCTIONS = (
@@ -133,7 +133,7 @@ class NamedProblem:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Problem:
+class Problem(System):
     """A stochastic Poisson system dy = B(y)∇H(y)(dt + Σ_j c_j∘dW_j), (1.1), with the functions that a scheme needs.
 
     Parameters
@@ -209,26 +209,14 @@ class Problem:
     'holds'
     """
 
-    dimension: int
-    structure: Function
-    hamiltonian: Function
     gradient: Function = to_be_derived
-    noise: ArrayLike = (1.0,)
-    casimirs: tuple[Any, ...] = ()
-    linear_casimirs: tuple[Any, ...] = ()
-    hessian: Function | None = None
-    structure_derivative: Function | None = None
-    mean_gradient: Callable[[Array, Array], Array] | None = None
-    degree: int | None = None
-    domain: Callable[[Array], NDArray[np.bool_]] | None = None
-    initial: ArrayLike | None = None
     nambu: Nambu | None = None
+    initial: ArrayLike | None = None
     flows: tuple[Flow, ...] = ()
     longest_step: float | None = None
     name: str = "problem"
     data: PolynomialSystem | NamedProblem | None = None
     check: InitVar[bool] = True
-    c: Array = field(init=False, repr=False)
 
     def __post_init__(self, check: bool) -> None:
         d = self.dimension
@@ -271,6 +259,10 @@ class Problem:
 
             check_problem(self)
 
+    def derivative_along(self, y: Array, v: Array) -> Array:
+        """The derivative f′(y)v of the field f = B∇H, (d, ...): analytic, else by differences of high order."""
+        return derivative_along(self, y, v)
+
     def __repr__(self) -> str:
         """One line: the name, the dimension, the noise, the initial state, and which parts are known."""
         start = "" if self.initial is None else f", initial {_few(np.asarray(self.initial))}"
@@ -284,18 +276,6 @@ class Problem:
             + (f", {', '.join(known)}" if known else "")
             + ">"
         )
-
-    @property
-    def noises(self) -> int:
-        """The number m of Wiener processes."""
-        return int(self.c.size)
-
-    def random_step(self, h: float, dW: Array) -> Array:
-        """The random step Δ = h + Σ_j c_j ΔW_j, of shape () or (M,), summed in the order of j."""
-        delta = np.full(np.shape(dW)[1:], float(h))
-        for c, increment in zip(self.c, dW, strict=True):
-            delta = delta + c * increment
-        return delta
 
 
 def _few(values: Array) -> str:

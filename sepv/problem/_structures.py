@@ -25,17 +25,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from sepv.errors import ProblemError, UsageError
+from sepv.core.arrays import EPS, TINY, Array, majorant, matvec
+from sepv.core.problem import Function, differences
+from sepv.errors import ProblemError, Skipped, UsageError
 from sepv.problem._checks import sample_states
-from sepv.problem._damped import require_undamped
 from sepv.problem._directions import directions
-from sepv.problem._fields import casimir_gradients, dot, matvec
-from sepv.problem._problem import Array, Function, Problem, require_one_for_each_noise
-from sepv.record import EPS, TINY, majorant
+from sepv.problem._fields import casimir_gradients
+from sepv.problem._problem import Problem, require_one_for_each_noise
+from sepv.problem._products import dot
 
 # The function of y0 (d,), T and W(T) (m, M) that gives y(T), for systems whose flows commute.
 ClosedForm = Callable[[Array, float, Array], Array]
@@ -90,6 +92,28 @@ class StructuresProblem(Problem):
             object.__setattr__(self, "noise_structures", checked)
 
     @property
+    def structures(self) -> Sequence[Function]:
+        return (self.structure, *self.noise_structures)
+
+    @property
+    def structure_derivatives(self) -> Sequence[Function] | None:
+        if self.structure_derivative is None or self.noise_structure_derivatives is None:
+            return None
+        return (self.structure_derivative, *self.noise_structure_derivatives)
+
+    @property
+    def gradients(self) -> Sequence[Function]:
+        try:
+            return (self.gradient, *self.noise_gradients)
+        except AttributeError as error:
+            raise Skipped(str(error)) from error
+
+    @property
+    def hessians(self) -> Sequence[Function]:
+        drift, *_ = super().hessians
+        return (drift, *(partial(differences, self, G) for G in self.gradients[1:]))
+
+    @property
     def noise_gradients(self) -> tuple[Function, ...]:
         """The gradients ∇H_1, …, ∇H_m. AttributeError unless each G_j comes from an H_j (`commuting_hamiltonians`)."""
         gradients = [G.noise_gradient for G in self.noise_structures if isinstance(G, CommutingStructure)]
@@ -104,21 +128,6 @@ class StructuresProblem(Problem):
             received=f"a scheme that reduces the noise of {self.name} to one random step",
             remedy="use sepv.schemes.several_structures: with several structures there is no such step",
         )
-
-
-def each_noise(problem: Problem, h: float, noise: Array) -> Array:
-    """The numbers h and c_j ΔW_j of a step of M paths, (1 + m, M), for schemes that treat each noise by itself."""
-    return np.concatenate([np.full((1, noise.shape[1]), float(h)), problem.c[:, None] * noise])
-
-
-def combined(problem: Problem, y: Array, parts: Array) -> Array:
-    """The structure h B(y) + Σ_j c_j ΔW_j G_j(y) of a step, (d, d, M); `parts` (1 + m, M) holds h and the c_j ΔW_j."""
-    require_undamped(problem)
-    total = parts[0] * problem.structure(y)
-    for part, G in zip(parts[1:], noise_structures(problem), strict=True):
-        # A noise with increment zero does not use its structure, which may be undefined (NaN) at y.
-        total = total + np.where(part != 0, part * G(y), 0.0)
-    return total
 
 
 def undefined(problem: Problem, y0: Array, y1: Array, mean: Array, parts: Array) -> np.ndarray:
@@ -137,36 +146,12 @@ def undefined(problem: Problem, y0: Array, y1: Array, mean: Array, parts: Array)
     return outside
 
 
-def combined_slope(problem: Problem, y: Array, parts: Array) -> Array | None:
-    """The derivative of h B + Σ_j c_j ΔW_j G_j by y, (d, d, d, M); None if a structure's derivative is not given."""
-    if problem.structure_derivative is None:
-        return None
-    if isinstance(problem, StructuresProblem):
-        further = problem.noise_structure_derivatives
-    else:
-        further = (problem.structure_derivative,) * problem.noises
-    if further is None:
-        return None
-    total = parts[0] * problem.structure_derivative(y)
-    for part, D in zip(parts[1:], further, strict=True):
-        total = total + part * D(y)
-    return total
-
-
 def noise_structures(problem: Problem) -> Sequence[Function]:
     """The structures G_1, …, G_m of the m noises; for a problem with a single structure, each is B.
 
     Raises UsageError for several Hamiltonians that do not commute with H_0, because they have no such structures.
     """
-    if isinstance(problem, StructuresProblem):
-        return problem.noise_structures
-    if getattr(problem, "noise_hamiltonians", ()) or getattr(problem, "noise_vectors", ()):
-        raise UsageError(
-            expected="a scheme for several Hamiltonians, such as stochastic-midpoint",
-            received=f"a scheme that takes the structures of noises, which {problem.name} does not have",
-            remedy="use a scheme with systems='hamiltonians': with {H_0, H_j} ≠ 0 no scheme keeps H_0",
-        )
-    return (problem.structure,) * problem.noises
+    return problem.structures[1:]
 
 
 @dataclass(frozen=True)

@@ -83,7 +83,7 @@ def whole_number(name: str, value: float, least: int, most: int) -> int:
         raise ProblemError(
             expected=f"{name}, a whole number from {least} to {most}",
             received=f"{value!r:.80}",
-            remedy=f"give {name}=3; larger systems have a sparse B: see sepv.large",
+            remedy=f"give {name}=3; B is a dense matrix, so that larger systems are slow",
         )
     return int(value)
 

@@ -42,7 +42,7 @@ def polynomial_problem(data: PolynomialSystem) -> Problem:
         raise ProblemError(
             expected=f"at most {MAX_DIMENSION} dimensions: B, its derivatives and H″ are tables of polynomials",
             received=f"{d}",
-            remedy="large systems have a sparse B: see sepv.large",
+            remedy="a smaller system: B is a dense matrix",
         )
     _check_indices(data)
     _check_shapes(data)

@@ -9,10 +9,12 @@ then `_derivative`, `_expand`, `_means` (averages of gradients along a segment i
 
 from __future__ import annotations
 
+from sepv.core.arrays import EPS, TINY, majorant
+from sepv.core.average import gauss_legendre as gauss_legendre
+from sepv.core.average import mean_nodes as mean_nodes
 from sepv.record import _polynomial as poly
 from sepv.record._arrays import Evaluator, Source, source
 from sepv.record._arrays import evaluator as evaluator
-from sepv.record._binary64 import EPS, TINY
 from sepv.record._derivative import gradient as gradient
 from sepv.record._derivative import hessian as hessian
 from sepv.record._derivative import jacobian as jacobian
@@ -21,20 +23,18 @@ from sepv.record._expand import expand
 from sepv.record._flows import flow
 from sepv.record._functions import FUNCTIONS
 from sepv.record._intervals import magnitudes
+from sepv.record._legendre import legendre_values
 from sepv.record._means import Mean, mean
 from sepv.record._means import NoClosedForm as NoClosedForm
 from sepv.record._means import degree as degree
 from sepv.record._numpy_protocol import CannotRecord as CannotRecord
 from sepv.record._numpy_protocol import select as select
-from sepv.record._polynomial import Exponents, majorant, squares
+from sepv.record._polynomial import Exponents, squares
 from sepv.record._polynomial import Polynomial as Polynomial
 from sepv.record._polynomial import PolynomialMap as PolynomialMap
 from sepv.record._polynomial import add as add_polynomials
 from sepv.record._polynomial import gradient as polynomial_gradient
 from sepv.record._polynomial import polynomial as polynomial
-from sepv.record._quadrature import gauss_legendre as gauss_legendre
-from sepv.record._quadrature import legendre_values
-from sepv.record._quadrature import mean_nodes as mean_nodes
 from sepv.record._replay import replay as replay
 from sepv.record._replay import substitute
 from sepv.record._symbols import Symbol as Symbol

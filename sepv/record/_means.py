@@ -18,9 +18,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from sepv.core.average import gauss_legendre, mean_nodes
 from sepv.record._derivative import gradient, hessian, jacobian, reachable
 from sepv.record._numpy_protocol import select
-from sepv.record._quadrature import gauss_legendre, mean_nodes
 from sepv.record._replay import substitute
 from sepv.record._symbols import Symbol
 

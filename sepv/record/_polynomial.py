@@ -332,12 +332,6 @@ class PolynomialMap:
         return sums(y.reshape(len(y), -1)).reshape((*self.shape, *y.shape[1:]))
 
 
-def majorant(function: Any, y: NDArray[Any]) -> NDArray[Any]:
-    """The scale of rounding errors of function(y): function.majorant(y) if there is this method, else |function(y)|."""
-    stated = getattr(function, "majorant", None)
-    return np.asarray(np.abs(function(y)) if stated is None else stated(y))
-
-
 def to_json(p: Polynomial) -> list[list[Any]]:
     """A polynomial as JSON data [[exponents, hex coefficient], …], from which `from_json` restores every bit."""
     return [[list(e), c.hex()] for e, c in p.terms]

@@ -10,6 +10,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from sepv.core.formula import Fields as Fields
+from sepv.core.formula import Increment as Increment
+from sepv.core.formula import Values as Values
+from sepv.core.newton import Status as Status
+from sepv.core.step import Solution as Solution
 from sepv.problem import Systems as Systems
 from sepv.schemes._catalogue import BY_FILE as BY_FILE
 from sepv.schemes._catalogue import DAMPED as DAMPED
@@ -48,7 +53,14 @@ from sepv.schemes._midpoint import formula as midpoint_formula
 from sepv.schemes._modified_weak_two import structure_curvature, structure_slope
 from sepv.schemes._one_step import RANDOM_STEP as RANDOM_STEP
 from sepv.schemes._one_step import Explicit as Explicit
-from sepv.schemes._one_step import Implicit, Parts, drift_and_noise, noise_and_areas, random_step
+from sepv.schemes._one_step import (
+    Implicit,
+    Parts,
+    drift_and_noise,
+    noise_and_areas,
+    random_step,
+    require_converged,
+)
 from sepv.schemes._one_step import implicit as implicit
 from sepv.schemes._one_step import one_step as one_step
 from sepv.schemes._order_claims import Orders as Orders
@@ -58,6 +70,7 @@ from sepv.schemes._point_distributions import NAMES as POINT_LAWS
 from sepv.schemes._point_distributions import NORMAL, point_law
 from sepv.schemes._point_distributions import PointLaw as PointLaw
 from sepv.schemes._projected import projected as projected
+from sepv.schemes._recorded import Recorded
 from sepv.schemes._scheme import OF_SEVERAL, Step, as_lanes, takes
 from sepv.schemes._scheme import Scheme as Scheme
 from sepv.schemes._scheme import weakly as weakly

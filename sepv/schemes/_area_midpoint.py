@@ -12,11 +12,11 @@ from __future__ import annotations
 
 from itertools import combinations
 
+from sepv.core.formula import Increment
 from sepv.errors import Skipped
 from sepv.problem import Array, HamiltoniansProblem, Problem, Systems, bracket, hamiltonian_field
 from sepv.schemes._one_step import Implicit, noise_and_areas, one_step
 from sepv.schemes._stochastic_midpoint import CLAIMS
-from sepv.solve import Increment, once
 
 
 def require_derivatives(problem: Problem) -> None:
@@ -40,7 +40,7 @@ def increment(problem: Problem, y0: Array, y1: Array, known: Array) -> Increment
     value = hamiltonian_field(problem, middle, known[:first])
     for area, (i, j) in zip(known[first:], combinations(range(problem.noises), 2), strict=True):
         value = value + area * bracket(problem, i, j, middle)
-    return once(value)
+    return Increment(value)
 
 
 # Newton's matrix is made from differences.

@@ -8,10 +8,10 @@ For quadratic C, ∇̄C is ∇C at the midpoint, and the scheme is (2.1). It is 
 
 from __future__ import annotations
 
+from sepv.core.formula import Fields, Values
 from sepv.errors import Skipped
 from sepv.problem import Nambu, Problem, Systems, cross
 from sepv.schemes._one_step import ENERGY_PRESERVING, implicit, one_step
-from sepv.solve import Fields, Values
 
 
 def required(problem: Problem) -> Nambu:

@@ -19,12 +19,14 @@ method's own from three stages on (`sepv.exact._truncation_error`). The default 
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 
 from sepv._arguments import require_whole
+from sepv.core.equations import Equations, Evaluation, iterate, merge
+from sepv.core.newton import Root, Status, into_domain
+from sepv.core.step import Solution
 from sepv.problem import (
     Array,
     Problem,
@@ -40,10 +42,9 @@ from sepv.record import EPS
 from sepv.schemes._one_step import ENERGY_PRESERVING, Solved, one_step
 from sepv.schemes._scheme import Scheme
 from sepv.schemes._tableaux import MAX_STAGES, exact_nodes, gauss_tableau, moments
-from sepv.solve import COUNTS, Equations, Evaluation, Increment, Solution, Status, into_domain, iterate, merge
 
 # For H that is not a polynomial: the first quadrature has s + FIRST_NODES nodes, and the largest at most MAX_NODES, as
-# in `sepv.problem._averaged_gradient`.
+# in `sepv.core.average`.
 FIRST_NODES, MAX_NODES = 4, 128
 
 
@@ -60,6 +61,7 @@ class _Stages:
         self.problem, self.stages, self.y0, self.delta, self.nodes = problem, stages, y0, delta, nodes
         self.averaged = averaged
         self.A, self.b = gauss_tableau(stages).A, gauss_tableau(stages).b
+        self.work = np.zeros((2, delta.size), dtype=np.int64)  # evaluations of ∇H and of B
 
     def polynomial(self, z: Array, lanes: np.ndarray, integrals: Array) -> Array:
         """The collocation polynomial u (d, N, M) at N points τ_n; `integrals` (N, s) has the entries ∫₀^{τ_n} ℓ_j."""
@@ -93,8 +95,9 @@ class _Stages:
             g = self.averages(z, lanes, self.nodes)[0] if self.averaged else self.problem.gradient(Y)
             cost, reliable = np.full(z.shape[2], self.nodes), np.ones(z.shape[2], dtype=bool)
         value = self.delta[lanes] * matvec(self.problem.structure(Y), g)
-        right = Increment(value.reshape(flat.shape), cost, np.full_like(cost, s), reliable)
-        return Evaluation(right, lambda: (self.jacobian(z, lanes, Y, g), 0))
+        np.add.at(self.work[0], lanes, cost)
+        np.add.at(self.work[1], lanes, s)
+        return Evaluation(value.reshape(flat.shape), reliable, lambda: self.jacobian(z, lanes, Y, g))
 
     def jacobian(self, z: Array, lanes: np.ndarray, Y: Array, g: Array) -> Array:
         """The derivative K (d·s, d·s, M) of the right sides Δ B(Y_i) g_i by the z_j; Newton's matrix is 1 − K.
@@ -134,7 +137,7 @@ class _Stages:
         z = linear_solve(np.eye(d * s)[..., None] - K, field)
         usable = np.all(np.isfinite(z), axis=0) & np.any(field != 0, axis=0)
         z = np.where(usable, z, 0.0)
-        moved, inside = into_domain(equations, np.zeros_like(z), -z, np.arange(z.shape[1]))
+        moved, inside = into_domain(equations.inside, np.zeros_like(z), -z, np.arange(z.shape[1]))
         return np.where(inside, moved, 0.0)
 
 
@@ -156,31 +159,33 @@ def solve_stages(
     with np.errstate(all="ignore"):
         system = _Stages(problem, stages, y0, delta, nodes, averaged)
         equations = Equations(size, system.evaluate, system.inside if problem.domain is not None else None)
-        solution = iterate(equations, system.start(equations))
-        for key in COUNTS:
-            np.add(getattr(solution, key), 1, out=getattr(solution, key))
+        root = iterate(equations, system.start(equations))
+        np.add(root.iterations, 1, out=root.iterations)  # that of the start
+        system.work += 1
         inexact = np.arange(y0.shape[1]) if not exact else np.zeros(0, dtype=np.intp)
         while inexact.size:
-            inexact = inexact[solution.status[inexact] == Status.CONVERGED]
-            inexact = inexact[~_agrees(system, solution, inexact)]
+            inexact = inexact[root.status[inexact] == Status.CONVERGED]
+            inexact = inexact[~_agrees(system, root, inexact)]
             system.nodes *= 2
             if system.nodes > MAX_NODES:
-                solution.status[inexact] = Status.QUADRATURE
+                root.status[inexact] = Status.QUADRATURE
                 break
             if inexact.size:
-                merge(solution, iterate(equations, solution.value[:, inexact], inexact), inexact)
-        z = solution.value.reshape(*y0.shape[:1], stages, -1)
+                merge(root, iterate(equations, root.value[:, inexact], inexact), inexact)
+        z = root.value.reshape(*y0.shape[:1], stages, -1)
         update = system.b[0] * z[:, 0]
         for j in range(1, stages):
             update = update + system.b[j] * z[:, j]
-    return replace(solution, value=y0 + update, change=update)
+    gradients, structures = system.work
+    counts = root.iterations, gradients, structures
+    return Solution(y0 + update, root.residual, *counts, root.status, change=update)
 
 
-def _agrees(system: _Stages, solution: Solution, lanes: np.ndarray) -> np.ndarray:
+def _agrees(system: _Stages, root: Root, lanes: np.ndarray) -> np.ndarray:
     """True for each path of `lanes` whose averages of ∇H with N nodes and with 3N/2 nodes agree to rounding."""
     nodes = system.nodes + system.nodes // 2
-    z = solution.value[:, lanes].reshape(system.problem.dimension, system.stages, -1)
-    solution.gradient_evaluations[lanes] += nodes
+    z = root.value[:, lanes].reshape(system.problem.dimension, system.stages, -1)
+    system.work[0, lanes] += nodes
     finer, size = system.averages(z, lanes, nodes)
     used = system.averages(z, lanes, system.nodes)[0]
     y0, y1 = system.y0[:, lanes], system.y0[:, lanes] + z.sum(axis=1) / system.stages

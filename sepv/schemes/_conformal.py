@@ -18,11 +18,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from sepv.core.step import Solution
 from sepv.errors import Skipped
 from sepv.problem import Array, DampedProblem, Problem, Systems
 from sepv.schemes._energy_preserving import formula, jacobian
 from sepv.schemes._one_step import EVERY, Solved, implicit, one_step
-from sepv.solve import Solution
 
 
 def undamped_step(problem: Problem, h: float, noise: Array) -> Array:

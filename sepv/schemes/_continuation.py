@@ -14,11 +14,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from sepv.core.newton import Status
+from sepv.core.step import Solution
 from sepv.errors import UsageError
 from sepv.problem import Array, Problem
-from sepv.schemes._one_step import resolved
+from sepv.schemes._one_step import COUNTS, merge, resolved
 from sepv.schemes._scheme import Scheme
-from sepv.solve import COUNTS, Solution, Status, merge
 
 # The first value of s, so small that the iteration from y converges if it does for any s; and the least increment of s.
 FIRST, LEAST = 2.0**-8, 2.0**-14

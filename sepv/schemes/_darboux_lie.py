@@ -18,12 +18,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from sepv.core.formula import Increment
+from sepv.core.newton import Status
+from sepv.core.step import Solution
+from sepv.core.step import solve as solve_implicit
 from sepv.errors import Skipped
 from sepv.problem import Array, Problem, each_noise, hamiltonian_field, sample_states
 from sepv.schemes._one_step import EVERY, Solved, no_jacobian, one_step
 from sepv.schemes._order_claims import Orders
-from sepv.solve import Increment, Solution, Status, once
-from sepv.solve import solve as solve_implicit
 
 PROBLEMS = ("lotka-volterra", "random-lotka-volterra")
 
@@ -31,7 +33,7 @@ PROBLEMS = ("lotka-volterra", "random-lotka-volterra")
 def increment(problem: Problem, x0: Array, x1: Array, step: Array) -> Increment:
     """R of the step x1 = x0 + R for x = ln y: f(ȳ)/ȳ with f = B(h∇H_0 + Σ c_j ΔŴ_j ∇H_j), counted as one evaluation."""
     middle = np.exp(x0 + 0.5 * (x1 - x0))
-    return once(hamiltonian_field(problem, middle, step) / middle)
+    return Increment(hamiltonian_field(problem, middle, step) / middle)
 
 
 def require_products(problem: Problem) -> None:

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from sepv.core.formula import Fields, Values
 from sepv.problem import matvec
 from sepv.schemes._one_step import EVERY, drift_and_noise, implicit, one_step
 from sepv.schemes._picture_look import Look
-from sepv.solve import Fields, Values
 
 
 def corners(y: Values, z: Values) -> Values:

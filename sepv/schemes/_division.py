@@ -13,11 +13,12 @@ from dataclasses import replace
 import numpy as np
 
 from sepv._arguments import require_whole
+from sepv.core.newton import Status
+from sepv.core.step import Solution
 from sepv.errors import UsageError
 from sepv.problem import Array, Problem
-from sepv.schemes._one_step import resolved
+from sepv.schemes._one_step import merge, resolved
 from sepv.schemes._scheme import Scheme
-from sepv.solve import Solution, Status, merge
 
 MAX_DEPTH = 20
 

@@ -5,9 +5,9 @@ y1 = y0 + B((y0 + y1)/2) ∫₀¹ ∇H(y0 + τ(y1 − y0)) dτ · Δ,  Δ = h + 
 
 from __future__ import annotations
 
+from sepv.core.formula import Fields, Values, derivative
 from sepv.schemes._one_step import ENERGY_PRESERVING, implicit, one_step
 from sepv.schemes._picture_look import Look
-from sepv.solve import Fields, Values, derivative
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:

@@ -5,9 +5,9 @@ S = Σ_j c_j ΔŴ_j, because every noise drives the same field f = B∇H; ΔŴ_j
 
 from __future__ import annotations
 
+from sepv.core.formula import Fields, Values
 from sepv.schemes._one_step import EVERY, Explicit, drift_and_noise, one_step
 from sepv.schemes._picture_look import Look
-from sepv.solve import Fields, Values
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:  # noqa: ARG001 - an explicit scheme

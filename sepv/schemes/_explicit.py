@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from functools import lru_cache, partial
 
+from sepv.core.formula import Fields, Values
 from sepv.errors import require_one_of
 from sepv.schemes._explicit_tableaux import TABLEAUX, ExplicitTableau
 from sepv.schemes._one_step import RANDOM_STEP, Explicit, one_step
 from sepv.schemes._scheme import Scheme
-from sepv.solve import Fields, Values
 
 
 def end(tableau: ExplicitTableau, fields: Fields, y: Values, z: Values, step: Values) -> Values:  # noqa: ARG001 - explicit

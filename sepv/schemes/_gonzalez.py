@@ -16,9 +16,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from sepv.core.formula import Fields, Values
 from sepv.problem import dot, matvec
 from sepv.schemes._one_step import SYMMETRIC, implicit, one_step
-from sepv.solve import Fields, Values
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:

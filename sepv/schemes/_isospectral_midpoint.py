@@ -24,12 +24,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from sepv.core.formula import Increment
+from sepv.core.step import Solution
+from sepv.core.step import solve as solve_implicit
 from sepv.problem import Array, Problem, Systems, combined_gradient, each_noise
 from sepv.problems import MatrixAlgebra, algebra_of, product
 from sepv.schemes._one_step import EVERY, Solved, no_jacobian, one_step
 from sepv.schemes._order_claims import Orders
-from sepv.solve import Increment, Solution, once
-from sepv.solve import solve as solve_implicit
 
 
 def parts(algebra: MatrixAlgebra, problem: Problem, x: Array, step: Array) -> tuple[Array, Array]:
@@ -58,7 +59,7 @@ def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
     def increment(problem: Problem, y0: Array, x: Array, step: Array) -> Increment:  # noqa: ARG001 - as for all
         """R of the equation x = y0 + R: ½[X, M] + ¼MXM, with all gradients counted as one evaluation."""
         f, bent = parts(algebra, problem, x, step)
-        return once(0.5 * f + 0.25 * bent)
+        return Increment(0.5 * f + 0.25 * bent)
 
     step = each_noise(problem, h, dW)
     solution = solve_implicit(problem, y, step, increment, no_jacobian)

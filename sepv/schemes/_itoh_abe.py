@@ -10,10 +10,10 @@ quadratic Casimirs. For quadratic H it is the midpoint rule. It does not commute
 
 from __future__ import annotations
 
+from sepv.core.formula import Fields, Values
 from sepv.problem import matvec
 from sepv.schemes._discrete_gradient import symmetrised
 from sepv.schemes._one_step import SYMMETRIC, implicit, one_step
-from sepv.solve import Fields, Values
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:

@@ -13,11 +13,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from sepv.core.formula import Fields, Values
 from sepv.errors import Skipped, UsageError
 from sepv.problem import Systems, mechanics
 from sepv.schemes._one_step import EVERY, Explicit, one_step
 from sepv.schemes._scheme import Scheme
-from sepv.solve import Fields, Values
 
 CLAIMS = EVERY | {
     "identity", "noise-sum", "random-step", "poisson-map", "symplecticity", "symmetry", "reversibility",

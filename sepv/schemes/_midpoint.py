@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from sepv.core.formula import Fields, Values, derivative
 from sepv.schemes._one_step import SYMMETRIC, implicit, one_step
 from sepv.schemes._picture_look import Look
-from sepv.solve import Fields, Values, derivative
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:

@@ -8,9 +8,9 @@ y1 = y0 + (f + ½Σc_j² f′f) h + f S + ½ f′f (S² − Σc_j² h) = y0 + f 
 
 from __future__ import annotations
 
+from sepv.core.formula import Fields, Values
 from sepv.schemes._one_step import EVERY, Explicit, drift_and_noise, one_step
 from sepv.schemes._picture_look import Look
-from sepv.solve import Fields, Values
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:  # noqa: ARG001 - an explicit scheme

@@ -31,9 +31,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from sepv.core.formula import Increment
 from sepv.problem import Array, Problem, average_gradient, dot, matmul, matvec, slope_along, turned_along
 from sepv.schemes._one_step import EVERY, Implicit, one_step
-from sepv.solve import Increment
 
 # Weights of central differences of order six, exact for polynomials of degree 7 at any width.
 SECOND = (270.0, -27.0, 2.0)

@@ -10,23 +10,22 @@ from typing import Any
 
 import numpy as np
 
+from sepv.core.arrays import Lanes
+from sepv.core.formula import CountedFields, Formula, IncrementFunction, JacobianFunction, counted
+from sepv.core.newton import Status
+from sepv.core.step import Solution
+from sepv.core.step import solve as solve_implicit
+from sepv.errors import StepFailure
 from sepv.problem import Array, Problem, each_noise
+from sepv.schemes._from_record import code
 from sepv.schemes._further_increments import as_rows
 from sepv.schemes._scheme import Scheme, Solve, as_lanes, truncation_for
-from sepv.solve import (
-    CountedFields,
-    Formula,
-    IncrementFunction,
-    JacobianFunction,
-    Solution,
-    corrections,
-    counted,
-    require_converged,
-)
-from sepv.solve import solve as solve_implicit
 
 # A function (problem, h, dW, ...) -> (k, M): the numbers of each step that a formula uses, such as Δ = h + Σ c_j ΔW_j.
 Parts = Callable[..., Array]
+
+# The attributes of `Solution` with counts that every solver reports.
+COUNTS = ("iterations", "gradient_evaluations", "structure_evaluations")
 
 # Laws claimed by all built-in schemes, by methods for y′ = f(y) with step Δ, by symmetric, by energy-preserving ones.
 EVERY = frozenset(("contract", "reproducibility", "truncation"))
@@ -56,6 +55,37 @@ def no_jacobian(*_: Any) -> None:
     """Return None in the place of a Jacobian, so that the solver forms it from differences of the right side."""
 
 
+def require_converged(problem: Problem, y: Array, h: float, dW: Array, solution: Solution) -> Array:
+    """y1 of a solution, (d, M), if all paths converged. Raises StepFailure for the first path that did not.
+
+    The message describes the step by y (d, M), h and dW (m, M).
+    """
+    failed = np.flatnonzero(solution.status != Status.CONVERGED)
+    if failed.size:
+        lane = int(failed[0])
+        raise StepFailure(
+            problem=problem.name,
+            y=y[:, lane],
+            delta=float(h + problem.c @ dW[:, lane]),
+            residual=float(solution.residual[lane]),
+            status=Status(int(solution.status[lane])).text,
+            iterations=int(solution.iterations[lane]),
+        )
+    return solution.value
+
+
+def merge(whole: Solution, part: Solution, lanes: Lanes) -> None:
+    """Write the solution `part` of some lanes (paths) into the solution `whole` of all lanes, and add up the counts.
+
+    Attributes that are None in one of the two solutions stay unchanged.
+    """
+    for key, values in vars(whole).items():
+        new = getattr(part, key)
+        if values is not None and new is not None:
+            before = values[lanes] if key in (*COUNTS, "divisions", "continuations") else 0
+            values[..., lanes] = before + new
+
+
 @dataclass(frozen=True)
 class Implicit:
     """The step y1 = y0 + R(y0, y1), solved to rounding.
@@ -63,7 +93,7 @@ class Implicit:
     Attributes
     ----------
     increment, jacobian
-        R and ∂R/∂y1, as in `sepv.solve.solve`.
+        R and ∂R/∂y1, as in `sepv.core.step.solve`.
     parts : (problem, h, dW) -> (k, M)
         The k numbers of each step that R uses, such as Δ = h + Σ c_j ΔW_j.
     formula
@@ -91,7 +121,7 @@ class Implicit:
         if self.requires is not None:
             self.requires(problem)
         step = self.parts(problem, h, noise, *further)
-        recorded = None if self.formula is None else corrections(problem, self.formula, state, step)
+        recorded = None if self.formula is None else code(problem, self.formula, state, step)
         solution = solve_implicit(problem, state, step, self.increment, self.jacobian, start, recorded)
         if self.examine is not None:
             self.examine(problem, state, step, solution)

@@ -16,18 +16,19 @@ symmetric, and for quadratic H it is not the midpoint rule.
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
-from sepv.problem import Algebra, Array, Problem, average_gradient, casimir_gradients, dot, projections
+from sepv.core.arrays import Lanes
+from sepv.core.formula import CountedFields
+from sepv.core.newton import Flagged, Status, newton
+from sepv.core.step import Solution
+from sepv.problem import Array, Problem, average_gradient, casimir_gradients, dot, projections
 from sepv.schemes._explicit import end, explicit
 from sepv.schemes._explicit_tableaux import TABLEAUX
 from sepv.schemes._one_step import Solved, one_step
 from sepv.schemes._scheme import Scheme
-from sepv.solve import CountedFields, Equations, Evaluation, Increment, Lanes, Solution, Status, newton
-
-# Newton's iteration if R already contains the inverse of the simplified matrix: the correction is z − R itself.
-SIMPLIFIED = Algebra(lambda _, F: F, lambda K: np.ones(K.shape[-1], dtype=bool), lambda _, size: 0 * size)
 
 
 def solve_projection(problem: Problem, order: int, y0: Array, delta: Array) -> Solution:
@@ -36,32 +37,29 @@ def solve_projection(problem: Problem, order: int, y0: Array, delta: Array) -> S
     The unknown is z = y1 − y0, and the iteration starts from y* − y0, the increment of the explicit method.
     """
     tableau, M = TABLEAUX[order], y0.shape[1]
-    casimirs = problem.casimirs, problem.linear_casimirs
+    casimirs, evaluations = (problem.casimirs, problem.linear_casimirs), np.zeros(M, dtype=np.int64)
 
-    def evaluate(z: Array, lanes: Lanes) -> Evaluation:
-        """The right side R of z = R(z): z minus Σ_k λ_k v_k, which corrects the change of the invariants."""
-        start = y0[:, lanes]
+    def advance(values: Any, lanes: Lanes) -> tuple[Array, Array, Flagged]:
+        """The change Σ_k λ_k v_k that is too much, which is residual and correction of a simplified iteration."""
+        start, z = y0[:, lanes], np.reshape(values, (len(values), -1))
         mean = average_gradient(problem, start, start + z)
+        evaluations[lanes] += mean.evaluations
         averages = [*casimir_gradients(*casimirs, 2.0 * start + z), mean.value]
         moved = along.of(lanes).correction([dot(g, z) for g in averages])
-        none = np.zeros((0, 0, lanes.size))
-        return Evaluation(Increment(z - moved, mean.evaluations, lanes * 0, mean.reliable), lambda: (none, 0))
+        return moved, moved, Flagged(np.logical_not(mean.reliable), True)
 
     with np.errstate(all="ignore"):
         full = end(tableau, CountedFields(problem, y0, y0), y0, None, delta[None])
         far = y0 + full
         slopes = casimir_gradients(*casimirs, 2.0 * far)
         along = projections(problem.structure(far), problem.gradient(far), slopes)
-        equations = Equations(np.abs(y0), evaluate, algebra=SIMPLIFIED)
-        solution = newton(equations, full, np.arange(M), differences=False)
-        y1, status = y0 + solution.value, solution.status
+        root = newton(advance, np.abs(y0), full, np.arange(M))
+        y1, status = y0 + root.value, root.status
         if problem.domain is not None:
             outside = ~np.asarray(problem.domain(y1), dtype=bool)
             status[outside & (status == Status.CONVERGED)] = Status.LEFT_DOMAIN
-    gradients, structures = solution.gradient_evaluations + len(tableau.A) + 1, np.full(M, len(tableau.A) + 1)
-    return Solution(
-        y1, solution.residual, solution.iterations, gradients, structures, status, change=solution.value
-    )
+    gradients, structures = evaluations + len(tableau.A) + 1, np.full(M, len(tableau.A) + 1)
+    return Solution(y1, root.residual, root.iterations, gradients, structures, status, change=root.value)
 
 
 @lru_cache(maxsize=4)

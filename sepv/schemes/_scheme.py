@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sepv._arguments import floats, is_number, is_whole
+from sepv.core.step import Solution
 from sepv.errors import UsageError, require_one_of
 from sepv.problem import Array, Problem, Systems
 from sepv.problems.shown_to_schemes import NEEDED
@@ -18,7 +19,6 @@ from sepv.schemes._claims import PATHWISE, require_laws
 from sepv.schemes._picture_look import Look
 from sepv.schemes._point_distributions import PointLaw, point_law
 from sepv.schemes._stateful import PathSolver, StatefulStep
-from sepv.solve import Solution
 
 # Kinds of a step's fifth argument: none, Lévy areas, increments over the first half, or space-time Lévy areas.
 ASKS = ("", "areas", "halves", "space-time")

@@ -14,6 +14,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from sepv.core.formula import Fields, Values, derivative
+from sepv.core.newton import Status
+from sepv.core.step import Solution
 from sepv.problem import (
     Array,
     CommutingStructure,
@@ -26,7 +29,6 @@ from sepv.problem import (
     undefined,
 )
 from sepv.schemes._one_step import ENERGY_PRESERVING, implicit, one_step
-from sepv.solve import Fields, Solution, Status, Values, derivative
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:

@@ -12,10 +12,10 @@ B∇H_j. The mean-square order is therefore ½ in general and 1 if these fields 
 
 from __future__ import annotations
 
+from sepv.core.formula import Fields, Values, derivative
 from sepv.problem import Systems, each_noise
 from sepv.schemes._one_step import RANDOM_STEP, implicit, one_step
 from sepv.schemes._order_claims import Orders
-from sepv.solve import Fields, Values, derivative
 
 CLAIMS = (RANDOM_STEP - {"random-step"}) | {"casimir", "symplecticity", "symmetry"}
 

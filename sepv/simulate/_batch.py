@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from sepv._arguments import optional
+from sepv.core.newton import Status
 from sepv.errors import UsageError
 from sepv.problem import Array, Problem, invariants
 from sepv.schemes import REFUSALS, PathSolver, Scheme, StatefulStep, carry, joined_lanes, lanes
 from sepv.simulate import _truncation as bounded
 from sepv.simulate._results.reductions import Summary
-from sepv.solve import Status
 
 # The number of paths computed together: enough to hide the cost of NumPy's calls, and few enough for small arrays.
 CHUNK = 1024
@@ -43,7 +43,7 @@ class Ensemble:
     W : (m, M)
         The sums W(T) of untruncated increments; the exact solution is the flow at the random time T + Σ c_j W_j(T).
     status : (M,)
-        `sepv.solve.Status` of each path: 0 if every step converged.
+        `sepv.core.newton.Status` of each path: 0 if every step converged.
     failed_step : (M,)
         The number (from 0) of the step that failed, −1 if none did.
     energy_defect, casimir_defect : (M,)

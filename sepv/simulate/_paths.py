@@ -11,12 +11,11 @@ from numpy.typing import ArrayLike
 from sepv._arguments import floats
 from sepv.errors import UsageError
 from sepv.problem import Array, Problem
-from sepv.schemes import PointLaw, Scheme, Step, ask_next, further_rows
+from sepv.schemes import PointLaw, Scheme, Step, ask_next, further_rows, require_converged
 from sepv.simulate import _areas as areas
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._run_arguments import checked
-from sepv.solve import require_converged
 
 
 @dataclass(frozen=True, repr=False)

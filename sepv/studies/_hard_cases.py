@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from sepv.core.newton import Status
 from sepv.errors import SepvError, StepFailure
 from sepv.problem import Array, Description, GivenProblem, Problem, matvec
 from sepv.reference.exact_energy import exact_energy
@@ -21,7 +22,6 @@ from sepv.reference.problem import exact_problem
 from sepv.schemes import Scheme
 from sepv.schemes import gauss_amplification as amplification
 from sepv.simulate import initial_state
-from sepv.solve import Status
 from sepv.verification import Case, energy_bound, energy_ulp, step_residual
 
 # The number of steps in a batch, which are solved together and have the same random h.

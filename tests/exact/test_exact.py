@@ -16,6 +16,7 @@ from sepv.reference.series import Series, series_over
 
 import sepv
 from sepv import exact_flow, problems
+from sepv.core.arrays import EPS
 from sepv.exact import _dense_flow as dense_solver
 from sepv.exact import _flow as exact
 from sepv.exact._closed_forms import SEPARATRIX
@@ -23,7 +24,6 @@ from sepv.exact._dense_flow import FlowFailure, solve_dense
 from sepv.exact._jacobi import argument, jacobi
 from sepv.problem import PolynomialSystem, vector_field
 from sepv.record import _polynomial as poly
-from sepv.record._binary64 import EPS
 
 DENSE, JACOBI = "Gauss collocation in panels", "Jacobi elliptic functions"
 

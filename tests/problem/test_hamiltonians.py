@@ -20,6 +20,7 @@ from sepv.properties.test_energy_drift import drift_of_energy
 from sepv.reference.generator import moments
 
 from sepv import problems, schemes
+from sepv.core.arrays import matvec
 from sepv.problem import (
     Array,
     HamiltoniansProblem,
@@ -29,11 +30,10 @@ from sepv.problem import (
     Systems,
     column,
     commutes,
+    each_noise,
     ito_drift,
 )
-from sepv.problem._fields import matvec
 from sepv.problem._hamiltonians import bracket, noise_field, noise_slope
-from sepv.problem._structures import each_noise
 from sepv.schemes import Orders, Scheme, as_lanes, order_of
 from sepv.simulate import _areas as areas
 from sepv.verification import Case, Run, Verdict

@@ -6,11 +6,11 @@ from sepv.properties._structures import is_poisson
 
 from benchmarks.right_schemes import RIGHT
 from sepv import exact_flow, problems, schemes
+from sepv.core.arrays import EPS
 from sepv.problem import Problem, Systems, mechanics
 from sepv.problems import _matrix_algebras as algebras
 from sepv.problems import from_json
 from sepv.problems import to_json as problem_json
-from sepv.record._binary64 import EPS
 from sepv.verification import Verdict, load_laws
 from sepv.verification._cases.case import to_json
 from sepv.verification._cases.classes import CLASSES

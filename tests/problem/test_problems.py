@@ -14,6 +14,7 @@ from sepv.reference.problem import exact_problem
 
 import sepv
 from sepv import ProblemError, problems, strategies
+from sepv.core.average import FEW, _adaptive, _quadratures, _size, gauss_legendre
 from sepv.problem import (
     PartFlow,
     PolynomialSystem,
@@ -23,7 +24,6 @@ from sepv.problem import (
     check_problem,
     vector_field,
 )
-from sepv.problem._averaged_gradient import FEW, _adaptive, _quadratures, _size, gauss_legendre
 from sepv.record import EPS, NoClosedForm
 from sepv.record import _polynomial as poly
 from sepv.verification._cases import case as cases
@@ -225,10 +225,7 @@ def test_polynomials_take_the_fewest_nodes_that_are_exact(degree: int) -> None:
     problem = monomial_energy(degree)
     found = average_gradient(problem, Y0, Y1)
     nodes = max(1, (degree + 1) // 2)
-    assert found.evaluations.tolist() == [nodes] * 3
-    assert found.error.tolist() == [0.0] * 3
-    assert found.reliable.tolist() == [True] * 3
-    assert found.reliable.dtype == bool
+    assert found[1:] == (nodes, 0.0, True)
     ((fine, terms),) = _quadratures(problem, Y0, Y1, nodes + 3)
     assert np.all(np.abs(found.value - fine) <= 16 * EPS * _size(terms))
     hessian = average_hessian(problem, Y0, Y1)

@@ -15,11 +15,11 @@ from sepv.reference.steps import reference_step
 
 import sepv
 from sepv import PolynomialSystem, ProblemError, StepFailure, problems, schemes
+from sepv.core.arrays import EPS, TINY
+from sepv.core.newton import Status
 from sepv.problem import CommutingStructure, StructuresProblem, Systems, commuting_hamiltonians
 from sepv.problems._several import closed_form, commuting_actions
 from sepv.record import _polynomial as poly
-from sepv.record._binary64 import EPS, TINY
-from sepv.solve import Status
 from sepv.verification import Case
 from sepv.verification._cases.commuting import commuting_step
 from sepv.verification._cases.of_law import EVERYTHING, Question

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sepv import problems
-from sepv.problem._fields import matvec
+from sepv.core.arrays import matvec
 from sepv.record import CannotRecord, NoClosedForm, Tape, degree, evaluator, gradient, jacobian, mean
 from sepv.record._derivative import reachable
 from sepv.record._functions import FUNCTIONS

@@ -21,7 +21,7 @@ from sepv.reference.vector import FLOW, FOLDER, ReferenceVector, digest, load, s
 from benchmarks.vectors import generate
 from benchmarks.vectors.selection import SCHEMES
 from sepv import Scheme, StepFailure, UsageError, exact_flow, problems, schemes
-from sepv.record._binary64 import EPS, TINY
+from sepv.core.arrays import EPS, TINY
 from sepv.verification import Case, strategies
 
 energy_preserving = partial(reference_step, "energy-preserving")

@@ -19,11 +19,12 @@ from sepv.reference.tableau import stage_table
 
 import sepv
 from sepv import StepFailure, exact_flow, problems, schemes
+from sepv.core.equations import Equations
+from sepv.core.newton import Status
 from sepv.record import EPS, gauss_legendre
 from sepv.schemes._collocation import _Stages, solve_stages
 from sepv.schemes._explicit_tableaux import TABLEAUX
 from sepv.schemes._tableaux import amplification, exact_nodes, gauss_tableau, lagrange, moments
-from sepv.solve import Equations, Status
 from sepv.verification import Case, state_ulp, strategies
 
 STAGES = range(1, 7)

@@ -5,12 +5,12 @@ import pytest
 
 import sepv
 from sepv import StepFailure, ensemble, problems, schemes
+from sepv.core.newton import Status
 from sepv.problem import PolynomialSystem, casimir_gradients
 from sepv.record import EPS, polynomial
 from sepv.record._polynomial import constant
 from sepv.schemes import continued, divided
 from sepv.schemes._projected import solve_projection
-from sepv.solve import Status
 
 ORDERS = (4, 8)
 

@@ -13,6 +13,7 @@ from sepv.properties._states_of_a_path import keeps_states
 import sepv
 from benchmarks.right_schemes import RIGHT
 from sepv import PathSolver, SchemeFault, StatefulStep, UsageError, problems
+from sepv.core.newton import Status
 from sepv.problem import Array, PolynomialSystem, Problem, mechanics, vector_field
 from sepv.problems._common import canonical
 from sepv.record import _polynomial as poly
@@ -27,7 +28,6 @@ from sepv.schemes import (
     load_scheme,
 )
 from sepv.simulate import run_chunk
-from sepv.solve import Status
 from sepv.verification import Case, Effort
 from sepv.verification._cases.single_precision import in_range, single
 

@@ -82,12 +82,12 @@ def test_what_cannot_be_compiled_is_said() -> None:
 
 
 def test_what_is_raised_while_a_lane_is_solved_is_raised_when_the_compiled_loop_is_back(monkeypatch) -> None:
-    from sepv.solve import _newton
+    from sepv.core import equations
 
     arguments = {"h": 0.1, "steps": 40, "engine": "compiled", "truncation": None, "seed": 2}
     whole = sepv.long_path(EP, "lotka-volterra", **arguments)
     assert whole.failed_step > 0
-    approach, asked = _newton.approach, []
+    approach, asked = equations.approach, []
 
     def interrupted(*given):
         asked.append(given)
@@ -95,7 +95,7 @@ def test_what_is_raised_while_a_lane_is_solved_is_raised_when_the_compiled_loop_
             raise KeyboardInterrupt
         return approach(*given)
 
-    monkeypatch.setattr(_newton, "approach", interrupted)
+    monkeypatch.setattr(equations, "approach", interrupted)
     path = sepv.long_path(EP, "lotka-volterra", **arguments)
     assert path.interrupted
     assert len(asked) > 1
@@ -109,7 +109,7 @@ def test_what_is_raised_while_a_lane_is_solved_is_raised_when_the_compiled_loop_
     def broken(*given):
         raise ArithmeticError("no such thing")
 
-    monkeypatch.setattr(_newton, "approach", broken)
+    monkeypatch.setattr(equations, "approach", broken)
     with pytest.raises(sepv.errors.ChunkFailure, match="no such thing"):
         sepv.ensemble(EP, "lotka-volterra", paths=20, **arguments)
 

@@ -15,11 +15,11 @@ from hypothesis import strategies as st
 import sepv
 from benchmarks.units import Scale, scaled
 from sepv import problems, schemes
+from sepv.core.newton import Status
 from sepv.problem import HamiltoniansProblem
 from sepv.record import EPS
 from sepv.schemes import divided
 from sepv.simulate.targets.cuda.devices import compiler
-from sepv.solve import Status
 
 pytest.importorskip("numba", reason="the extra `fast` is not installed")
 

@@ -14,6 +14,8 @@ from hypothesis import strategies as st
 
 import sepv
 from sepv import problems, schemes
+from sepv.core.newton import Status
+from sepv.core.step import Solution
 from sepv.errors import TruncationWarning
 from sepv.schemes import continued, divided
 from sepv.simulate import _truncation as bounded
@@ -22,7 +24,6 @@ from sepv.simulate._batch import Batch, run_chunk
 from sepv.simulate._results.reductions import FEWEST, Summary, summary
 from sepv.simulate._results.sketch import ACCURACY, Sketch, sketch
 from sepv.simulate._run_arguments import checked, step_count
-from sepv.solve import Solution, Status
 
 # These are about the NumPy batch; the compiled engine has its own file.
 ensemble = partial(sepv.ensemble, engine="numpy")

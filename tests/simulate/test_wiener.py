@@ -10,9 +10,9 @@ from sepv.properties._orders.tilting import tilted_errors
 from sepv.reference.increments import bound, lost_variance, moment, truncated_moment
 
 from sepv import UsageError, exact_flow, problems, schemes
+from sepv.core.arrays import EPS
 from sepv.exact import clipping_error
 from sepv.exact._truncation_error import lost_mean_square
-from sepv.record._binary64 import EPS
 from sepv.schemes._scheme import truncation_for
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener

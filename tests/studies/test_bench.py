@@ -13,10 +13,10 @@ from drawn import refusing
 
 import sepv
 from sepv import StepFailure, TargetError, UsageError, schemes
+from sepv.core.step import Solution
 from sepv.files import json_text
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme, energy_preserving
-from sepv.solve._solution import Solution
 from sepv.studies._bench import cases, gate, measure, pairs, store
 
 COUNTERS = Path(__file__).resolve().parents[2] / "benchmarks" / "counters.json"

@@ -11,7 +11,8 @@ from sepv.reference import hard
 
 import sepv
 from sepv import Problem, Scheme, StepFailure, problems, schemes
-from sepv.solve import Solution, Status
+from sepv.core.newton import Status
+from sepv.core.step import Solution
 from sepv.studies._hard_cases import Seen, run
 from sepv.studies._ulps import one_step
 from sepv.verification import LAWS

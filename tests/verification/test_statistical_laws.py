@@ -30,9 +30,10 @@ from sepv.properties._setups import Setup, setups_for
 
 from benchmarks.right_schemes import RIGHT
 from sepv import Scheme, problems, schemes, verify
+from sepv.core.newton import Status
+from sepv.core.step import Solution
 from sepv.problem import Array, Problem, vector_field
 from sepv.schemes._one_step import Solved
-from sepv.solve import Solution, Status
 from sepv.statistics import binomial, fishers_f, students_t
 from sepv.verification import Effort, Run, Verdict, load_laws
 

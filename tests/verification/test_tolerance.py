@@ -11,14 +11,14 @@ from sepv.properties.test_reference import QUADRATURE_NODES, quadrature_rounding
 
 import sepv
 from sepv import problems, schemes
+from sepv.core.arrays import EPS, TINY
+from sepv.core.formula import counted
 from sepv.problem import PolynomialSystem, StructuresProblem, Systems, average_gradient
 from sepv.record import _polynomial as poly
-from sepv.record._binary64 import EPS, TINY
 from sepv.schemes import _energy_preserving as energy_preserving
 from sepv.schemes import _gonzalez as gonzalez
 from sepv.schemes import _itoh_abe as itoh_abe
 from sepv.schemes._tableaux import amplification
-from sepv.solve import counted
 from sepv.verification import Case
 from sepv.verification import _tolerance as tolerance
 from sepv.verification._amplification import amplification as amplified

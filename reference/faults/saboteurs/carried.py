@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from sepv import schemes
+from sepv.core.formula import Fields
 from sepv.problem import Array, Problem, matvec, mechanics
 from sepv.schemes import _one_step as one_step
 from sepv.schemes import as_lanes, energy_preserving
 from sepv.schemes._scheme import Step
 from sepv.schemes._stateful import StatefulStep
-from sepv.solve import Fields
 
 from .formula import with_structure
 from .record import Family, claiming, imitating, middle

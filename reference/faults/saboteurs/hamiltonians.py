@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from sepv import schemes
+from sepv.core.formula import Increment
 from sepv.problem import Array, Problem, each_noise, hamiltonian_field
 from sepv.problems import algebra_of
 from sepv.schemes._drift_preserving import pushed, quiet
 from sepv.schemes._one_step import Implicit, implicit
 from sepv.schemes._scheme import as_lanes
-from sepv.solve import Increment, once
 
 from .record import Family, imitating
 
@@ -81,7 +81,7 @@ def midpoint_as_isospectral(problem: Problem, y: Array, h: float, dW: Array) -> 
 def arithmetic_middle(problem: Problem, y0: Array, y1: Array, step: Array) -> Increment:
     """The right side R = y0(exp(f(ȳ)/ȳ) − 1) of y1 = y0 + R, with the arithmetic mean ȳ = (y0 + y1)/2."""
     middle = y0 + 0.5 * (y1 - y0)
-    return once(y0 * np.expm1(hamiltonian_field(problem, middle, step) / middle))
+    return Increment(y0 * np.expm1(hamiltonian_field(problem, middle, step) / middle))
 
 
 @SABOTEURS.like(

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from sepv import schemes
+from sepv.core.formula import Fields, Formula
 from sepv.errors import StepFailure
 from sepv.problem import Array, Problem, cross, each_noise, matvec, mechanics, noise_structures, vector_field
 from sepv.schemes import PointLaw, Scheme, implicit, weakly
@@ -23,7 +24,6 @@ from sepv.schemes._leapfrog import scheme as leapfrog
 from sepv.schemes._one_step import Explicit
 from sepv.schemes._scheme import Step, as_lanes
 from sepv.schemes._tableaux import exact_nodes, gauss_tableau, moments
-from sepv.solve import Fields, Formula
 
 from .record import Family, explicit_step, imitating, middle
 

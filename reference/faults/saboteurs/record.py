@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from sepv.core.formula import Formula, counted
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme
 from sepv.schemes import _one_step as one_step
@@ -16,7 +17,6 @@ from sepv.schemes import energy_preserving as original
 from sepv.schemes._energy_preserving import formula
 from sepv.schemes._one_step import Parts, random_step
 from sepv.schemes._scheme import Step, as_lanes
-from sepv.solve import Formula, counted
 
 Laws = tuple[str, ...]
 # A function (problem, y0 (d, M), Δ (1, M)) -> y1.

@@ -8,14 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from sepv.errors import StepFailure
-from sepv.problem import Array, Problem, linear_solve, vector_field
+from sepv.problem import Array, Problem, forward_differences, linear_solve, vector_field
 from sepv.record import EPS
 from sepv.schemes import Scheme, energy_preserving
 from sepv.schemes._energy_preserving import jacobian
-from sepv.schemes._energy_preserving import step as right
 from sepv.schemes._one_step import random_step
 from sepv.schemes._scheme import Step, as_lanes
-from sepv.solve import difference_jacobian
 
 from .record import Family, claiming, explicit, right_side
 
@@ -35,7 +33,12 @@ def _slope(problem: Problem, y0: Array, z: Array, step: Array) -> Array:
     known = jacobian(problem, y0, y1, step)
     if known is not None:
         return known
-    return difference_jacobian(problem, y0, y1, step, right.increment, right_side(problem, y0, y1, step))
+    base = right_side(problem, y0, y1, step)
+    reach = np.max([np.abs(y0), np.abs(y1), np.abs(base)], axis=(0, 1))
+    R = lambda at, lanes: right_side(problem, y0[:, lanes], at, step[:, lanes])  # noqa: E731
+    domain = problem.domain
+    inside = None if domain is None else lambda at, _: domain(at)
+    return forward_differences(R, inside, y1, base, reach)
 
 
 def _newton(problem: Problem, y0: Array, z: Array, step: Array) -> Array:

@@ -10,9 +10,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from sepv.core.formula import Fields
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme, energy_preserving, implicit, midpoint, splitting
-from sepv.solve import Fields
 
 from .record import Family, Update, explicit_step, imitating
 

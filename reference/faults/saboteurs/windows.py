@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from sepv.core.formula import Fields
 from sepv.problem import Array, Problem, matvec, vector_field
 from sepv.schemes import energy_preserving
 from sepv.schemes._energy_preserving import formula
 from sepv.schemes._scheme import Step
 from sepv.schemes._stateful import StatefulStep
-from sepv.solve import Fields
 
 from .formula import one_point_quadrature, with_structure
 from .noise import clipped_at_one

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from sepv.core.newton import Status
 from sepv.problem import Array, Problem
 from sepv.schemes import point_law
 from sepv.simulate import _truncation as bounded
@@ -17,7 +18,6 @@ from sepv.simulate._batch import Ensemble
 from sepv.simulate._compiled import layout
 from sepv.simulate._compiled.compile import FEW, Kernel, kernel
 from sepv.simulate._ensembles.task import Task
-from sepv.solve import Status
 
 
 def aligned(*shapes: tuple[int, ...]) -> list[np.ndarray]:

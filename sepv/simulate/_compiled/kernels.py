@@ -97,7 +97,7 @@ def moved(
 
 
 def solved(S: Any, I: Any, buffer: Any, n: int, left_over: int) -> int:
-    """Solve the step of every busy lane (path) by a call of Python (`sepv.solve`); return the number of busy lanes."""
+    """Solve the step of every busy lane (path) by a call of Python (`sepv.core`); return the number of busy lanes."""
     trouble = 0
     for k in range(L):
         trouble += 1 if I[BUSY + k] != 0 else 0
@@ -127,7 +127,7 @@ def iterated(
 ) -> int:
     """Take `count` steps, in lockstep, by Newton's iteration or that of a projection; return 1 if all paths failed.
 
-    The first iterations are one piece of code for all lanes; lanes not done after them continue in groups. `sepv.solve`
+    The first iterations are one piece of code for all lanes; lanes not done after them continue in groups. `sepv.core`
     solves lanes that are not done after FAST further iterations. BUSY is 1 in a lane (path) that continues, else 0.
     """
     for_simd()
@@ -163,7 +163,7 @@ def staged(  # noqa: PLR0912 - in one piece, as the method reads
     """Take `count` steps of an s-stage method by fixed-point sweeps, with finer quadrature rules if needed.
 
     BUSY is 1 in a lane (path) that sweeps, 4 in a lane whose result is to be checked, 0 in a lane that is done, and 2
-    in a lane that Newton's iteration (`sepv.solve`) is to solve. Return 1 if all paths failed.
+    in a lane that Newton's iteration (`sepv.core`) is to solve. Return 1 if all paths failed.
     """
     for_simd()
     q = loaded(P)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from sepv.solve import LEFT, ROUNDING, Status
+from sepv.core.newton import LEFT, ROUNDING, Status
 
 # The lanes (paths) of a block: sixteen registers of eight doubles hide latencies, and the data fit into the L1 cache.
 LANES = 128

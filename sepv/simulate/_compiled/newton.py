@@ -2,7 +2,7 @@
 
 A lane is done if its correction leaves an error below rounding. Newton's corrections shrink quadratically: after two of
 sizes m_before and m the next is about m³/m_before², or m times the relative error of Newton's matrix if this is larger.
-If a lane is not done after a few steps, overflows or leaves the domain, `sepv.solve` solves its step again from the
+If a lane is not done after a few steps, overflows or leaves the domain, `sepv.core` solves its step again from the
 start, makes all tests and sets the status (`sepv.simulate._compiled.block_run`).
 
 If H is quadratic and B linear, the equation of (2.1) and of the midpoint rule is z = Δ P(ȳ) with ȳ = y + z/2 and short
@@ -17,6 +17,7 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
+from sepv.core.newton import LEFT
 from sepv.record import Polynomial
 from sepv.record import polynomial_gradient as slopes_of
 from sepv.simulate._compiled.code_builder import CodeBuilder, Expression, Table, shown
@@ -25,7 +26,6 @@ from sepv.simulate._compiled.linear import contraction, correct
 from sepv.simulate._compiled.recorded import RecordedProblem
 from sepv.simulate._compiled.schemes import Formula, middle, scaled_field
 from sepv.simulate._compiled.writer import Writer
-from sepv.solve import LEFT
 
 # Numbers of sweeps z ← Δ f(ȳ) before Newton's iteration. For H at most quadratic they solve the equation itself: four
 # have an error O(Δ⁵) and the cost of a Newton step, whose error is O(Δ³). For other H two have error O(Δ³). Sweeps of
@@ -36,7 +36,7 @@ SWEEPS, MIDDLE_SWEEPS, ROUGH_SWEEPS = 4, 5, 2
 # mean of 1e-4 roundings in a step of the path, and a tenth of this after each further Newton step.
 FIRST_STEPS = 2
 LARGE = 6
-# The most Newton steps of a group of lanes; `sepv.solve` solves the lanes that are not done after them.
+# The most Newton steps of a group of lanes; `sepv.core` solves the lanes that are not done after them.
 FAST = 8
 
 
@@ -169,7 +169,7 @@ class NewtonWriter(Writer):
         return self.problem.residual(code, formula, y, z, self.known, states), _matrix(code, self.P, states)
 
     def iteration(self) -> list[str]:
-        """Code of a Newton step and its test; a lane (path) that fails stays busy, until `sepv.solve` takes it over."""
+        """Code of a Newton step and its test; a lane (path) that fails stays busy, until `sepv.core` takes it over."""
         n = self.unknowns
         code = CodeBuilder(self.parameters)
         code.lines += self.random_step()

@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from sepv.core.formula import Formula
 from sepv.problem import Directions, casimir_gradients, dot, projections
 from sepv.record import NoClosedForm, Symbol, Tape, jacobian, reachable
 from sepv.record import symbol_array as array
+from sepv.schemes import Recorded
 from sepv.simulate._compiled.code_builder import CodeBuilder, Expression, Table, shown
-from sepv.solve import Formula, Recorded
 
 # Recorded functions by name: the function to call in the code of a lane, and the value's place if a tuple is returned.
 _CALLS: dict[str, tuple[str, int | None]] = {

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 from sepv import schemes
+from sepv.core import formula
 from sepv.schemes import (
     MAX_STAGES,
     Explicit,
@@ -26,7 +27,6 @@ from sepv.schemes import energy_preserving_formula as energy_preserving
 from sepv.schemes import midpoint_formula as midpoint
 from sepv.simulate._compiled.code_builder import CodeBuilder, Expression, Table
 from sepv.simulate._compiled.recorded import RecordedProblem
-from sepv.solve import formula
 
 
 @dataclass(frozen=True)

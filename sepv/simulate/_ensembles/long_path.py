@@ -13,13 +13,13 @@ from numpy.typing import ArrayLike
 
 from sepv._arguments import require_flag
 from sepv._journal import interruption_answered
+from sepv.core.newton import Status
 from sepv.errors import UsageError, require_one_of
 from sepv.problem import Array, Problem
 from sepv.schemes import PointLaw, Scheme, Step
 from sepv.simulate._ensembles.ensemble import choose
 from sepv.simulate._ensembles.task import NumpyChunk, Task
 from sepv.simulate._run_arguments import checked, require_drawable
-from sepv.solve import Status
 
 # The intended duration of a piece of the path in seconds, and the number of steps of the first piece.
 PIECE_SECONDS, FIRST_PIECE = 0.2, 4096

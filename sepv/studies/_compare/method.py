@@ -24,7 +24,7 @@ from sepv.verification import quiet_problem
 
 
 class Ends(NamedTuple):
-    """The ends of M paths at the final time T: states y (d, M), and the `sepv.solve.Status` of each path (M,)."""
+    """The ends of M paths at the final time T: states y (d, M), and the `sepv.core.newton.Status` of each path (M,)."""
 
     y: Array
     status: np.ndarray

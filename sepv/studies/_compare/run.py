@@ -12,11 +12,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from sepv.core.newton import Status
 from sepv.errors import SepvError, TargetError, UsageError
 from sepv.exact import clipping_error, exact_flow
 from sepv.problem import Array, Problem
 from sepv.simulate import step_count, wiener
-from sepv.solve import Status
 from sepv.statistics import GROUPS, Estimate, jackknife
 from sepv.studies._compare.method import Ends, Followed, Method
 from sepv.studies._compare.record import Comparison, Point, Seconds

@@ -11,23 +11,17 @@ theorem the curve meets every Δ, beyond folds if need be. If it is not bounded,
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from sepv.core.arrays import Lanes
+from sepv.core.formula import IncrementFunction, JacobianFunction
+from sepv.core.newton import Flagged, Status, Worded, newton
 from sepv.errors import UsageError
-from sepv.problem import DENSE, Array, Problem, linear_solve
+from sepv.problem import Array, Problem, linear_solve
 from sepv.record import TINY
 from sepv.schemes import BY_FILE, Implicit, Scheme, energy_preserving
-from sepv.solve import (
-    Equations,
-    Evaluation,
-    IncrementFunction,
-    JacobianFunction,
-    Status,
-    Worded,
-    newton,
-    once,
-)
 
 MOST_STEPS = 4000
 # The longest arclength of a step, to be multiplied by 1 + |z| so that a branch can reach infinity; and the shortest.
@@ -48,9 +42,6 @@ EQUATIONS: dict[str, tuple[IncrementFunction, JacobianFunction]] = {
     for scheme in map(BY_FILE.__getitem__, ("energy_preserving", "midpoint", "both_invariants"))
     if isinstance(step := scheme.step, Implicit)
 }
-
-# `newton` solves with ∂F/∂w, to which the tangent is added as last row, instead of with 1 − K.
-_BORDERED = DENSE._replace(correction=linear_solve)
 
 
 class End(Worded):
@@ -201,12 +192,11 @@ class _Follower:
         The flags say if Newton's iteration for F = 0 converged, and if it took at most four iterations.
         """
 
-        def evaluate(w: Array, numbers: np.ndarray) -> Evaluation:
+        def advance(values: Any, numbers: Lanes) -> tuple[Array, Array, Flagged]:
+            w, across = np.reshape(values, (len(values), -1)), t[:, numbers]
             F, J = self.equations(w, lanes[numbers])
-            across = t[:, numbers]
             F = np.concatenate([F, (across * (w - start[:, numbers])).sum(axis=0)[None]])
-            return Evaluation(once(w - F), lambda: (np.concatenate([J, across[None]]), 0))
+            return F, linear_solve(np.concatenate([J, across[None]]), F), Flagged(False, True)
 
-        equations = Equations(np.ones_like(start), evaluate, algebra=_BORDERED)
-        solution = newton(equations, start, np.arange(lanes.size), differences=False)
-        return solution.value, solution.status == Status.CONVERGED, solution.iterations <= 4
+        root = newton(advance, np.ones_like(start), start, np.arange(lanes.size))
+        return root.value, root.status == Status.CONVERGED, root.iterations <= 4

@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sepv.core.newton import Status, Worded
+from sepv.core.step import solve
 from sepv.exact import exact_flow
 from sepv.problem import Array, Problem
 from sepv.record import gauss_legendre
 from sepv.schemes import Scheme, energy_preserving
 from sepv.simulate import truncation_bound
-from sepv.solve import Status, Worded, solve
 from sepv.studies._solvability.branch import EQUATIONS, Branch, End, follow
 
 # A solution found by Newton counts as the connected one if the two differ by at most this fraction of |y0| + |y1 − y0|.

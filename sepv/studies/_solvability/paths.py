@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
+from sepv.core.newton import Status
 from sepv.errors import TruncationWarning
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme
 from sepv.simulate import ensemble
-from sepv.solve import Status
 
 # The steps of the first horizon (the time to which paths are followed); each next horizon is twice as far.
 FIRST = 256

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from sepv.core.newton import Status
 from sepv.problem import Problem
 from sepv.problems import build
 from sepv.schemes import point_law
@@ -17,7 +18,6 @@ from sepv.simulate import _wiener as wiener
 from sepv.simulate._batch import Ensemble
 from sepv.simulate._ensembles.task import Task
 from sepv.simulate.targets.cuda.text import draw_text, kernel_text
-from sepv.solve import Status
 
 # The status of a path whose step waits for the core (`path.c`).
 FROZEN = -1

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from sepv.core.newton import LEFT, QUANTA, ROUNDING, STAGNATION, Status
 from sepv.problem import Problem, cramer, dot
 from sepv.record import EPS, TINY, CannotRecord, NoClosedForm
 from sepv.schemes import MAX_NODES, Scheme, drift_and_noise, gauss_tableau, moments, random_step
@@ -21,7 +22,6 @@ from sepv.simulate._compiled.stages import SHRINKS, TESTED, StagesWriter
 from sepv.simulate._wiener import MIXING, STREAMS, TOP
 from sepv.simulate.targets._target import CannotCompile
 from sepv.simulate.targets.cuda.printer import function, number, table
-from sepv.solve import LEFT, QUANTA, ROUNDING, STAGNATION, Status
 
 # The most unknowns for which Cramer's rule, and for which elimination, is written out.
 CRAMER, WRITTEN_OUT = 3, 6

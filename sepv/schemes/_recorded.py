@@ -7,6 +7,7 @@ from functools import cached_property
 from math import prod
 from typing import Any, NamedTuple
 
+from sepv.core.formula import Fields, Formula
 from sepv.problem import HamiltoniansProblem, Nambu, PolynomialSystem, Problem, combined, matvec
 from sepv.record import (
     CannotRecord,
@@ -24,7 +25,6 @@ from sepv.record import (
     substitute,
 )
 from sepv.record import symbol_array as array
-from sepv.solve._formula import Fields, Formula
 
 
 class Equation(NamedTuple):

@@ -7,16 +7,17 @@ as long as a few steps. So only problems given by name are recorded, and not pro
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from sepv.core.arrays import Lanes
+from sepv.core.formula import Formula
+from sepv.core.newton import Flagged
+from sepv.core.step import Code
 from sepv.problem import Array, NamedProblem, Problem, cramer
 from sepv.record import CannotRecord, NoClosedForm, Source, source
-from sepv.solve._formula import Formula
-from sepv.solve._recorded import Recorded
-from sepv.solve._solution import Flags, Lanes
+from sepv.schemes._recorded import Recorded
 
 # The largest d for which Cramer's rule is written out.
 LARGEST = 3
@@ -38,48 +39,33 @@ class Record(NamedTuple):
     structures: int
 
 
-class Corrections(NamedTuple):
-    """Newton's corrections by straight-line code, for steps from y0 (d, M) with the data `step` (k, M), such as Δ."""
+def code(problem: Problem, formula: Formula, y0: Array, step: Array) -> Code | None:
+    """Newton's corrections by recorded code, for steps from y0 (d, M) with the numbers `step` (k, M), such as Δ.
 
-    record: Record
-    y0: Array
-    step: Array
-
-    def of_lanes(self, z: Array, lanes: Lanes) -> tuple[Array, Array, Flags]:
-        """The residual z − R(z) (d, n), Newton's correction (d, n), and a test (n,), for n of the M paths.
-
-        The test is True for each path for which z minus the correction is in the domain.
-        """
-        y, step = self.y0, self.step
-        if lanes.size < y.shape[1]:
-            y, step = y.take(lanes, axis=1), step.take(lanes, axis=1)
-        source = self.record.source
-        F, corrections = np.empty_like(z), np.empty_like(z)
-        *values, stays = source.function(y, z, step, source.parameters)
-        for into, value in zip((*F, *corrections), values, strict=True):
-            into[...] = value
-        return F, corrections, np.full(lanes.shape, stays, dtype=bool)
-
-    def of_one(self, lane: Lanes) -> Callable[[list[float]], tuple[list[float], list[float], bool]]:
-        """A function of z (d,) for one path that returns residual, correction and test, with the bits of `of_lanes`."""
-        y, step = self.y0[:, lane].ravel().tolist(), self.step[:, lane].ravel().tolist()
-        evaluate, parameters, d = self.record.source.function, self.record.source.parameters, len(y)
-
-        def corrected(z: list[float]) -> tuple[list[float], list[float], bool]:
-            try:
-                out = evaluate(y, z, step, parameters)
-            except ZeroDivisionError:  # Python numbers raise, where arrays become infinite
-                F, corrections, stays = self.of_lanes(np.array(z)[:, None], lane)
-                return F.ravel().tolist(), corrections.ravel().tolist(), bool(stays[0])
-            return list(out[:d]), list(out[d : 2 * d]), bool(out[2 * d])
-
-        return corrected
-
-
-def corrections(problem: Problem, formula: Formula, y0: Array, step: Array) -> Corrections | None:
-    """Newton's `Corrections` for steps from y0 (d, M) with the numbers `step` (k, M); None if `record` returns None."""
+    The result is None if `record` returns None. For z in Python's numbers the code is of numbers
+    too, with the same bits.
+    """
     recorded = record(problem, formula, len(step))
-    return None if recorded is None else Corrections(recorded, y0, step)
+    if recorded is None:
+        return None
+    source, d = recorded.source, len(y0)
+    one = (y0.ravel().tolist(), step.ravel().tolist()) if y0.shape[1] == 1 else None
+
+    def advance(z: Any, lanes: Lanes) -> tuple[Any, Any, Flagged]:
+        if one is not None and isinstance(z, list):
+            try:
+                out = source.function(one[0], z, one[1], source.parameters)
+                return list(out[:d]), list(out[d : 2 * d]), Flagged(False, True, not out[2 * d])
+            except ZeroDivisionError:  # Python's numbers raise, where arrays become infinite
+                z = np.array(z)[:, None]
+        y, s = (y0, step) if lanes.size == y0.shape[1] else (y0.take(lanes, axis=1), step.take(lanes, axis=1))
+        values = np.empty((2, *z.shape))
+        *rows, stays = source.function(y, z, s, source.parameters)
+        for into, row in zip(values.reshape(2 * d, -1), rows, strict=True):
+            into[...] = row
+        return *values, Flagged(False, True, np.broadcast_to(np.logical_not(stays), lanes.shape))
+
+    return Code(advance, recorded.gradients, recorded.structures)
 
 
 def record(problem: Problem, formula: Formula, count: int) -> Record | None:

@@ -6,14 +6,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from differences import difference_jacobian
 from hypothesis import given
 from hypothesis import strategies as st
 
 import sepv
 from sepv import Problem, problems, schemes
-from sepv.schemes import Implicit, Scheme, _energy_preserving, _midpoint, implicit
-from sepv.solve import Recorded, Solution, Status, difference_jacobian
-from sepv.solve._from_record import record
+from sepv.core.newton import Status
+from sepv.core.step import Solution
+from sepv.schemes import Implicit, Recorded, Scheme, _energy_preserving, _midpoint, implicit
+from sepv.schemes._from_record import record
 
 NAMED = [make() for make in problems.PAPER.values()]
 RECORDED = "energy-preserving midpoint discrete-gradient gonzalez several-structures both-invariants"

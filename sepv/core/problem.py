@@ -1,0 +1,205 @@
+"""The part of a problem dy = F_0 dt + Σ_j c_j F_j∘dW_j that a step uses: functions, sums over a step, derivatives.
+
+Each field is F_k = S_k(y)∇H_k(y). In (1.1) there is one structure B and one Hamiltonian H, so that each F_k is B∇H. The
+first axis of every array is that of components: a state is an array (d,), a batch of M states (d, M), and B(y) is
+(d, d) or (d, d, M). `sepv.problem.Problem` derives, checks and stores these functions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sepv.core.arrays import Array, Flags, OfLanes, forward_differences, matmul, matvec
+from sepv.errors import Skipped
+
+Function = Callable[[Array], Array]
+OfSegment = Callable[[Array, Array], Array]
+
+
+class Averaged(Protocol):
+    """A function with a gradient that can be averaged along segments, such as H or a Casimir C."""
+
+    @property
+    def dimension(self) -> int: ...
+    @property
+    def gradient(self) -> Function: ...
+    @property
+    def hessian(self) -> Function | None: ...
+    @property
+    def mean_gradient(self) -> OfSegment | None: ...
+    @property
+    def degree(self) -> int | None: ...
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """The functions of a stochastic Poisson system that a step uses.
+
+    Attributes
+    ----------
+    dimension : int
+        The dimension d of states.
+    structure, structure_derivative : callables, (d, ...) -> (d, d, ...) and (d, d, d, ...)
+        B(y), skew, and ∂B_ij/∂y_k at [i, j, k].
+    hamiltonian, gradient, hessian : callables, (d, ...) -> (...), (d, ...) and (d, d, ...)
+        H, ∇H and H″.
+    noise : (m,)
+        The coefficients c_j ≥ 0, also as the array `c`.
+    mean_gradient : callable (y0, y1) -> ∫₀¹∇H(y0 + τ(y1 − y0))dτ, optional
+        A closed form, exact to rounding.
+    degree : int, optional
+        The degree of a polynomial H.
+    domain : callable (d, ...) -> (...) of bool, optional
+        True for the states at which H and B are defined.
+    casimirs, linear_casimirs : matrices A (d, d) and vectors b (d,)
+        Casimirs yᵀAy and bᵀy.
+    nambu : optional
+        For d = 3: the Casimir C and the factor g with B(y)v = g(y)(v × ∇C(y)).
+    """
+
+    dimension: int
+    structure: Function
+    hamiltonian: Function
+    gradient: Function
+    noise: ArrayLike = (1.0,)
+    casimirs: tuple[Any, ...] = ()
+    linear_casimirs: tuple[Any, ...] = ()
+    hessian: Function | None = None
+    structure_derivative: Function | None = None
+    mean_gradient: OfSegment | None = None
+    degree: int | None = None
+    domain: Callable[[Array], Flags] | None = None
+    nambu: Any = None
+    c: Array = field(init=False, repr=False)
+    # The rate γ of a further term −γy in the drift.
+    damping = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "c", np.array(self.noise, dtype=np.float64))
+
+    @property
+    def noises(self) -> int:
+        """The number m of Wiener processes."""
+        return int(self.c.size)
+
+    @property
+    def structures(self) -> Sequence[Function]:
+        """The structures S_0, …, S_m of the drift and of each noise, for one Hamiltonian H: F_k = S_k∇H."""
+        return (self.structure,) * (1 + self.noises)
+
+    @property
+    def structure_derivatives(self) -> Sequence[Function] | None:
+        """The derivatives of the `structures`; None if one is not given."""
+        return None if self.structure_derivative is None else (self.structure_derivative,) * (1 + self.noises)
+
+    @property
+    def gradients(self) -> Sequence[Function]:
+        """The gradients ∇H_0, …, ∇H_m of the drift and of each noise, for one structure B: F_k = B∇H_k."""
+        return (self.gradient,) * (1 + self.noises)
+
+    @property
+    def hessians(self) -> Sequence[Function]:
+        """The second derivatives of H_0, …, H_m, by differences of ∇H_k where they are not given."""
+        return (partial(hessian, self),) * (1 + self.noises)
+
+    def derivative_along(self, y: Array, v: Array) -> Array:
+        """The derivative f′(y)v of the field f = B∇H, (d, ...), for a system with B′ and H″."""
+        jacobian = field_jacobian(self, y)
+        assert jacobian is not None, "wider records derive it"
+        return matvec(jacobian, v)
+
+    def random_step(self, h: float, dW: Array) -> Array:
+        """The random step Δ = h + Σ_j c_j ΔW_j, of shape () or (M,), summed in the order of j."""
+        delta = np.full(np.shape(dW)[1:], float(h))
+        for c, increment in zip(self.c, dW, strict=True):
+            delta = delta + c * increment
+        return delta
+
+
+def require_undamped(problem: System) -> None:
+    """Raise Skipped for a damped problem, because a formula without a term for damping would ignore the damping."""
+    if problem.damping:
+        raise Skipped(f"the scheme leaves out the damping of {getattr(problem, 'name', 'the problem')}")
+
+
+def combined(problem: System, y: Array, parts: Array) -> Array:
+    """The structure h B(y) + Σ_j c_j ΔW_j G_j(y) of a step, (d, d, M); `parts` (1 + m, M) holds h and the c_j ΔW_j."""
+    require_undamped(problem)
+    drift, *noises = problem.structures
+    total = parts[0] * drift(y)
+    for part, G in zip(parts[1:], noises, strict=True):
+        # A noise with increment zero does not use its structure, which may be undefined (NaN) at y.
+        total = total + np.where(part != 0, part * G(y), 0.0)
+    return total
+
+
+def combined_slope(problem: System, y: Array, parts: Array) -> Array | None:
+    """The derivative of h B + Σ_j c_j ΔW_j G_j by y, (d, d, d, M); None if a structure's derivative is not given."""
+    derivatives = problem.structure_derivatives
+    return None if derivatives is None else _sum(derivatives, y, parts)
+
+
+def combined_gradient(problem: System, y: Array, parts: Array) -> Array:
+    """The gradient (d, M) of the Hamiltonian hH_0 + Σ_j c_j ΔW_j H_j of a step; `parts` (1 + m, M): h, c_j ΔW_j."""
+    require_undamped(problem)
+    return _sum(problem.gradients, y, parts)
+
+
+def combined_hessian(problem: System, y: Array, parts: Array) -> Array:
+    """The Hessian (d, d, M) of hH_0 + Σ_j c_j ΔW_j H_j at y; `parts` (1 + m, M) holds h and the c_j ΔW_j."""
+    return _sum(problem.hessians, y, parts)
+
+
+def _sum(functions: Sequence[Function], y: Array, parts: Array) -> Array:
+    total = parts[0] * functions[0](y)
+    for part, function in zip(parts[1:], functions[1:], strict=True):
+        total = total + part * function(y)
+    return np.asarray(total)
+
+
+def each_noise(problem: System, h: float, noise: Array) -> Array:
+    """The numbers h and c_j ΔW_j of a step of M paths, (1 + m, M), for schemes that treat each noise by itself."""
+    return np.concatenate([np.full((1, noise.shape[1]), float(h)), problem.c[:, None] * noise])
+
+
+def vector_field(problem: System, y: Array) -> Array:
+    """The field f(y) = B(y)∇H(y) of a problem, of shape (d, ...)."""
+    return matvec(problem.structure(y), problem.gradient(y))
+
+
+def field_jacobian(problem: System, y: Array) -> Array | None:
+    """The derivative f′(y) of the field f = B∇H, (d, d, ...); None unless the problem gives both B′ and H″."""
+    if problem.hessian is None or problem.structure_derivative is None:
+        return None
+    g = problem.gradient(y)
+    return matvec(problem.structure_derivative(y), g) + matmul(problem.structure(y), problem.hessian(y))
+
+
+def hessian(problem: System, y: Array) -> Array:
+    """The second derivatives H″(y), (d, d, ...): as given, else by forward differences, enough for Newton's matrix."""
+    if problem.hessian is not None:
+        return problem.hessian(y)
+    return differences(problem, problem.gradient, y)
+
+
+def differences(problem: System, function: Function, y: Array) -> Array:
+    """The derivative (n, d, ...) by y of a function of states, by forward differences at y (d, ...)."""
+    return differences_of_lanes(problem, lambda at, _: function(at), y)
+
+
+def differences_of_lanes(problem: System, function: OfLanes, y: Array) -> Array:
+    """The derivative (n, d, ...) by y of a function of a problem's states, by forward differences at y (d, ...).
+
+    `function` gets shifted states (d, M) and M integers: the number of each state's path in the flattened batch y.
+    """
+    flat, domain = y.reshape(len(y), -1), problem.domain
+    inside = None if domain is None else lambda at, _: domain(at)
+    base = function(flat, np.arange(flat.shape[1]))
+    jacobian = forward_differences(function, inside, flat, base, np.abs(flat).max(axis=0))
+    return jacobian.reshape(*jacobian.shape[:2], *y.shape[1:])
