@@ -49,6 +49,8 @@ class Quantity:
         The constant σ.
     unit : float
         The unit of the reported defect.
+    decay : float
+        λ, if LF = σ − λF and increments are not clipped. Then E[F(y1)] = e^(−λh) F(y0) + σ(1 − e^(−λh))/λ.
     """
 
     name: str
@@ -57,6 +59,7 @@ class Quantity:
     moved: Callable[[Array, Array, Array], Array]
     rate: float
     unit: float
+    decay: float = 0.0
 
 
 def short(case: Case) -> Case:
@@ -77,11 +80,15 @@ def measured(scheme: Scheme, problem: Problem, y: Array, h: float, F: Quantity) 
     share, coarser_share = (second_moment(scheme, problem, h, fewer) for fewer in (0, 1))
     change = h * F.rate * share
     difference = mean - coarser - h * F.rate * (share - coarser_share)
+    if F.decay:
+        change, difference = -math.expm1(-F.decay * h) * (F.rate / F.decay - start), mean - coarser
     rounding = EPS * (operations(problem) * size + MOMENT * abs(change))
     unit = F.unit + EPS * (size + abs(change)) + TINY
     bound = allowed + rounding + 2 * abs(difference)
     expected = f"hσ = {change!r}"
-    if share != 1:
+    if F.decay:
+        expected = f"{change!r} with λ = {F.decay!r}"
+    elif share != 1:
         expected = f"hσ E[ζ²] = {change!r} with E[ζ²] = {share!r} (ΔW = √h ζ is clipped: see truncation)"
     detail = f"E[{F.name}(y1)] − {F.name}(y0) = {mean - start!r}, expected {expected} with σ = {F.rate!r}"
     return Measurement(abs(mean - start - change) / unit, bound / unit, detail)

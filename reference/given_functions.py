@@ -8,18 +8,43 @@ it to their bounds.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from sepv.reference.arithmetic import Vector, context
 
-from sepv.problem import GivenProblem, recorded
+from sepv.problem import Function, GivenProblem, recorded
 from sepv.record import replay
 
 # A well-written H of d variables is off by a few roundings of y and of its value. 16 is a heuristic: it covers a sum of
 # some ten terms, each a product of a few factors, in any order.
 ROUNDINGS = 16.0
+
+
+@lru_cache(maxsize=256)
+def in_many_digits(function: Function, dimension: int, digits: int) -> Callable[[Vector], Any] | None:
+    """A function of states (d,) evaluated with `digits` digits, by its recorded operations; None without a record."""
+    record = recorded(function, dimension)
+    if record is None:
+        return None
+    ctx = context(digits)
+    elementary = {
+        "arctan": ctx.atan,
+        "log1p_ratio": lambda x: ctx.log1p(x) / x if x else ctx.one,
+        "expm1_ratio": lambda x: ctx.expm1(x) / x if x else ctx.one,
+    }
+
+    def value(y: Vector) -> Any:
+        at = {x.index: v for x, v in zip(record.y, y, strict=True)}
+        return ctx.mpf(
+            replay(
+                record.values, at, lambda name, x: (elementary.get(name) or getattr(ctx, name))(x), ctx.mpf
+            )[0]
+        )
+
+    return value
 
 
 class GivenFunctions:
@@ -28,19 +53,7 @@ class GivenFunctions:
     def __init__(self, given: GivenProblem, digits: int) -> None:
         self.problem = given.problem
         self.ctx = context(digits)
-        self.record = recorded(self.problem.hamiltonian, self.problem.dimension)
-        elementary = {
-            "arctan": self.ctx.atan,
-            "log1p_ratio": self._log1p_ratio,
-            "expm1_ratio": self._expm1_ratio,
-        }
-        self._function: Any = lambda name, x: (elementary.get(name) or getattr(self.ctx, name))(x)
-
-    def _log1p_ratio(self, x: Any) -> Any:
-        return self.ctx.log1p(x) / x if x else self.ctx.one
-
-    def _expm1_ratio(self, x: Any) -> Any:
-        return self.ctx.expm1(x) / x if x else self.ctx.one
+        self._value = in_many_digits(self.problem.hamiltonian, self.problem.dimension, digits)
 
     def state(self, y: Sequence[float]) -> Vector:
         """The binary64 state y as a vector, without a rounding."""
@@ -48,9 +61,8 @@ class GivenFunctions:
 
     def hamiltonian(self, y: Vector) -> Any:
         """The Hamiltonian H at a state, by the problem's own function; a state of its code alone is binary64."""
-        if self.record is not None:
-            at = {x.index: v for x, v in zip(self.record.y, y, strict=True)}
-            return self.ctx.mpf(replay(self.record.values, at, self._function, self.ctx.mpf)[0])
+        if self._value is not None:
+            return self._value(y)
         values = [float(v) for v in y]
         with np.errstate(all="ignore"):
             try:
@@ -68,7 +80,7 @@ class GivenFunctions:
         Longest floats would allow a smaller bound. But the code of H may compute a part of H in binary64, which cannot
         be seen from outside, so the bound is that of binary64 in either case.
         """
-        if self.record is not None:
+        if self._value is not None:
             return 0.0
         slopes = [
             np.sum(np.abs(self.problem.gradient(y)) * np.abs(y), axis=0) + np.abs(self.problem.hamiltonian(y))

@@ -30,7 +30,7 @@ from sepv.problem._checks import check_problem as check_problem
 from sepv.problem._checks import sample_states
 from sepv.problem._damped import DampedProblem as DampedProblem
 from sepv.problem._damped import damping_of
-from sepv.problem._derived import PartFlow
+from sepv.problem._derived import PartFlow, derivatives
 from sepv.problem._directional import derivative_along, structure_slope
 from sepv.problem._directions import Directions, directions, projections
 from sepv.problem._enclosures import over_box as over_box
@@ -51,6 +51,7 @@ from sepv.problem._hamiltonians import column as column
 from sepv.problem._hamiltonians import commutes as commutes
 from sepv.problem._hamiltonians import hamiltonian_field as hamiltonian_field
 from sepv.problem._hamiltonians import ito_drift as ito_drift
+from sepv.problem._invariants import Relation, relation, require_invariants
 from sepv.problem._json import from_json as from_json
 from sepv.problem._json import problem_from_json, problem_to_json
 from sepv.problem._json import to_json as to_json

@@ -47,6 +47,7 @@ class DampedProblem(Problem):
                 received=f"{self.damping!r:.80}",
                 remedy="give the rate of −γy dt, such as damping=0.5",
             )
+        self._checked_invariants(check)
 
     def random_step(self, h: float, dW: Array) -> Array:  # noqa: ARG002  (the signature of `Problem`)
         """Raise SystemsError: a damped step depends on h, and not on Δ = h + Σ c_jΔW_j alone."""

@@ -68,7 +68,7 @@ def derive(dimension: int, structure: Function, hamiltonian: Function) -> Derive
     """Derive all parts of a problem from B and H. Raises ProblemError, with the reason, if one cannot be recorded."""
     tape = Tape()
     y = tape.vector(dimension)
-    B = _recorded(tape, "structure", structure, y, (dimension, dimension))
+    B = recorded_as(tape, "structure", structure, y, (dimension, dimension))
     return Derived(
         **vars(derivatives(dimension, hamiltonian)),
         structure_derivative=evaluator([y], jacobian(B.ravel(), y).reshape(*B.shape, dimension)),
@@ -79,7 +79,7 @@ def derivatives(dimension: int, hamiltonian: Function, name: str = "hamiltonian"
     """Derive ∇H, H″ and the average of ∇H along a segment from H. Raises ProblemError if H cannot be recorded."""
     tape = Tape()
     y, z = tape.vector(dimension), tape.vector(dimension)
-    H = _recorded(tape, name, hamiltonian, y, ())
+    H = recorded_as(tape, name, hamiltonian, y, ())
     power, slope = degree(H, y), gradient(H, y)
     try:
         closed = None if power is not None else MeanGradient(evaluator([y, z], mean(H, y, z).value))
@@ -112,12 +112,12 @@ class PartFlow:
     def _evaluator(self) -> Evaluator:
         tape = Tape()
         y, t = tape.vector(self.dimension), tape.vector(1)
-        H = _recorded(tape, "a part", self.part, y, ())
-        B = _recorded(tape, "structure", self.structure, y, (self.dimension, self.dimension))
+        H = recorded_as(tape, "a part", self.part, y, ())
+        B = recorded_as(tape, "structure", self.structure, y, (self.dimension, self.dimension))
         return evaluator([y, t], flow(B @ gradient(H, y), y, t[0]))
 
 
-def _recorded(tape: Tape, key: str, function: Function, y: Any, shape: tuple[int, ...]) -> Any:
+def recorded_as(tape: Tape, key: str, function: Function, y: Any, shape: tuple[int, ...]) -> Any:
     """The result, in symbols, of calling `function` with the symbols y; messages call the function `key`.
 
     Raises ProblemError, with the reason, if the function cannot be recorded or its result does not have this shape.

@@ -107,6 +107,7 @@ class HamiltoniansProblem(Problem):
                     received="both",
                     remedy="leave out the H_j, and give every noise its vector B∇H_j",
                 )
+            self._checked_invariants(check)
             return
         if not self.noise_gradients:
             derived = [derive(self.dimension, self.structure, H) for H in self.noise_hamiltonians]
@@ -125,6 +126,7 @@ class HamiltoniansProblem(Problem):
                 for j, H in enumerate(self.noise_hamiltonians)
             )  # fmt: skip
             object.__setattr__(self, "noise_hamiltonians", checked)
+        self._checked_invariants(check)
 
     @property
     def structures(self) -> Sequence[Function]:

@@ -63,10 +63,10 @@ MOST_TERMS, MOST_EXPONENTS = 100_000, 10**6
 # The most further numbers, texts and lists. A validator of schemas needs a tenth of a millisecond for each.
 MOST_OTHER = 2**17
 # The kinds of lists under the keys of a polynomial system: terms, a list of terms, entries [i, j, terms] of a
-# structure, a list of structures.
+# structure, a list of structures, terms under names.
 _TERMS = {
     "hamiltonian": "terms", "polynomial_casimirs": "list", "nambu": "list", "noise_hamiltonians": "list",
-    "structure": "entries", "noise_structures": "list of entries",
+    "structure": "entries", "noise_structures": "list of entries", "invariants": "names",
 }  # fmt: skip
 
 
@@ -115,6 +115,8 @@ def _without_terms(data: Any) -> Any:
 
 
 def _emptied(value: Any, kind: str, place: str) -> Any:
+    if kind == "names" and isinstance(value, dict):
+        return {name: _emptied(terms, "terms", f"{place}.{name}") for name, terms in value.items()}
     if not kind or not isinstance(value, list):
         return value
     if kind == "terms":
@@ -183,6 +185,7 @@ def _polynomial_json(data: PolynomialSystem) -> dict[str, Any]:
         "linear_casimirs": [_row(vector) for vector in data.linear_casimirs],
         **{key: values for key, values in more.items() if values},
         **({"damping": float(data.damping).hex()} if data.damping else {}),
+        **({"invariants": {name: poly.to_json(I) for name, I in data.invariants}} if data.invariants else {}),
     }
 
 
@@ -234,6 +237,9 @@ def _polynomial_system(data: dict[str, Any]) -> PolynomialSystem:
         ),
         noise_vectors=tuple(map(_doubles, data.get("noise_vectors", []))),
         damping=double(data.get("damping", 0.0)),
+        invariants=tuple(
+            (name, polynomial(f"invariants.{name}", I)) for name, I in data.get("invariants", {}).items()
+        ),
     )
 
 

@@ -6,8 +6,8 @@ is `(d, d)` or `(d, d, M)`. A function of indexing and NumPy's elementwise funct
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import InitVar, dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import InitVar, dataclass, field
 from enum import StrEnum
 from inspect import signature
 
@@ -108,6 +108,8 @@ class PolynomialSystem:
         g_1, …, g_m: additive noise Σ c_j g_j dW_j. Give at most one of the three attributes `noise_…`.
     damping : float
         The rate γ of a damping −γy dt (`sepv.problem.DampedProblem`), for systems with none of the three `noise_…`.
+    invariants : tuple of (name, polynomial)
+        Other functions I with LI = σ − λI, as in `Problem`.
     """
 
     dimension: int
@@ -122,6 +124,7 @@ class PolynomialSystem:
     noise_hamiltonians: tuple[Polynomial, ...] = ()
     noise_vectors: Matrix = ()
     damping: float = 0.0
+    invariants: tuple[tuple[str, Polynomial], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -154,6 +157,10 @@ class Problem(System):
         Quadratic Casimirs C(y) = yᵀAy: ∇Cᵀ B = 0 for all y.
     linear_casimirs : sequence of (d,) vectors b
         Linear Casimirs C(y) = bᵀy.
+    invariants : mapping of names to callables, (d, ...) -> (...)
+        Other functions I that the exact flow keeps, or whose mean grows or decays at a constant rate: LI = σ − λI with
+        the generator L (`sepv.problem._invariants`), such as momenta. They are recorded, as H is. The law *invariant*
+        is about them.
     hessian, structure_derivative : callable, optional
         H″ and B′: (d, ...) -> (d, d, ...) and (d, ...) -> (d, d, d, ...), with ∂B_ij/∂y_k at [i, j, k].
         With both, Newton's Jacobian is analytic. Otherwise it is formed from differences.
@@ -184,8 +191,8 @@ class Problem(System):
     Raises
     ------
     ProblemError
-        If B is not skew, `gradient` is not that of H, a yᵀAy or bᵀy is not a Casimir, or a shape is wrong.
-        The message names the component and both values.
+        If B is not skew, `gradient` is not that of H, a yᵀAy or bᵀy is not a Casimir, LI is not σ − λI for one of the
+        `invariants`, or a shape is wrong. The message names the component and both values.
 
     Examples
     --------
@@ -216,6 +223,7 @@ class Problem(System):
     longest_step: float | None = None
     name: str = "problem"
     data: PolynomialSystem | NamedProblem | None = None
+    invariants: Mapping[str, Function] = field(default_factory=dict)
     check: InitVar[bool] = True
 
     def __post_init__(self, check: bool) -> None:
@@ -246,6 +254,8 @@ class Problem(System):
             shapes: dict[str, tuple[int, ...]] = {"structure": (d, d), "hamiltonian": ()}
             for key, of_value in shapes.items():
                 object.__setattr__(self, key, taking_batches(key, getattr(self, key), y, of_value))
+            stated = {key: taking_batches(key, I, y, ()) for key, I in self.invariants.items()}
+            object.__setattr__(self, "invariants", stated)
         if self.gradient is to_be_derived:
             derived = derive(d, self.structure, self.hamiltonian)
             object.__setattr__(self, "gradient", derived.gradient)
@@ -258,6 +268,15 @@ class Problem(System):
             from sepv.problem._checks import check_problem
 
             check_problem(self)
+        # Other systems first prepare their noises.
+        self._checked_invariants(check and type(self).__post_init__ is Problem.__post_init__)
+
+    def _checked_invariants(self, check: bool) -> None:
+        """Raise a ProblemError for a function in `invariants` that has no LI = σ − λI, if `check` is True."""
+        from sepv.problem._invariants import require_invariants
+
+        if check:
+            require_invariants(self)
 
     def derivative_along(self, y: Array, v: Array) -> Array:
         """The derivative f′(y)v of the field f = B∇H, (d, ...): analytic, else by differences of high order."""
@@ -321,6 +340,7 @@ def _check_kinds(problem: Problem) -> None:
                 received=f"{type(getattr(problem, key)).__name__}: {getattr(problem, key)!r:.80}",
                 remedy=f"{key}=(first, second), and {key}=(only,) for one",
             )
+    stated = problem.invariants
     degree, longest = problem.degree, problem.longest_step
     for right, expected, value in (
         (
@@ -330,6 +350,12 @@ def _check_kinds(problem: Problem) -> None:
         ),
         (longest is None or (is_number(longest) and longest > 0), "longest_step: a number > 0", longest),
         (isinstance(problem.name, str), "name: a text", problem.name),
+        (
+            isinstance(stated, Mapping)
+            and all(isinstance(k, str) and callable(I) for k, I in stated.items()),
+            "invariants: names with functions of y, {'momentum': lambda y: y[0] + y[1]}",
+            stated,
+        ),
     ):
         if not right:
             raise ProblemError(

@@ -90,6 +90,7 @@ class StructuresProblem(Problem):
                 for G in self.noise_structures
             )  # fmt: skip
             object.__setattr__(self, "noise_structures", checked)
+        self._checked_invariants(check)
 
     @property
     def structures(self) -> Sequence[Function]:
@@ -246,7 +247,7 @@ def commuting_hamiltonians(
     )
     keys = (
         "dimension", "structure", "hamiltonian", "gradient", "casimirs", "linear_casimirs", "hessian",
-        "structure_derivative", "mean_gradient", "degree", "domain", "initial",
+        "structure_derivative", "mean_gradient", "degree", "domain", "initial", "invariants",
     )  # fmt: skip
     return StructuresProblem(
         **{key: getattr(drift, key) for key in keys},

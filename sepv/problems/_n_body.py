@@ -100,8 +100,17 @@ def _bodies(
         p0, p1 = y0[2 * n :], y1[2 * n :]
         return np.concatenate([pulls, (np.array(inverse) * (p0 + 0.5 * (p1 - p0)).T).T])
 
+    def turning(y: Array) -> Array:
+        q, p = y[: 2 * n], y[2 * n :]
+        return np.asarray(sum(q[2 * i] * p[2 * i + 1] - q[2 * i + 1] * p[2 * i] for i in range(n)))
+
     return named(
         name, noise, parameters, dimension=4 * n, structure=positions_first, hamiltonian=hamiltonian,
+        invariants={
+            "momentum in x": lambda y: np.asarray(sum(y[2 * n :: 2])),
+            "momentum in y": lambda y: np.asarray(sum(y[2 * n + 1 :: 2])),
+            "angular momentum": turning,
+        },
         mean_gradient=mean_gradient, initial=np.concatenate([q.ravel(), (m[:, None] * v).ravel()]).tolist(),
         domain=lambda y: np.min([distance(y, i, j) for i, j, _ in pairs], axis=0) > 0,
     )  # fmt: skip

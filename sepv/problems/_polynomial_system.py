@@ -65,6 +65,7 @@ def polynomial_problem(data: PolynomialSystem) -> Problem:
         name=f"polynomial system in {d} variables",
         data=data,
         nambu=None if data.nambu is None else _nambu(*data.nambu),
+        invariants={name: PolynomialMap((), (I,)) for name, I in data.invariants},
         check=False,
     )
     more = data.noise_structures or data.noise_hamiltonians or data.noise_vectors
@@ -216,6 +217,7 @@ def _check_shapes(data: PolynomialSystem) -> None:
     for n, b in enumerate(data.linear_casimirs):
         parts.append((len(b) == d, f"linear_casimirs[{n}], a row of {d} numbers", f"{len(b)} numbers"))
     polynomials = {f"polynomial_casimirs[{n}]": C for n, C in enumerate(data.polynomial_casimirs)}
+    polynomials |= {f"invariants[{name!r}]": I for name, I in data.invariants}
     for name, p in (polynomials | {"hamiltonian": H}).items():
         parts.append((p.dimension == d, f"{name} in {d} variables", f"one in {p.dimension}"))
     for fits, expected, received in parts:

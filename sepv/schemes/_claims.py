@@ -17,6 +17,7 @@ LAWS = (
     "casimir",
     "casimir-drift",
     "any-casimir",
+    "invariant",
     "conformal-casimir",
     "conformal-energy",
     "poisson-map",

@@ -17,7 +17,7 @@ from typing import Any
 from sepv._arguments import did_you_mean, double
 from sepv.errors import ProblemError, TargetError, UnknownTarget, UsageError
 from sepv.files import read_json
-from sepv.problem import NamedProblem, PolynomialSystem, Problem
+from sepv.problem import NamedProblem, PolynomialSystem, Problem, require_invariants
 from sepv.schemes._one_step import Explicit, Implicit
 from sepv.schemes._scheme import Scheme, Step
 from sepv.schemes._stateful import StatefulStep
@@ -212,7 +212,9 @@ def _from_file(path: Path) -> Problem:
     try:
         problem = problems.build(problems.from_json(data))
         initial = [double(v) for v in data["initial"]] if "initial" in data else problem.initial
-        return replace(problem, name=path.stem, initial=initial, check=False)
+        named = replace(problem, name=path.stem, initial=initial, check=False)
+        require_invariants(named)
+        return named
     except UsageError as error:
         raise ProblemError(
             expected=error.expected, received=f"{path}: {error.received}", remedy=error.remedy

@@ -267,6 +267,7 @@ def _describe_problem(data: Description) -> list[str]:
     if data.nambu is not None:
         lines += [f"g(y) = {data.nambu[0]}", f"C(y) = {data.nambu[1]}"]
     lines += [f"damping −γy dt with γ = {data.damping!r}"] if data.damping else []
+    lines += [f"invariant {name} = {I}" for name, I in data.invariants]
     lines += [f"Casimir {C}" for C in data.polynomial_casimirs]
     lines += [f"Casimir yᵀAy with A = {[list(row) for row in A]}" for A in data.casimirs]
     lines += [f"Casimir bᵀy with b = {list(b)}" for b in data.linear_casimirs]
