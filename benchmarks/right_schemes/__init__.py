@@ -14,6 +14,7 @@ from benchmarks.right_schemes import (
     long_times,
     other_formulas,
     solved_otherwise,
+    stated,
     with_memory,
 )
 from sepv.schemes import Scheme
@@ -27,5 +28,6 @@ RIGHT: dict[str, Scheme] = {
         *long_times.SCHEMES,
         *in_single_precision.SCHEMES,
         *with_memory.SCHEMES,
+        *stated.SCHEMES,
     )
 }

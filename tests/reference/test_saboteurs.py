@@ -7,7 +7,7 @@ import pytest
 from doors import command, doc
 from sepv.properties._long_steps import for_energy
 from sepv.reference.faults import detection as fault_detection
-from sepv.reference.faults.saboteurs import _BY_FAMILY, SABOTEURS, historical
+from sepv.reference.faults.saboteurs import _BY_FAMILY, SABOTEURS, historical, stated
 
 from sepv import problems
 from sepv.console import console
@@ -80,6 +80,8 @@ def test_each_saboteur_claims_what_the_scheme_claims(name: str) -> None:
         right = weakly(by_name("modified-weak-2"), "three-point")
     elif saboteur.family == "historical":
         right = historical.RIGHT[name]
+    elif saboteur.family == "stated":
+        right = stated.RIGHT[name]
     elif name in IMITATED:
         right = by_name(IMITATED[name])
     elif saboteur.family == "higher order":
