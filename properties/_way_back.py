@@ -95,14 +95,14 @@ def measured(scheme: Scheme, case: Case, rho: Array | None = None) -> Measuremen
     if alone is None:
         bound = bound + ACCUMULATED * float(residual.max())
     elif not np.all(error <= bound):
-        bound = bound + sum(_moved(alone, y1, returned, k, residual[k]) for k in range(y.size))
+        bound = bound + sum(moved(alone, y1, returned, k, residual[k]) for k in range(y.size))
     k = int(np.argmax(error / bound))
     unit = state_ulp(y, y1)
     detail = f"{words}y{count} = {y1.tolist()}, back at {returned.tolist()}"
     return Measurement(float(error[k]) / unit, float(bound[k]) / unit, detail)
 
 
-def _moved(back: Callable[[Array], Array], y1: Array, returned: Array, k: int, width: float) -> Array | float:
+def moved(back: Callable[[Array], Array], y1: Array, returned: Array, k: int, width: float) -> Array | float:
     """The change |back(y1 ± w e_k) − back(y1)| (d,), w = `width`, with the first sign for which the step succeeds.
 
     NaN if it succeeds for no sign: then nothing tells how roundings grow, and the case has no

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from sepv import problems
-from sepv.problem import Array, PolynomialSystem, Problem, matmul, matvec
+from sepv.problem import Array, PolynomialSystem
 from sepv.problems import nambu_system
-from sepv.record import EPS, Polynomial, poly
+from sepv.record import Polynomial, poly
 from sepv.schemes import Scheme, ask
 from sepv.verification import (
     Case,
@@ -21,19 +21,7 @@ from sepv.verification import (
     step_residual,
 )
 from sepv.verification._contraction import contraction_radius, has_majorants
-from sepv.verification._tolerance import CONTRACTION, majorants, operations
-
-
-def correction_rounding(problem: Problem, y0: Array, y1: Array, h: float) -> Array:
-    """A bound (d,) of the rounding errors in Itô's correction ½ Σ c_j² h f′f, f = B∇H, for polynomial data.
-
-    A scheme that treats drift and noise apart may compute the correction. If the increments are small beside √h, these
-    errors exceed the effect of the increments. Let u be the unit roundoff, and M_f, M_f′ the sums of absolute values of
-    terms. With K operations f errs by K u M_f, f′ by K u M_f′, and the correction by Σ c_j² |h| K u M_f′ M_f.
-    """
-    B, g, dB, H = majorants(problem, np.maximum(np.abs(y0), np.abs(y1)))
-    factor = 0.5 * EPS * operations(problem) * abs(h) * float(problem.c @ problem.c)
-    return np.asarray(factor * matvec(matvec(dB, g) + matmul(B, H), matvec(B, g)))
+from sepv.verification._tolerance import CONTRACTION, correction_rounding
 
 
 def transformations(y: Array) -> list[tuple[str, Array, Array, Array]]:

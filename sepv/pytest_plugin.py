@@ -52,6 +52,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--expected", "--sepv-expected", dest="sepv_expected", default=None, metavar="FILE",
         help="claims and known violations of one scheme, as sepv verify --pin writes them",
     )  # fmt: skip
+    group.addoption(
+        "--agrees-with", dest="sepv_twin", default=None, metavar="MODULE:ATTR",
+        help="a second program that should make the steps of each scheme (law agreement)",
+    )  # fmt: skip
+    group.addoption("--sepv-bits", action="store_true", help="with --agrees-with: steps of equal bits")
     parser.addini("sepv_schemes", "schemes to verify, one a line", type="linelist")
     parser.addini("sepv_expected", "the same as --expected, relative to the ini file")
 
@@ -83,7 +88,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def _expectations(config: pytest.Config) -> Expectations:
     """Read the expectations from the file that --expected or the ini value names; empty if neither names one."""
-    from sepv.verification import LAWS
+    from sepv.verification import ALL_LAWS
     from sepv.verification import load_expectations as load
 
     file = config.getoption("sepv_expected") or config.getini("sepv_expected")
@@ -91,7 +96,7 @@ def _expectations(config: pytest.Config) -> Expectations:
         return Expectations()
     base = config.invocation_params.dir if config.getoption("sepv_expected") else config.rootpath
     try:
-        return load(base / file, LAWS)
+        return load(base / file, ALL_LAWS)
     except UsageError as error:
         raise pytest.UsageError(str(error)) from error
 
@@ -105,12 +110,14 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """Make one test for each law and scheme."""
     if "scheme" not in metafunc.fixturenames or not _is_law(metafunc.module):
         return
-    from sepv.schemes import PAPER, load_scheme
+    from sepv.schemes import PAPER
+    from sepv.verification import suite
 
     targets = metafunc.config.getoption("--scheme") or getattr(metafunc.module, "sepv_schemes", None)
     names = targets or metafunc.config.getini("sepv_schemes") or list(PAPER)
     try:
-        schemes = [load_scheme(name, metafunc.config.stash[_EXPECTED].claims or ()) for name in names]
+        twin, claims = _twin(metafunc.config), metafunc.config.stash[_EXPECTED].claims or ()
+        schemes = [suite.load_candidate(name, claims, twin=twin) for name in names]
     except SepvError as error:
         # One error, without the frames of pytest; the remaining tests would only repeat the error.
         metafunc.definition.session.shouldfail = "there is no scheme to verify"
@@ -120,6 +127,13 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
             f"--expected is about one scheme, and there are {len(names)}: name it with --scheme"
         )
     metafunc.parametrize("scheme", schemes, ids=names, scope="session")
+
+
+def _twin(config: pytest.Config) -> Any:
+    """The `sepv.schemes.Twin` of --agrees-with, or None."""
+    from sepv.schemes import as_twin
+
+    return as_twin(config.getoption("sepv_twin"), config.getoption("--sepv-bits"))
 
 
 def _is_law(module: Any) -> bool:
@@ -172,7 +186,8 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Any:
         name = getattr(given.get("scheme"), "name", target)
         row = (target, finding.law, finding.verdict.text, "yes" if finding.claimed else "no", name)
         pyfuncitem.user_properties.extend(zip(_KEYS, row, strict=True))
-        _conclude(finding, target, listed.claims)
+        twin = _twin(pyfuncitem.config)
+        _conclude(finding, target + (twin.options if twin else ""), listed.claims)
     return result
 
 

@@ -10,7 +10,7 @@ import pytest
 from doors import ROOT
 
 from sepv.schemes import midpoint
-from sepv.verification import LAWS, Effort, load_laws, pin, verify
+from sepv.verification import ALL_LAWS, Effort, load_laws, pin, verify
 
 pytest_plugins = ["pytester"]
 # What a run in this process imports first, pytester forgets afterwards, and NumPy's extensions load once in a process.
@@ -18,7 +18,7 @@ load_laws()
 
 DOOR = ("-p", "sepv.pytest_plugin", "-p", "no:cacheprovider", "--sepv-examples", "8", "--sepv-paths", "256")
 STEPS = "(test_energy or test_casimir or identity) and not casimir_drift"
-OTHERS = len(LAWS) - 4
+OTHERS = len(ALL_LAWS) - 4
 
 MINE = """
 import sepv
@@ -73,12 +73,24 @@ def test_a_scheme_that_breaks_a_claim_fails_with_a_counterexample(pytester: pyte
     assert not [words for words in ("search.py", "LawViolated", "def require") if words in shown]
 
 
+def test_a_second_program_is_compared_and_named_in_the_replay(pytester: pytest.Pytester) -> None:
+    asked = ("--scheme", "mine:honest", "--agrees-with")
+    laws(pytester, *asked, "midpoint", "--sepv-bits", k="test_agreement").assert_outcomes(
+        passed=1, deselected=len(ALL_LAWS) - 1
+    )
+    other = laws(pytester, *asked, "energy-preserving", k="test_agreement")
+    other.assert_outcomes(failed=1, deselected=len(ALL_LAWS) - 1)
+    other.stdout.fnmatch_lines(
+        ["replay: sepv verify mine:honest --agrees-with energy-preserving --law agreement*"]
+    )
+
+
 def test_what_is_not_claimed_or_does_not_apply_is_skipped_with_what_was_measured(
     pytester,
 ):
     asked = ("-rs", "--scheme", "mine:honest", "--junitxml", "out.xml")
     result = laws(pytester, *asked, k="test_energy or test_reproducibility")
-    result.assert_outcomes(skipped=3, deselected=len(LAWS) - 3)
+    result.assert_outcomes(skipped=3, deselected=len(ALL_LAWS) - 3)
     result.stdout.fnmatch_lines_random(
         [
             "SKIPPED*not claimed; energy (Prop. 3.1) violated: * against * ulp of H*",
@@ -108,7 +120,7 @@ def test_schemes_of_the_ini_file_run_beside_the_own_tests(pytester: pytest.Pytes
     )
     pytester.syspathinsert()
     few = ("--sepv-examples", "5", "-p", "no:cacheprovider", "-k", "test_own or test_identity")
-    pytester.runpytest_inprocess(*few).assert_outcomes(passed=2, deselected=len(LAWS) - 1)
+    pytester.runpytest_inprocess(*few).assert_outcomes(passed=2, deselected=len(ALL_LAWS) - 1)
     # Whoever names a path asks for that alone.
     pytester.runpytest_inprocess(*few, "test_own.py").assert_outcomes(passed=1)
 

@@ -1,7 +1,7 @@
 """Fault detection: run laws on saboteurs (schemes broken on purpose), and count inputs to the first violation.
 
 A law kills a saboteur with a seed if the saboteur claims the law and the verdict is `violated`. A fault of the
-interface is also killed by the verdict `error`, which no reader mistakes for a pass.
+interface, or a faulty port, is also killed by the verdict `error`, which no reader mistakes for a pass.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from sepv.console import Table, columns, fits, print_table
 from sepv.errors import require_one_of
 from sepv.schemes import Scheme
 from sepv.verification import (
-    LAWS,
+    ALL_LAWS,
     Effort,
     Finding,
     Law,
@@ -42,6 +42,8 @@ TIMEOUT = 120.0
 # No checks are spent on simplifying a counterexample. So `Finding.checks` is the number of examples up to and including
 # the first failure.
 _NO_SHRINKING = 0
+# The families of saboteurs with broken interfaces, for which an error is a finding.
+BY_ERROR = ("interface", "twins")
 
 
 @dataclass(frozen=True)
@@ -63,11 +65,10 @@ class Detection:
     def kills(self) -> bool:
         """True if this law finds this fault: the saboteur claims the law, and the verdict is `violated`.
 
-        A fault of the family "interface" is also found by the verdict `error`.
+        A fault of the families `BY_ERROR` is also found by the verdict `error`.
         """
-        return self.claimed and (
-            self.verdict is Verdict.VIOLATED or (self.family == "interface" and self.verdict is Verdict.ERROR)
-        )
+        by_error = self.verdict is Verdict.ERROR and self.family in BY_ERROR
+        return self.claimed and (self.verdict is Verdict.VIOLATED or by_error)
 
     def to_json(self) -> dict[str, Any]:
         """The fields as a JSON object, for a file beside the table."""
@@ -94,7 +95,7 @@ def run(
     true, a saboteur's laws stop once a law finds the fault; laws that find it by theory run first.
     """
     chosen = [find(name) for name in (SABOTEURS if names is None else names)]
-    law_names = [law.name for law in load_laws(laws)]
+    law_names = [law.name for law in load_laws(ALL_LAWS if laws is None else laws)]
     budget = effort or Effort(corpus=False)
     how = (law_names, budget.examples, budget.paths, first, budget.corpus)
     jobs = [(s.name, seed, *how) for seed in seeds for s in chosen]
@@ -119,7 +120,7 @@ def detect(
     saboteur = find(name)
     scheme, run = saboteur.scheme, Run(Effort(examples, paths, seed, _NO_SHRINKING, corpus=corpus))
     if first:
-        laws = sorted(laws, key=lambda law: (law not in saboteur.caught_by, LAWS.index(law)))
+        laws = sorted(laws, key=lambda law: (law not in saboteur.caught_by, ALL_LAWS.index(law)))
     measured, findings = list[Law](), dict[str, Finding]()
     for chosen in laws:
         measured += load_laws([chosen])
@@ -258,7 +259,7 @@ def abbreviation(law: str) -> str:
     words = law.split("-")
     if len(words) > 1:
         return "".join(w[0] for w in words)
-    alone = [name for name in LAWS if "-" not in name]
+    alone = [name for name in ALL_LAWS if "-" not in name]
     lengths = range(3, len(law) + 1)
     return next(law[:n] for n in lengths if n == len(law) or sum(o.startswith(law[:n]) for o in alone) < 2)
 

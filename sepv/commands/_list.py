@@ -28,7 +28,7 @@ def list_(words: tuple[str, ...]) -> None:
     from sepv import problems, schemes
     from sepv.console import console
     from sepv.schemes import MAX_STAGES
-    from sepv.verification import load_laws
+    from sepv.verification import ALL_LAWS, load_laws
 
     out = console()
     by_name = schemes.PAPER | schemes.EXTENSIONS | schemes.HAMILTONIANS | schemes.DAMPED
@@ -38,7 +38,7 @@ def list_(words: tuple[str, ...]) -> None:
     one, more = problems.PAPER | problems.EXTENSIONS, problems.SEVERAL | problems.HAMILTONIANS
     modules = [factory.__module__ for factory in (one | more).values()]
     alone, several = _problem_rows(one, modules), _problem_rows(more, modules)
-    laws = [(law.name, law.source, law.statement) for law in load_laws()]
+    laws = [(law.name, law.source, law.statement) for law in load_laws(ALL_LAWS)]
     found = False
     for title, heading, rows in (
         ("Schemes", ("scheme", "order", "source"), named),

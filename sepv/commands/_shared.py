@@ -173,9 +173,9 @@ def complete_schemes(_context: click.Context, _parameter: click.Parameter, incom
 
 def complete_laws(_context: click.Context, _parameter: click.Parameter, incomplete: str) -> list[str]:
     """The laws that begin with a text, for shell completion."""
-    from sepv.verification import LAWS
+    from sepv.verification import ALL_LAWS
 
-    return [name for name in LAWS if name.startswith(incomplete)]
+    return [name for name in ALL_LAWS if name.startswith(incomplete)]
 
 
 def friendly(command: Callable[..., Any]) -> Callable[..., Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shlex
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,9 @@ from sepv.commands._watch import followed
 from sepv.console import counted, print_table
 from sepv.errors import UsageError
 from sepv.files import made, write_atomically
+
+# The beginning of a target that is a program: exec:COMMAND.
+PROGRAM = "exec:"
 
 
 @click.command(epilog=cli.EXIT_CODES, short_help="Measure every law on a scheme.")
@@ -34,6 +38,11 @@ from sepv.files import made, write_atomically
     help="Profiles that must be found, such as energy,order-1; only their laws are measured.",
 )  # fmt: skip
 @cli.CLAIM
+@click.option(
+    "--agrees-with", metavar="TARGET",
+    help="A second program that should make the same steps (law agreement): a TARGET, or 'exec:COMMAND'.",
+)  # fmt: skip
+@click.option("--bits", is_flag=True, help="With --agrees-with: the steps of both have the same bits.")
 @click.option("--json", type=cli.OUT, help="Write the report to this file.")
 @click.option("--html", type=cli.OUT, help="Write the report as a page, with pictures, to this file.")
 @click.option("--junit", type=cli.OUT, help="Write JUnit XML to this file.")
@@ -77,7 +86,7 @@ from sepv.files import made, write_atomically
 @click.option("-q", "--quiet", is_flag=True, help="Only the last line.")
 @cli.friendly
 def verify(targets: cli.Names, laws: cli.Names, **options: Any) -> None:
-    """Measure every law on TARGET: a built-in name or module:attribute.
+    """Measure every law on TARGET: a built-in name, module:attribute or 'exec:COMMAND'.
 
     The attribute is a sepv.Scheme, or a function step(problem, y, h, dW) -> y_next. Laws that a scheme
     does not claim are measured and printed too. For several targets a matrix of all verdicts is printed last.
@@ -87,7 +96,10 @@ def verify(targets: cli.Names, laws: cli.Names, **options: Any) -> None:
     sepv verify energy-preserving midpoint euler-heun
     sepv verify mymodule:step --claim energy,casimir --json report.json
     sepv verify mymodule:step -p canonical-separable -p mymodule:problem
+    sepv verify mymodule:step --agrees-with 'exec:./original' --law agreement
     """
+    if len(targets) == 1 and targets[0].startswith(PROGRAM) and not options["program"]:
+        options["program"], targets = targets[0].removeprefix(PROGRAM), ()
     if bool(targets) == bool(options["program"]):
         raise UsageError(
             expected="a TARGET, or a program with --exec",
@@ -97,17 +109,35 @@ def verify(targets: cli.Names, laws: cli.Names, **options: Any) -> None:
     if options["coverage"] and targets:
         raise SystemExit(_coverage(targets, laws, options["problems"], options["timeout"]))
     command, seconds = options["program"], options["call_timeout"]
-    if not command:
-        raise SystemExit(_verify(targets, laws, options))
-    from sepv.external import check_protocol, describe, load_program
-    from sepv.verification import LAWS
+    if options["check_protocol"] and command:
+        from sepv.external import check_protocol, describe
+        from sepv.verification import LAWS
 
-    if options["check_protocol"]:
         checks = check_protocol(command, call_timeout=seconds, laws=LAWS)
         click.echo(describe(checks))
         raise SystemExit(0 if all(c.ok for c in checks) else 3)
-    with load_program(command, call_timeout=seconds) as scheme:
+    with ExitStack() as programs:
+        options["twin"] = _twin(options, programs)
+        if not command:
+            raise SystemExit(_verify(targets, laws, options))
+        from sepv.external import load_program
+
+        scheme = programs.enter_context(load_program(command, call_timeout=seconds))
         raise SystemExit(_verify((scheme,), laws, options, f"--exec {shlex.quote(command)}"))
+
+
+def _twin(options: dict[str, Any], programs: ExitStack) -> Any:
+    """The `sepv.schemes.Twin` of --agrees-with and --bits; a program runs until `programs` is closed."""
+    from sepv.schemes import Twin, as_twin
+
+    words = options["agrees_with"]
+    if words is None or not words.startswith(PROGRAM):
+        return as_twin(words, options["bits"])
+    from sepv.external import load_program
+
+    command = words.removeprefix(PROGRAM)
+    scheme = programs.enter_context(load_program(command, call_timeout=options["call_timeout"]))
+    return Twin(scheme, options["bits"], shlex.quote(words))
 
 
 def _coverage(targets: cli.Names, laws: cli.Names, problems: cli.Names, seconds: float) -> int:
@@ -126,11 +156,11 @@ def _arguments(laws: cli.Names, options: dict[str, Any]) -> dict[str, Any]:
 
     Raises UsageError for a claim that is not among the laws to measure.
     """
-    from sepv.verification import laws_of
+    from sepv.verification import ALL_LAWS, load_laws
 
     names = [law.name for law in _laws_of_run(laws, options)]
     claims = [claim.replace("_", "-") for claim in options["claims"]]
-    left_out = [law.name for law in laws_of() if law.name in claims and law.name not in names]
+    left_out = [law.name for law in load_laws(ALL_LAWS) if law.name in claims and law.name not in names]
     if left_out:
         raise UsageError(
             expected="a claim to be among the laws that are measured",
@@ -139,14 +169,15 @@ def _arguments(laws: cli.Names, options: dict[str, Any]) -> dict[str, Any]:
         )
     as_given = {key: options[key] for key in ("timeout", "expected", "jobs", "workers", "require")}
     listed = {"laws": laws or None, "claims": claims, "problems": options["problems"] or None}
-    return as_given | listed | {"effort": _effort(**options)}
+    return as_given | listed | {"effort": _effort(**options), "agrees_with": options["twin"]}
 
 
 def _laws_of_run(laws: cli.Names, options: dict[str, Any]) -> list[Any]:
     """The laws to measure: those that --law names, those that the profiles of --require need, or by default all."""
     from sepv.verification import laws_of, requirements
 
-    return laws_of(laws or None, requirements(options["require"]) if options["require"] else ())
+    required = requirements(options["require"]) if options["require"] else ()
+    return laws_of(laws or None, required, twin=options["twin"] is not None)
 
 
 def _effort(**options: Any) -> Any:
@@ -171,7 +202,7 @@ def _verify(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any], 
 
     quiet, debug = options["quiet"], click.get_current_context().params["debug"]
     if options["token"] is not None:
-        _replay(targets, laws, options["token"], options["problems"], debug)
+        _replay(targets, laws, options, debug)
     if options["against"] is not None:
         return _against(targets, laws, options)
     files = {kind: options[kind] for kind in ("json", "html", "junit", "badge", "write_expected", "pin")}
@@ -183,7 +214,10 @@ def _verify(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any], 
         shown_as = shown or shlex.quote(target)
         with watching(quiet, _laws_of_run(laws, options), shown_as) as progress:
             report = run(target, progress=progress, **arguments)
-        named = shown + "".join(f" -p {shlex.quote(p)}" for p in report.problems) if shown else report.target
+        named = report.target
+        if shown:
+            with_problems = "".join(f" -p {shlex.quote(p)}" for p in report.problems)
+            named = shown + with_problems + (options["twin"].options if options["twin"] else "")
         report = replace(report, target=named, pins=bool(files["pin"]))
         reports.append(report)
 
@@ -229,7 +263,7 @@ def _against(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any])
     _one_target(targets, "--against")
     report, seconds, out = read_report(options["against"]), options["timeout"], console()
     names = [law.name for law in load_laws(laws)] if laws else []
-    scheme = load_in_time(targets[0], (), seconds, options["problems"] or None)
+    scheme = load_in_time(targets[0], (), seconds, options["problems"] or None, twin=options["twin"])
     wrong = []
     with showing(options["quiet"]) as shown:
         for again in against(report, scheme, _effort(**options), seconds, names):
@@ -316,20 +350,20 @@ def _page(data: dict[str, Any]) -> str:
 
 def _no_longer_guarded(path: str, report: Any) -> list[str]:
     """The laws that an old file of ``--pin`` claims and that no longer hold in the report; empty without a file."""
-    from sepv.verification import LAWS, Verdict
+    from sepv.verification import ALL_LAWS, Verdict
     from sepv.verification import load_expectations as load
 
     if not Path(path).exists():
         return []
     try:
-        claims = load(path, LAWS).claims or frozenset()
+        claims = load(path, ALL_LAWS).claims or frozenset()
     except UsageError:
         return []
     return sorted(claims - {f.law for f in report.findings if f.verdict is Verdict.HOLDS})
 
 
-def _replay(targets: tuple[Any, ...], laws: cli.Names, token: str, names: cli.Names, debug: bool) -> None:
-    """Run ``--replay``: measure one law on the input that `token` encodes, and exit with the code of its verdict."""
+def _replay(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any], debug: bool) -> None:
+    """Run ``--replay``: measure one law on the input that a token encodes, and exit with the code of its verdict."""
     from sepv.console import console
     from sepv.verification import Verdict, replay, report
     from sepv.verification import cases as case
@@ -340,6 +374,7 @@ def _replay(targets: tuple[Any, ...], laws: cli.Names, token: str, names: cli.Na
             received=f"TARGET: {len(targets)}, --law: {len(laws)}",
             remedy="copy the whole command from the report",
         )
-    finding = replay(targets[0], laws[0], case.witness_of(token), names or None)
+    witness = case.witness_of(options["token"])
+    finding = replay(targets[0], laws[0], witness, options["problems"] or None, options["twin"])
     report.show_finding(finding, console(), debug=debug)
     raise SystemExit({Verdict.HOLDS: 0, Verdict.ERROR: 3}.get(finding.verdict, 1))

@@ -15,7 +15,7 @@ from sepv.errors import UsageError
 from sepv.page._text import name, number, plain
 from sepv.page._views import View, again, cell, words_of
 from sepv.studies import power
-from sepv.verification import LAWS, Verdict, has_words, load_laws, same_error, verdict_text
+from sepv.verification import ALL_LAWS, Verdict, has_words, load_laws, same_error, verdict_text
 
 # The largest number of characters of all counterexamples on a page; ROOMY on a page of at most FEW schemes, which has
 # pictures of them too. The JSON files have all counterexamples.
@@ -31,7 +31,7 @@ FLAT = 1e-13
 def schemes(reports: list[View]) -> tuple[list[str], list[View]]:
     """Return the names of all laws, those unknown to sepv last, and a list with a view of each report."""
     laws = list(dict.fromkeys(law["law"] for r in reports for law in r["laws"]))
-    laws.sort(key=lambda law: LAWS.index(law) if law in LAWS else len(LAWS))
+    laws.sort(key=lambda law: ALL_LAWS.index(law) if law in ALL_LAWS else len(ALL_LAWS))
     share = (ROOMY if len(reports) <= FEW else BUDGET) // max(1, len(reports))
     return laws, [_scheme(r, laws, share, drawn=len(reports) <= FEW) for r in reports]
 
@@ -131,7 +131,7 @@ def _row(law: View, place: Any) -> View:
     words = "expected" if waived else words
     return {
         "law": name(law["law"]),
-        "anchor": f"law-{law['law']}" if law["law"] in LAWS else "",
+        "anchor": f"law-{law['law']}" if law["law"] in ALL_LAWS else "",
         "cell": shown | {"words": words},
         "claimed": claimed,
         "place": place(law),
@@ -310,7 +310,7 @@ def headline(reports: list[View]) -> str:
 def law_texts(laws: list[str]) -> list[dict[str, str]]:
     """Return the statement and source of each of the given laws. Laws that sepv does not have get empty texts."""
     texts = {law: {"name": name(law), "anchor": "", "statement": "", "source": ""} for law in laws}
-    for law in load_laws([law for law in laws if law in LAWS]):
+    for law in load_laws([law for law in laws if law in ALL_LAWS]):
         stated = {"statement": plain(law.statement, 400), "source": plain(law.source, 80)}
         texts[law.name] |= {"anchor": f"law-{law.name}", **stated}
     return list(texts.values())

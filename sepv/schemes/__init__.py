@@ -24,7 +24,7 @@ from sepv.schemes._catalogue import HAMILTONIANS as HAMILTONIANS
 from sepv.schemes._catalogue import PAPER as PAPER
 from sepv.schemes._catalogue import built_in as built_in
 from sepv.schemes._catalogue import by_name as by_name
-from sepv.schemes._claims import LAWS, require_laws
+from sepv.schemes._claims import ALL_LAWS, LAWS, OF_TWINS, require_laws
 from sepv.schemes._collocation import FIRST_NODES, MAX_NODES
 from sepv.schemes._collocation import collocation as collocation
 from sepv.schemes._continuation import continued as continued
@@ -46,7 +46,7 @@ from sepv.schemes._guard import (
     translated,
 )
 from sepv.schemes._guard import ask as ask
-from sepv.schemes._load_target import load_object, require_trusted, words_for
+from sepv.schemes._load_target import as_twin, load_object, require_trusted, words_for
 from sepv.schemes._load_target import load_problem as load_problem
 from sepv.schemes._load_target import load_scheme as load_scheme
 from sepv.schemes._midpoint import formula as midpoint_formula
@@ -73,6 +73,7 @@ from sepv.schemes._projected import projected as projected
 from sepv.schemes._recorded import Recorded
 from sepv.schemes._scheme import OF_SEVERAL, Step, as_lanes, takes
 from sepv.schemes._scheme import Scheme as Scheme
+from sepv.schemes._scheme import Twin as Twin
 from sepv.schemes._scheme import weakly as weakly
 from sepv.schemes._stateful import REFUSALS, joined_lanes, lanes
 from sepv.schemes._stateful import PathSolver as PathSolver

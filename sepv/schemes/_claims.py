@@ -47,6 +47,10 @@ LAWS = (
     "commutation",
 )
 
+# Laws about a scheme and its twin, a second program: they are measured only if one is given (`Scheme.twin`).
+OF_TWINS = ("agreement",)
+ALL_LAWS = (*LAWS, *OF_TWINS)
+
 # Laws about paths, which do not apply to increments that match only some moments of the normal distribution.
 PATHWISE = frozenset(("mean-square-order", "right-limit", "local-mean", "local-mean-square", "commutation"))
 
@@ -54,4 +58,4 @@ PATHWISE = frozenset(("mean-square-order", "right-limit", "local-mean", "local-m
 def require_laws(names: Iterable[str]) -> None:
     """Raise a UsageError for a name that is not a law; the message has the closest law."""
     for name in names:
-        require_one_of("a law", name, LAWS, "see `sepv list`", did_you_mean(name, LAWS))
+        require_one_of("a law", name, ALL_LAWS, "see `sepv list`", did_you_mean(name, ALL_LAWS))

@@ -19,7 +19,7 @@ from sepv.errors import ProblemError, TargetError, UnknownTarget, UsageError
 from sepv.files import read_json
 from sepv.problem import NamedProblem, PolynomialSystem, Problem, require_invariants
 from sepv.schemes._one_step import Explicit, Implicit
-from sepv.schemes._scheme import Scheme, Step
+from sepv.schemes._scheme import Scheme, Step, Twin
 from sepv.schemes._stateful import StatefulStep
 
 # The positional arguments of a step.
@@ -189,6 +189,22 @@ def words_for(scheme: Any, problems: Any = None) -> str:
     if not words or (problems is not None and not listed) or not all(isinstance(p, str) for p in listed):
         return ""
     return " ".join([shlex.quote(words), *(f"-p {shlex.quote(p)}" for p in listed)])
+
+
+def as_twin(target: Any, bits: bool = False) -> Twin | None:
+    """The twin that `agrees_with` names, any target of `load_scheme` or a `Twin`; None if it is None.
+
+    Raises UsageError if equal `bits` are asked of no twin.
+    """
+    if bits and target is None:
+        raise UsageError(
+            expected="equal bits (--bits, bits=True) to be asked of a second program",
+            received="no second program",
+            remedy="name it: --agrees-with B, or agrees_with=b",
+        )
+    if target is None or isinstance(target, Twin):
+        return target
+    return Twin(target, bits, words_for(target))
 
 
 def _takes_nothing(function: Any) -> bool:

@@ -48,6 +48,30 @@ def truncation_for(order: float) -> int:
 
 
 @dataclass(frozen=True)
+class Twin:
+    """A second program that should make the same steps as a scheme, for the law "agreement".
+
+    Attributes
+    ----------
+    scheme : Scheme, str or function
+        The program, in any form that `sepv.schemes.load_scheme` takes.
+    bits : bool
+        True if its steps must have the same bits, False if they may differ by roundings and by the solvers' tolerances.
+    words : str
+        The argument of ``--agrees-with`` that names the program; empty if there is none.
+    """
+
+    scheme: Any
+    bits: bool = False
+    words: str = ""
+
+    @property
+    def options(self) -> str:
+        """The options of ``sepv verify`` that name the program, with a blank before them; empty without words."""
+        return f" --agrees-with {self.words}{' --bits' * self.bits}" if self.words else ""
+
+
+@dataclass(frozen=True)
 class Scheme:
     """A one-step method for (1.1) with its claims: the laws that it should obey, and its orders of convergence.
 
@@ -110,6 +134,8 @@ class Scheme:
         given as functions of B and ∇H alone.
     look : Look, optional
         Colours, marker and dashes in pictures; by default a look that no other scheme of the picture has.
+    twin : Twin, optional
+        A second program that should make the same steps. ``sepv.verify(scheme, agrees_with=…)`` sets it.
 
     Examples
     --------
@@ -146,6 +172,7 @@ class Scheme:
     longest_step: float | Callable[..., bool] | None = None
     dtype: str = "float64"
     needs: Iterable[str] = ()
+    twin: Twin | None = None
 
     def __post_init__(self) -> None:
         several = isinstance(self.claims, Iterable) and not isinstance(self.claims, str)
@@ -263,6 +290,7 @@ _ATTRIBUTES: dict[str, tuple[Callable[[Any], Any], str]] = {
         lambda v: isinstance(v, Iterable) and not isinstance(v, str) and all(n in NEEDED for n in v),
         f"names of {', '.join(NEEDED)}",
     ),
+    "twin": (lambda v: v is None or isinstance(v, Twin), "a sepv.schemes.Twin"),
     "asks": (lambda v: v in ASKS, '"areas", "halves" or "space-time"'),
     "longest_step": (
         lambda v: callable(v) or _is_positive(v), "a number > 0 or a function (problem, y, h, dW) -> bool",

@@ -11,6 +11,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from sepv._lazy import lazily
+from sepv.schemes import ALL_LAWS as ALL_LAWS
 from sepv.schemes import LAWS as LAWS
 from sepv.verification import _law as law
 from sepv.verification import _verify as suite

@@ -20,7 +20,7 @@ from dataclasses import replace
 from typing import Any
 
 from sepv.errors import SepvError
-from sepv.schemes import Scheme, ask
+from sepv.schemes import Scheme, Twin, ask
 from sepv.verification._cases.case import Case, from_json, has_words
 from sepv.verification._cases.users_problems import objects_of
 from sepv.verification._law import Finding, Verdict
@@ -73,15 +73,19 @@ class SecondProcess:
                     pipe.close()
 
 
-def asked_afresh(target: Any, findings: Sequence[Finding], problems: Any = None) -> tuple[Finding, ...]:
+def asked_afresh(
+    target: Any, findings: Sequence[Finding], problems: Any = None, twin: Twin | None = None
+) -> tuple[Finding, ...]:
     """The findings; for a violation, `Finding.afresh` is set to the verdict of a replay in a new process."""
-    again = [f for f in findings if _may_be_replayed(f)] if words_of(target, problems) else []
+    named = words_of(target, problems) and (twin is None or isinstance(twin.scheme, str))
+    again = [f for f in findings if _may_be_replayed(f)] if named else []
     if not again:
         return tuple(findings)
     question = {
         "path": sys.path,
         "target": target,
         "problems": problems,
+        "twin": twin and [twin.scheme, twin.bits],
         "asked": [[f.law, f.witness] for f in again],
     }
     try:
@@ -117,7 +121,10 @@ def answer(replay: Callable[..., Finding]) -> None:
 
     def verdicts(question: Any) -> list[str]:
         target, problems = question["target"], question["problems"]
-        return [replay(target, law, witness, problems).verdict.value for law, witness in question["asked"]]
+        twin = question["twin"] and Twin(*question["twin"])
+        return [
+            replay(target, law, witness, problems, twin).verdict.value for law, witness in question["asked"]
+        ]
 
     _answered(verdicts)
 

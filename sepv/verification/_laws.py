@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from importlib import import_module
 
 from sepv.errors import UsageError
-from sepv.schemes import LAWS, require_laws
+from sepv.schemes import ALL_LAWS, LAWS, OF_TWINS, require_laws
 from sepv.verification._law import Law
 from sepv.verification._profiles import Requirement, laws_for
 
@@ -22,7 +22,7 @@ DEAR = 2000
 
 
 def load_laws(names: Iterable[str] | None = None) -> list[Law]:
-    """Load laws by name, all laws by default, in the suite's order.
+    """Load laws by name, in the suite's order; by default all laws about one scheme.
 
     Raises
     ------
@@ -31,7 +31,7 @@ def load_laws(names: Iterable[str] | None = None) -> list[Law]:
     """
     wanted = LAWS if names is None else tuple(str(n).strip().replace("_", "-") for n in listed(names))
     require_laws(wanted)
-    ordered = [name for name in LAWS if name in wanted]
+    ordered = [name for name in ALL_LAWS if name in wanted]
     return [import_module(f"sepv.properties.test_{name.replace('-', '_')}").law for name in ordered]
 
 
@@ -45,17 +45,27 @@ def soonest(laws: Iterable[Law]) -> list[Law]:
     return sorted(asked, key=lambda law: (law.name not in SOON, steps[law.name] * (steps[law.name] > DEAR)))
 
 
-def laws_of(names: Iterable[str] | None = None, required: tuple[Requirement, ...] = ()) -> list[Law]:
-    """Load the laws of a run, given by `names` or by `required` profiles; a UsageError if both are given."""
+def laws_of(
+    names: Iterable[str] | None = None, required: tuple[Requirement, ...] = (), *, twin: bool = False
+) -> list[Law]:
+    """Load the laws of a run, given by `names` or by `required` profiles; a UsageError if both are given.
+
+    If the scheme has a `twin`, the laws about twins are measured too.
+    """
+    of_twins = OF_TWINS if twin else ()
     if not required:
-        return load_laws(names)
+        return (
+            load_laws(names)
+            if not twin
+            else load_laws((*(LAWS if names is None else listed(names)), *of_twins))
+        )
     if names is not None:
         raise UsageError(
             expected="profiles to require, or a list of laws",
             received="both",
             remedy="a profile brings its own laws; leave out one or the other",
         )
-    return load_laws(laws_for(required))
+    return load_laws((*laws_for(required), *of_twins))
 
 
 def listed(names: str | Iterable[str]) -> Iterable[str]:

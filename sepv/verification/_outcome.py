@@ -10,7 +10,7 @@ from sepv._arguments import did_you_mean
 from sepv._version import __version__
 from sepv.errors import UsageError, require_one_of
 from sepv.files import finite
-from sepv.schemes import NORMAL, Scheme, point_law
+from sepv.schemes import NORMAL, OF_TWINS, Scheme, point_law
 from sepv.verification._cases.case import has_words
 from sepv.verification._cases.users_problems import objects_of
 from sepv.verification._law import Effort, Finding, Verdict
@@ -141,7 +141,9 @@ class Report:
         """The command that measures a finding again, or Python code if a command cannot name the scheme or problem."""
         if not finding.replay:
             return ""
-        if self.target and (has_words(finding.witness) or self._own(finding)):
+        twin = self.scheme.twin if finding.law in OF_TWINS else None
+        unnamed = twin is not None and not twin.words
+        if self.target and not unnamed and (has_words(finding.witness) or self._own(finding)):
             return f"sepv verify {self.target} {finding.replay}"
         return f'report.replay("{finding.law}")  # in this Python process, with the report of sepv.verify(…)'
 
@@ -179,7 +181,7 @@ class Report:
     def to_json(self) -> dict[str, Any]:
         """The report as a JSON object: suite, scheme, profiles, counts, laws."""
         scheme, effort, profiles = self.scheme, self.effort, self.profiles
-        points = point_law(scheme.increments)
+        points, twin = point_law(scheme.increments), scheme.twin
         facts = ("mean_square_order", "weak_order", "order", "solver_tolerance", "truncation", "dtype")
         return {
             "suite": {
@@ -190,6 +192,7 @@ class Report:
                 "name": scheme.name, "target": self.target, "source": scheme.source, "claims": sorted(scheme.claims),
                 **{fact: getattr(scheme, fact) for fact in facts},
                 "increments": NORMAL if points is None else points.name,
+                **({"twin": {"name": twin.scheme.name, "target": twin.words, "bits": twin.bits}} if twin else {}),
             },
             "profiles": {
                 "found": [p.name for p in profiles if not p.why],

@@ -36,6 +36,7 @@ class LawJob:
     timeout: float
     failures: dict[str, Any]
     problems: Any = None
+    twin: Any = None
 
 
 class _Worker:

@@ -55,6 +55,7 @@ from sepv.problem import (
     HamiltoniansProblem,
     Problem,
     StructuresProblem,
+    matmul,
     matvec,
     noise_vectors,
     over_box,
@@ -198,6 +199,18 @@ def majorants(problem: Problem, reach: Array) -> tuple[Array, Array, Array, Arra
         g = np.max([g, *(_of_polynomials(f, reach) for f in problem.noise_gradients)], axis=0)
         H = np.max([H, *(_of_polynomials(f, reach) for f in problem.noise_hessians)], axis=0)
     return B, g, dB, H
+
+
+def correction_rounding(problem: Problem, y0: Array, y1: Array, h: float) -> Array:
+    """A bound (d,) of the rounding errors in Itô's correction ½ Σ c_j² h f′f, f = B∇H, for polynomial data.
+
+    A scheme that treats drift and noise apart may compute the correction. If the increments are small beside √h, these
+    errors exceed the effect of the increments. Let u be the unit roundoff, and M_f, M_f′ the sums of absolute values of
+    terms. With K operations f errs by K u M_f, f′ by K u M_f′, and the correction by Σ c_j² |h| K u M_f′ M_f.
+    """
+    B, g, dB, H = majorants(problem, np.maximum(np.abs(y0), np.abs(y1)))
+    factor = 0.5 * EPS * operations(problem) * abs(h) * float(problem.c @ problem.c)
+    return np.asarray(factor * matvec(matvec(dB, g) + matmul(B, H), matvec(B, g)))
 
 
 def _of_polynomials(function: object, reach: Array) -> Array:

@@ -16,7 +16,17 @@ from sepv._arguments import is_number, require_whole
 from sepv._journal import Crashed, attempted, interruption_answered
 from sepv._kept import save_all
 from sepv.errors import ClusterFailure, SepvError, Skipped, TargetError, UsageError
-from sepv.schemes import LAWS, Scheme, Step, load_scheme, require_trusted, words_for
+from sepv.schemes import (
+    ALL_LAWS,
+    OF_TWINS,
+    Scheme,
+    Step,
+    Twin,
+    as_twin,
+    load_scheme,
+    require_trusted,
+    words_for,
+)
 from sepv.verification import _side_by_side as side_by_side
 from sepv.verification._along_paths import replays, taken
 from sepv.verification._cases import case as cases
@@ -47,6 +57,8 @@ def verify(
     problems: Any = None,
     workers: Any = None,
     require: str | Iterable[str] = (),
+    agrees_with: Any = None,
+    bits: bool = False,
 ) -> Report:
     """Measure every law on a scheme, whether the scheme claims the law or not.
 
@@ -81,6 +93,10 @@ def verify(
     require : iterable of str, or one string with commas
         Profiles (named sets of laws, docs/profiles.md) that the scheme must have, such as "energy,order-1". Only the
         laws of these profiles and of the profile "method" are measured. `laws` cannot be given as well.
+    agrees_with : str, Scheme or function, optional
+        A second program whose steps must be the same: the scheme then claims the law "agreement" with it.
+    bits : bool
+        True if the steps of both programs must have the same bits.
 
     Returns
     -------
@@ -102,14 +118,17 @@ def verify(
     'violated'
     """
     required = requirements(require) if require else ()
-    chosen, effort = laws_of(laws, required), effort or Effort()
+    twin = as_twin(agrees_with, bits)
+    chosen, effort = laws_of(laws, required, twin=twin is not None), effort or Effort()
     _check_arguments(jobs, timeout, effort, expected)
-    known = load_expected(expected, LAWS) if expected is not None else Expectations()
+    known = load_expected(expected, ALL_LAWS) if expected is not None else Expectations()
     if problems is None and known.problems:
         require_trusted(known.problems, (), scheme)
         problems = list(known.problems)
     target = words_for(scheme, problems)
-    candidate = load_in_time(scheme, {*listed(claims), *(known.claims or ())}, timeout, problems, target)
+    candidate = load_in_time(
+        scheme, {*listed(claims), *(known.claims or ())}, timeout, problems, target, twin
+    )
     load_laws(candidate.claims)
     for failure in known.failures.values():
         cases.require_named(failure.witness, candidate)
@@ -126,7 +145,7 @@ def verify(
         if workers is not None or (jobs > 1 and len(chosen) > 1):
             named = scheme if isinstance(scheme, str) else candidate
             claimed = frozenset(candidate.claims)
-            task = side_by_side.LawJob(named, claimed, effort, timeout, known.failures, problems)
+            task = side_by_side.LawJob(named, claimed, effort, timeout, known.failures, problems, twin)
             _side_by_side(task, chosen, jobs if workers is None else workers, receive)
         else:
             run = Run(effort, **words_of(scheme, problems))
@@ -146,8 +165,9 @@ def verify(
     if not interrupted:
         along_paths(candidate, chosen, by_law, target, timeout)
     save_all()
-    findings = asked_afresh(scheme, [by_law[law.name] for law in chosen], problems)
-    report = Report(candidate, findings, effort, interrupted, known.claims, target, required=required)
+    findings = asked_afresh(scheme, [by_law[law.name] for law in chosen], problems, twin)
+    named = target + twin.options if target and twin else target
+    report = Report(candidate, findings, effort, interrupted, known.claims, named, required=required)
     gaps = known.gaps((law.name for law in chosen), candidate.name, report.problems)
     return replace(report, gaps=tuple(gaps))
 
@@ -222,12 +242,13 @@ def _side_by_side(
 
 
 def load_in_time(
-    scheme: str | Scheme | Step, claims: Iterable[str], timeout: float, problems: Any = None, target: str = ""
-) -> Scheme:
+    scheme: str | Scheme | Step, claims: Iterable[str], timeout: float, problems: Any = None, target: str = "",
+    twin: Twin | None = None,
+) -> Scheme:  # fmt: skip
     """Load the scheme under a time limit: loading calls a bare function twice, to test batches; a call may hang."""
     try:
         with deadline(timeout):
-            load = partial(load_candidate, scheme, listed(claims), problems)
+            load = partial(load_candidate, scheme, listed(claims), problems, twin)
             return attempted(f"loading {target}", load, kept=False)
     except Crashed as crash:
         raise TargetError(
@@ -243,21 +264,27 @@ def load_in_time(
         ) from None
 
 
-def load_candidate(scheme: str | Scheme | Step, claims: Iterable[str], problems: Any = None) -> Scheme:
-    """Load the scheme under verification, with its problems."""
-    if problems is None:
-        return load_scheme(scheme, claims)
-    given = items(problems)
+def load_candidate(
+    scheme: str | Scheme | Step, claims: Iterable[str], problems: Any = None, twin: Twin | None = None
+) -> Scheme:
+    """Load the scheme under verification, with its problems and its twin, which it then claims to agree with."""
+    given = () if problems is None else items(problems)
     fixed = [p for item in given for p in item.problems]
-    return replace(load_scheme(scheme, claims, fixed), problems=given)
+    found = load_scheme(scheme, (*claims, *OF_TWINS) if twin else claims, fixed)
+    changes: dict[str, Any] = {} if problems is None else {"problems": given}
+    if twin is not None:
+        changes["twin"] = replace(twin, scheme=load_scheme(twin.scheme, (), fixed))
+    return replace(found, **changes) if changes else found
 
 
-def replay(scheme: str | Scheme | Step, law: str, witness: dict[str, Any], problems: Any = None) -> Finding:
+def replay(
+    scheme: str | Scheme | Step, law: str, witness: dict[str, Any], problems: Any = None, twin: Twin | None = None
+) -> Finding:  # fmt: skip
     """Measure one law on one witness of a report; a UsageError if the witness belongs to another law.
 
     If the witness names its problem as module:attribute, `problems` must name it too, as for `verify`.
     """
-    candidate = load_candidate(scheme, (), problems)
+    candidate = load_candidate(scheme, (), problems, twin)
     cases.require_named(witness, candidate)
     (chosen,) = load_laws([law])
     try:

@@ -53,7 +53,7 @@ def answer(say: Any) -> None:
     sys.path[:] = path
     os.chdir(folder)
     task = pickle.loads(rest)
-    scheme = load_candidate(task.scheme, task.claims, task.problems)
+    scheme = load_candidate(task.scheme, task.claims, task.problems, task.twin)
     groups: SimpleQueue[list[str]] = SimpleQueue()
     end, run = partial(_end_with_children, scheme), Run(task.effort, **words_of(task.scheme, task.problems))
     signal.signal(signal.SIGTERM, end)
@@ -77,10 +77,11 @@ def _read(groups: SimpleQueue[list[str]], end: Callable[[], None]) -> None:
 
 
 def _end_with_children(scheme: Any, *_: Any) -> None:
-    """End the scheme's external program, if there is one, then this process, at once and without exit handlers."""
-    owner: Any = getattr(scheme.step, "__self__", None)
-    if hasattr(owner, "abandon"):
-        owner.abandon()
+    """End the external programs of a scheme and its twin, then this process, at once and without exit handlers."""
+    for each in (scheme, scheme.twin and scheme.twin.scheme):
+        owner: Any = getattr(getattr(each, "step", None), "__self__", None)
+        if hasattr(owner, "abandon"):
+            owner.abandon()
     os._exit(143)
 
 
