@@ -73,7 +73,7 @@ LISTED = 4
 
 @dataclass
 class Tally:
-    """The counts of a search: steps of both programs, those with equal bits, refusals of both, and refusals of one alone."""
+    """The counts of a search: steps of both, steps with equal bits, steps that both or one of them refuse."""
 
     steps: int = 0
     equal: int = 0
