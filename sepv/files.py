@@ -90,7 +90,7 @@ def write_atomically(path: str, content: str | bytes) -> None:
 # The results that commands write, with their schema's version, which is raised if older programs would misread a file.
 RESULTS = {
     "bench": 1, "comparison": 1, "growth": 1, "hard": 1, "path": 1, "report": 2, "reproduction": 1, "solvability": 1,
-    "teeth": 1, "ulps": 1,
+    "teeth": 1,
 }  # fmt: skip
 # The names of all schemas: the results, and the problems and witnesses, which users write.
 SCHEMAS = (*RESULTS, "problem", "witness")

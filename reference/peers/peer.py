@@ -6,7 +6,7 @@ offers one by an entry point of the group ``sepv.peers``, under the library's na
     [project.entry-points."sepv.peers"]
     mylibrary = "mypackage.adapter:PEER"
 
-`sepv verify`, `sepv compare` and `sepv ulps` take names such as ``sdeint-strat-heun``: the library's name, a hyphen and
+`sepv verify` and `sepv compare` take names such as ``sdeint-strat-heun``: the library's name, a hyphen and
 the solver's name.
 """
 

@@ -31,7 +31,7 @@ GROUPS = {
         "completion",
     ),
     "Other libraries": ("peers",),
-    "For specialists": ("exact", "step", "ulps", "hard", "growth", "solvability", "teeth"),
+    "For specialists": ("exact", "step", "hard", "growth", "solvability", "teeth"),
 }
 COMMANDS = tuple(name for names in GROUPS.values() for name in names)
 _SETTINGS = {"help_option_names": ["-h", "--help"], "show_default": True}

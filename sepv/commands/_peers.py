@@ -31,5 +31,5 @@ def peers() -> None:
         drivers = [f"{library}-{name}" for name in peer.drivers()] if peer else []
         state = ", ".join(solvers) if peer else f"not installed: pip install {library}"
         rows.append((library, state, ", ".join(drivers)))
-    heads = columns(["library"]) + columns(["verify, ulps", "compare"], words=True)
+    heads = columns(["library"]) + columns(["verify", "compare"], words=True)
     print_table(Table(heads, rows), console())

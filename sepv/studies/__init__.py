@@ -1,7 +1,7 @@
-"""Studies of schemes: error against cost, times of two versions, hard cases, rounding errors, long times.
+"""Studies of schemes: error against cost, times of two versions, hard cases, long times.
 
 The studies do not depend on each other. Each has a command and is loaded on demand: `_compare` (error against cost),
-`_bench` (counts of evaluations, times of two versions in pairs), `_hard_cases`, `_ulps`, `_energy_growth`,
+`_bench` (counts of evaluations, times of two versions in pairs), `_hard_cases`, `_energy_growth`,
 `_solvability`. `_evaluation_count` counts the evaluations of a scheme, and `_picture` draws all pictures. The paper's
 own experiments are in `sepv.reference.paper`.
 """
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from sepv.studies import _energy_without_noise as energy_without_noise
     from sepv.studies import _picture as picture
     from sepv.studies import _trajectory as trajectory
-    from sepv.studies import _ulps as ulps
     from sepv.studies._bench import cases as bench_cases
     from sepv.studies._bench import pairs as bench_pairs
     from sepv.studies._bench import store as bench_store
@@ -76,6 +75,5 @@ __getattr__, __dir__ = lazily(
         "_solvability.paths": "Exits follow_paths",
         "_solvability.picture": "draw_solvability=draw",
         "_trajectory": "*trajectory",
-        "_ulps": "*ulps",
     },
 )

@@ -141,7 +141,7 @@ def test_a_problem_file_is_refused_with_its_place_and_reason(name: str) -> None:
     if isinstance(content, dict):
         content = json.dumps(content if "name" in content else SYSTEM | content)
     Path("p.json").write_bytes(content if isinstance(content, bytes) else content.encode())
-    assert "p.json" in run("ulps energy-preserving -p p.json --steps 2", words)
+    assert "p.json" in run("run energy-preserving -p p.json --steps 2", words)
 
 
 @pytest.mark.parametrize("name", TOKENS)

@@ -280,7 +280,6 @@ NOTES = ("~", "2 cases", "energy-preserving:", "≤")
     [
         ("list", "energy-preserving"),
         ("hard --steps 2 --case kepler-0.99 --case rigid-body-inertia-1e6", "rigid-body-inertia-1e6*"),
-        ("ulps energy-preserving midpoint -p pendulum --steps 2", "0.0312"),
         ("bench energy-preserving --case rigid-body", "32393"),
         ("compare energy-preserving --steps 4,8 --paths 50 --repeats 3 -q", "energy-preserving"),
         ("run energy-preserving --steps 100", "steps"),

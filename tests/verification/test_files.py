@@ -86,7 +86,7 @@ def test_a_result_says_what_made_it_and_older_files_are_read(made: dict[str, Rep
     require_schema(older, "report", file, **WORDS)
     for spoil, words in (
         ({"version": 99}, "version 99, by sepv .*Remedy: install that version"),
-        ({"schema": "ulps"}, "'report' was expected"),
+        ({"schema": "hard"}, "'report' was expected"),
         ({"more": 1}, "'more' was unexpected"),
     ):
         other = data | {"made": data["made"] | spoil}
