@@ -57,21 +57,27 @@ REFUSED = 2
 # The number of calls of the last case, a quarter of a second for (2.1). They find every fault with a shorter period. If
 # a step takes 200 µs, the sampled laws make a hundred times as many calls.
 TIMES = 1024
-# The step of the last case, shortened by SHORT to save iterations, is timed for TIMING seconds or MANY calls. If a
+# The step of the last case, shortened by SHORT to save iterations, is timed for TIMING seconds or CALLS calls. If a
 # scheme takes batches, the time is that for one of MANY states.
-SHORT, TIMING, MANY = 0.125, 0.0625, 256
+SHORT, TIMING, CALLS, MANY = 0.125, 0.0625, 16, 256
 # The number of cases whose steps are compared with those of a second process.
 ELSEWHERE = 16
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
     """Check steps from one state and, if the scheme takes batches, from a small batch, where other faults show."""
+    _checked(scheme, case)
+    return Measurement(0.0, 0.0)
+
+
+def _checked(scheme: Scheme, case: Case) -> Array | None:
+    """Check a case, and return the y1 of its step; None for a case of repeated steps, or of one without a solution."""
     if case.times:
         repeats(scheme, case)
-        return Measurement(0.0, 0.0)
+        return None
     if proof(case) is not None:
         refuses_again(scheme, case)
-        return Measurement(0.0, 0.0)
+        return None
     problem, y, h, dW = _as_seen(scheme, case)
     first = _keeps(scheme, problem, y, h, dW, (0.75, 0.5) if case.given == "data" else (0.75,))
     keeps_states(scheme, problem, y, h / 8, dW / 8, APART)
@@ -94,7 +100,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         noise = dW[:, None] * factors
         _keeps(scheme, problem, states, h, noise, (0.75,))
         keeps_states(scheme, problem, states, h / 8, noise / 8, APART)
-    return Measurement(0.0, 0.0)
+    return first
 
 
 def _as_seen(scheme: Scheme, case: Case) -> tuple[Problem, Array, float, Array]:
@@ -242,7 +248,7 @@ def _step_seconds(scheme: Scheme, case: Case) -> float | None:
     with suppress(SepvError):
         ask(scheme, problem, y, h, dW)  # this call may compile
         start = time.monotonic()
-        while calls < MANY and time.monotonic() < start + TIMING:
+        while calls < CALLS and time.monotonic() < start + TIMING:
             ask(scheme, problem, y, h, dW)
             calls += 1
         return (time.monotonic() - start) / calls / (MANY if scheme.batched else 1)
@@ -258,10 +264,11 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
     measured: list[tuple[Case, Array | None]] = []
 
     def remembered(asked: Scheme, case: Case) -> Measurement:
-        measurement = check(asked, case)
-        if asked is scheme:  # and not several steps of a path as one
-            measured.append((case, None if case.times else ask(scheme, *case.build())))
-        return measurement
+        answer = _checked(asked, case)
+        # Not several steps of a path as one, and no step without a solution.
+        if asked is scheme and (case.times or answer is not None):
+            measured.append((case, answer))
+        return Measurement(0.0, 0.0)
 
     second = SecondProcess(this_run.target, this_run.problems) if this_run.target else None
     try:

@@ -99,7 +99,7 @@ def _judged(scheme: Scheme, orbits: Orbits, effort: Effort) -> list[Judged]:
     first = trend(scheme, orbits, paths, DEEPER if effort.examples >= DEEP_EXAMPLES else 1)
     if first.verdict in (Verdict.VIOLATED, Verdict.ERROR) or first.kept:
         return [first]
-    return [first, power(scheme, orbits, (scheme.order or 1.0) - 0.5)]
+    return [first, power(scheme, orbits, (scheme.order or 1.0) - 0.5, first)]
 
 
 def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:

@@ -104,8 +104,9 @@ def _panels(h: float, truncation: int | None, degree: int, cuts: Iterable[int]) 
     last = bounded.truncation_bound(h, truncation or 2)
     edges = [*(bounded.truncation_bound(h, k) for k in cuts if k < (truncation or 2)), last]
     outer = max(3, degree // 2 + 1)
-    # The panel around 0 has most of the probability, so it gets more nodes than the degree needs.
-    parts = [_normal_rule(-edges[0], edges[0], outer + 3)]
+    # The panel around 0 has most of the probability. With n = `degree` nodes it is exact for squares of errors of order
+    # p + ½ and degree 2p + 1 in ΔW, if degree = 2p + 2: 2n − 1 ≥ 2(2p + 1).
+    parts = [_normal_rule(-edges[0], edges[0], min(outer + 3, max(degree, outer + 1)))]
     right = [_normal_rule(a, b, outer) for a, b in pairwise(edges)]
     right.append(_normal_rule(last, last + _REACH, outer if truncation is None else TAIL))
     for x, w in right:

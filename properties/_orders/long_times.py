@@ -28,7 +28,7 @@ s(h/2) ± 2|s(h/2) − s(h)|, enlarged by rounding in both slopes. Two intervals
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from sepv.properties._failed_step import first_failed
@@ -102,6 +102,9 @@ class Judged:
     # `kept`: H is constant up to rounding. `gross`: H moves so far that the step is too long for the theory.
     kept: bool = False
     gross: bool = False
+    # The step size, and the energy errors of the first path.
+    h: float = 0.0
+    errors: Array = field(default_factory=lambda: np.empty(0), repr=False)
 
 
 def weights(steps: int) -> Array:
@@ -172,20 +175,28 @@ def _trend(scheme: Scheme, orbits: Orbits, paths: int, longer: int, finer: int) 
         kind = kind_of(*slope)
         text += f", as n^({slope[0]:.2f} ± {slope[1]:.2f})" + (f", {kind}" if kind != "open" else "")
     text += f"; h = {h:.3g}, where H swings by {swing[k]:.2g}"
-    return Judged(verdict, float(share[k]), text, states.shape[1] * (window + offsets[-1]), gross=gross)
+    steps = states.shape[1] * (window + offsets[-1])
+    return Judged(verdict, float(share[k]), text, steps, gross=gross, h=h, errors=errors[:, 0])
 
 
-def power(scheme: Scheme, orbits: Orbits, least: float) -> Judged:
-    """Judge the power of h of the energy's oscillation on one path against `least`, with more step sizes as needed."""
+def power(scheme: Scheme, orbits: Orbits, least: float, known: Judged) -> Judged:
+    """Judge the power of h of the energy's oscillation on one path against `least`, with more step sizes as needed.
+
+    For one of the step sizes the judgement of the trend, `known`, has the path already.
+    """
     problem, states = orbits.problem, orbits.of(1)
     sizes, rounding, steps = list[float](), list[float](), 0
     for level in range(SIZES):
-        many = SHORT * orbits.steps * 2**level
-        try:
-            errors = EnergyPath(scheme, problem, states, orbits.h / 2**level).errors(many)[:, 0]
-        except Stopped as stopped:
-            return Judged(Verdict.ERROR, text=stopped.words)
-        w, steps = weights(many), steps + many
+        many, h = SHORT * orbits.steps * 2**level, orbits.h / 2**level
+        if h == known.h and known.errors.size > many:
+            errors = known.errors[: many + 1]
+        else:
+            try:
+                errors = EnergyPath(scheme, problem, states, h).errors(many)[:, 0]
+            except Stopped as stopped:
+                return Judged(Verdict.ERROR, text=stopped.words)
+            steps += many
+        w = weights(many)
         sizes.append(float(np.sqrt(w @ (errors - w @ errors) ** 2)))
         rounding.append(allowed_rounding(scheme, problem, states, many))
         found = judged_power(sizes, rounding, least)
