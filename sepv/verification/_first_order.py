@@ -193,8 +193,12 @@ def _line(problem: Problem, j: int, coarse: Array, fine: Array, h: float) -> str
 def _range(values: Array) -> str:
     low, high = float(np.min(values)), float(np.max(values))
     if high - low <= RIGHT * max(1.0, abs(high)):
-        return f"{(low + high) / 2:.2f}"
-    return f"{low:.2f} to {high:.2f}"
+        return _share((low + high) / 2)
+    return f"{_share(low)} to {_share(high)}"
+
+
+def _share(value: float) -> str:
+    return f"{round(value, 2) + 0.0:.2f}"  # a share that rounds to 0 has no sign
 
 
 def names(problem: Problem) -> Iterator[str]:

@@ -14,6 +14,7 @@ from sepv import problems, schemes
 from sepv.core.arrays import EPS, TINY
 from sepv.core.formula import counted
 from sepv.problem import PolynomialSystem, StructuresProblem, Systems, average_gradient
+from sepv.problem._enclosures import recorded
 from sepv.record import _polynomial as poly
 from sepv.schemes import _energy_preserving as energy_preserving
 from sepv.schemes import _gonzalez as gonzalez
@@ -164,6 +165,31 @@ def test_majorants_of_functions_bound_the_terms_on_the_whole_segment(name: str) 
             assert np.all(tolerance.gradient_majorant(problem, y) <= g * (1 + SAME))
         assert np.all(np.isfinite(g))
         assert np.all(np.isfinite(B))
+
+
+@pytest.mark.parametrize("small", [0.01, 0.003, 0.001])
+def test_majorants_of_functions_that_hide_their_operations_are_estimates_never_below_the_ends(
+    small: float,
+) -> None:
+    """H = y1y2y3 by functions of floats: nine states of the segment from (1, δ, δ) to (δ, 1, δ) bound its mean ∇H."""
+
+    def gradient(y: Any) -> Any:
+        a, b, c = (np.asarray(v, dtype=float) for v in y)  # symbols are no floats
+        return np.array([b * c, a * c, a * b])
+
+    def hamiltonian(y: Any) -> Any:
+        return np.prod(np.asarray(y, dtype=float), axis=0)
+
+    problem = sepv.Problem(
+        3, lambda y: np.zeros((3, 3, *np.shape(y)[1:])), hamiltonian, gradient=gradient, check=False
+    )
+    y0, y1 = np.array([1.0, small, small]), np.array([small, 1.0, small])
+    bound = tolerance.gradient_majorant(problem, y0, y1)
+    assert recorded(problem.gradient, 3) is None
+    for y in (y0, y1):
+        assert np.all(tolerance.gradient_majorant(problem, y) <= bound)
+    mean = np.array([small * (1 + small) / 2, small * (1 + small) / 2, (1 + 4 * small + small**2) / 6])
+    assert np.all(mean <= bound)
 
 
 def test_several_structures_have_the_residual_of_the_largest() -> None:
