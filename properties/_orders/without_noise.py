@@ -323,7 +323,7 @@ def _inconsistent(at_zero: Limit, judged: Order) -> Order:
     size = float(np.max(np.abs(at_zero.value)))
     text = (
         f"{judged.text}, and {size:.1e} h for h → 0 (± {at_zero.bound:.0e}): y1 − y0 is not hf(y0) to first order. Do "
-        "the weights add to 1? If it is a tolerance: Scheme(…, solver_tolerance=…)"
+        "the weights add to 1?"
     )
     return Order(Verdict.VIOLATED, 1.0, 0.0, text)
 
