@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from drawn import by_hand
 from hypothesis import given, settings
+from sepv.problem._averaged_gradient import FEW, _adaptive, _quadratures, _size, gauss_legendre
 from sepv.reference.problem import exact_problem
 
 import sepv
@@ -24,6 +25,7 @@ from sepv.problem import (
     check_problem,
     vector_field,
 )
+from sepv.problem._enclosures import over_box
 from sepv.record import EPS, NoClosedForm
 from sepv.record import _polynomial as poly
 from sepv.verification._cases import case as cases
@@ -329,3 +331,19 @@ def test_the_energy_of_a_quadratic_hamiltonian_has_no_bias_with_two_nodes() -> N
     assert spread < 2 * rounding
     assert abs(mean) < 5 * spread / angle.size**0.5
     assert 5 * spread / angle.size**0.5 < 0.05 * rounding  # the test sees half of the bias
+
+
+def test_a_box_that_leaves_the_domain_is_bounded_by_pieces_of_the_segment() -> None:
+    """1/(y1 + y2) from (2, −1) to (−1, 2): the sum is 1 on the segment, where |F| + Σ|∂F||y| is 4 at most."""
+
+    def field(y: Any) -> Any:
+        return np.stack([1 / (y[0] + y[1])])
+
+    y0, y1 = np.array([[2.0, 1.0], [-1.0, 1.0]]), np.array([[-1.0, 1.5], [2.0, 0.5]])
+    batch = over_box(field, y0, y1)
+    assert batch is not None
+    for k, (least, most) in enumerate(((4.0, 6.0), (1.0, 2.0))):
+        alone = over_box(field, y0[:, k], y1[:, k])
+        assert alone is not None
+        assert alone[0] == batch[0, k]
+        assert least <= alone[0] <= most

@@ -78,3 +78,11 @@ def test_outside_the_domain_there_is_no_bound() -> None:
         lambda y: np.tan(y[1]), lambda y: 0 * y[1] + 1 / (y[0] - y[0] * y[1]),
     ):  # fmt: skip
         assert bound(function, *box) == np.inf
+
+
+def test_intervals_that_touch_may_hold_equal_numbers() -> None:
+    """y1 ∈ [0, 1] and y2 ∈ [1, 2] are equal at 1, where the chosen value is 5, and else 1."""
+    low, high = np.array([0.0, 1.0]), np.array([1.0, 2.0])
+    for first, second in ((0, 1), (1, 0)):
+        found = bound(lambda y, a=first, b=second: np.where(y[a] == y[b], 5.0 + 0 * y[0], 1.0), low, high)  # type: ignore[misc]
+        assert found == 5.0
