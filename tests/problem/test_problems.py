@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from drawn import by_hand
 from hypothesis import given, settings
-from sepv.problem._averaged_gradient import FEW, _adaptive, _quadratures, _size, gauss_legendre
 from sepv.reference.problem import exact_problem
 
 import sepv
