@@ -9,6 +9,7 @@ import os
 import shlex
 import signal
 import sys
+import sysconfig
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -16,7 +17,7 @@ from typing import Any
 
 import pytest
 from click.testing import CliRunner, Result
-from doors import Reader
+from doors import ROOT, Reader
 from hypothesis import HealthCheck, settings
 
 from sepv import _kept
@@ -30,10 +31,33 @@ settings.register_profile("fresh", derandomize=False, print_blob=True, **_COMMON
 settings.register_profile("deep", derandomize=False, print_blob=True, max_examples=2000, **_COMMON)
 settings.load_profile("ci")
 
+# Folders of the checkout that are installed as subpackages of sepv.
+SHIPPED = ("properties", "reference")
+
+
 # Hundreds of processes are started here. Where an environment forbids bytecode, each would compile sepv, its laws and
 # the plugins of pytest again, which is a third of its time.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
+
+
+def pytest_configure() -> None:
+    """Stop where the installed sepv is another than the checkout's.
+
+    Tests import sepv from the checkout, the current folder. Processes that they start in other folders import the
+    installed one. After `pip install .` both are the same until a file changes.
+    """
+    installed = Path(sysconfig.get_path("purelib"), "sepv")
+    if not (installed / "__init__.py").exists():
+        return  # an editable installation is the checkout itself
+    for folder, place in ((ROOT / "sepv", installed), *((ROOT / name, installed / name) for name in SHIPPED)):
+        for file in folder.rglob("*.py"):
+            copy = place / file.relative_to(folder)
+            if not copy.exists() or copy.read_bytes() != file.read_bytes():
+                raise pytest.UsageError(
+                    f"Expected the installed sepv to be that of the checkout.\nReceived another {copy}.\n"
+                    "Remedy: pip install . again, or pip install -e . once"
+                )
 
 
 # Where these tests run as a job of GitHub Actions, the schemes that they break are not annotated there.
