@@ -12,6 +12,7 @@ from sepv._version import __version__
 from sepv.files import made
 from sepv.page import _verdicts as verdicts
 from sepv.page import _views as views
+from sepv.page._changes import changes
 from sepv.page._pictures import Pictures
 from sepv.page._sources import Sources
 from sepv.page._text import plain
@@ -61,6 +62,7 @@ def render(sources: Sources, *, title: str | None = None) -> str:
         headline=verdicts.headline(sources.verify) if sources.verify else "",
         fingerprint=fingerprint(),
         schemes=schemes,
+        changes=changes(sources.verify),
         comparisons=comparisons,
         benches=[views.bench(b) for b in sources.bench],
         reproductions=reproductions,

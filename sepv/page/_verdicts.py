@@ -121,18 +121,22 @@ def _ratio(law: View) -> float | None:
     return abs(defect) / bound if bound > 0 else math.inf if defect else 0.0
 
 
+def shown_verdict(law: View) -> str:
+    """Return the verdict of a law in words; "expected" for a law that is violated as expected."""
+    if law["expected"] is not None and law["verdict"] == "violated":
+        return "expected"
+    return verdict_text(Verdict(law["verdict"]), law.get("share"), law.get("afresh", ""))
+
+
 def _row(law: View, place: Any) -> View:
     """Return the row of a law in a scheme's table, with its place on the axis of defects."""
     bound = "" if law["bound"] is None else f"{'≥' if law['at_least'] else '≤'} {number(law['bound'])}"
     claimed = "expected to fail" if law["expected"] is not None else "claimed" if law["claimed"] else ""
     shown = cell(law["verdict"], law["claimed"])
-    waived = law["expected"] is not None and law["verdict"] == "violated"
-    words = verdict_text(Verdict(law["verdict"]), law.get("share"), law.get("afresh", ""))
-    words = "expected" if waived else words
     return {
         "law": name(law["law"]),
         "anchor": f"law-{law['law']}" if law["law"] in ALL_LAWS else "",
-        "cell": shown | {"words": words},
+        "cell": shown | {"words": shown_verdict(law)},
         "claimed": claimed,
         "place": place(law),
         "defect": number(law["defect"]),

@@ -4,6 +4,7 @@ import base64
 import copy
 import hashlib
 import html
+import json
 import re
 import subprocess
 import sys
@@ -17,7 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from doors import ROOT, chromium, doc
+from doors import ROOT, chromium, command, doc
 from drawn import refusing
 from hypothesis import strategies as st
 from strangers import (
@@ -35,8 +36,8 @@ from strangers import (
 import sepv
 from sepv import Effort, UsageError, exact_flow
 from sepv.commands._cli import main
-from sepv.files import fault, schema
-from sepv.page import Sources, load, render
+from sepv.files import fault, made, schema
+from sepv.page import Sources, changes, load, render
 from sepv.page._pictures import Pictures
 from sepv.page._render import fingerprint
 from sepv.page._verdicts import _scale
@@ -462,3 +463,59 @@ def test_a_share_and_memory_are_said_as_the_table_says_them(report: sepv.Report)
     for words in ("holds on 71 %", "depends on earlier calls"):
         assert words in page
         assert words in str(partly)
+
+
+def test_two_reports_of_one_scheme_show_what_changed(tmp_path: Path) -> None:
+    """A scheme whose energy breaks between two runs, under one name; a third report equals the second."""
+    few = sepv.Effort(examples=2, shrink_checks=5)
+    laws = "energy,casimir,truncation"
+
+    def reported(step: Any, file: str) -> str:
+        scheme = sepv.Scheme("mine", step, claims=["energy"])
+        data = {"made": made("report")} | sepv.verify(scheme, laws=laws, effort=few).to_json()
+        (tmp_path / file).write_text(json.dumps(data))
+        return str(tmp_path / file)
+
+    right, wrong = sepv.schemes.energy_preserving.step, sepv.schemes.midpoint.step
+    files = [reported(right, "before.json"), reported(wrong, "after.json"), reported(wrong, "again.json")]
+    first, second = changes(load(files).verify)
+    assert second == ("mine", [])
+    rows = {law: (before, after) for law, before, after in first[1]}
+    assert rows["energy"][0].startswith("holds, ")
+    assert rows["energy"][1].startswith("violated, ")
+    assert rows["energy"][1].endswith("ulp of H, claimed")
+    assert "truncation" not in rows
+    page = tmp_path / "page.html"
+    shown = command(f"report {files[0]} {files[1]} --out {page}", COLUMNS="120").output
+    assert "mine: what changed" in shown
+    assert rows["energy"][1] in " ".join(shown.split())
+    assert rows["energy"][1] in page.read_text(encoding="utf-8")
+    assert "nothing changed" in command(f"report {files[1]} {files[2]} --out {page}").output
+    assert changes(load(files[:1]).verify) == []
+
+
+def test_results_for_asv_are_of_the_commit_and_keep_those_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The layout that asv 0.6 reads: one row of columns for each benchmark, with a version of its parameters."""
+    report = sepv.verify("midpoint", laws="energy,truncation", effort=Effort(examples=2, shrink_checks=5))
+    (tmp_path / "r.json").write_text(json.dumps({"made": made("report")} | report.to_json()))
+    monkeypatch.chdir(tmp_path)
+    assert "git repository" in command("report r.json --asv asv", 2).stderr
+    git = ["git", "-c", "user.name=a", "-c", "user.email=a@b", "-c", "init.defaultBranch=main"]
+    commits = []
+    for number in range(2):
+        for words in ("init -q .", f"commit -q --allow-empty -m {number}"):
+            subprocess.run([*git, *words.split()], check=True)
+        done = subprocess.run([*git, "rev-parse", "HEAD"], check=True, capture_output=True, text=True)
+        commits.append(done.stdout.strip())
+        assert "2 numbers for asv" in command("report r.json --asv asv").output
+    listed = json.loads((tmp_path / "asv" / "benchmarks.json").read_text())
+    assert listed.pop("version") == 2
+    results = [json.loads(p.read_text()) for p in (tmp_path / "asv").glob("*/*-sepv-*.json")]
+    assert {data["commit_hash"] for data in results} == {*commits}
+    for data in results:
+        row = dict(zip(data["result_columns"], data["results"]["midpoint.energy"], strict=True))
+        assert row["result"] == [report.finding("energy").defect]
+        assert row["version"] == listed["midpoint.energy"]["version"]
+        assert set(data["results"]) == set(listed) == {"midpoint.energy", "midpoint.truncation"}
