@@ -1,6 +1,6 @@
 """Results as files of asv (airspeed velocity), which shows numbers of a repository's commits as a trend.
 
-The folder has the layout of asv's `results_dir`: benchmarks.json, and for each machine machine.json and a file a commit.
+The folder has the layout of asv's `results_dir`: benchmarks.json, and a folder a machine with a file a commit.
 """
 
 from __future__ import annotations
@@ -63,7 +63,8 @@ def write_asv(sources: Sources, folder: str) -> int:
         place / f"{commit[:8]}-{environment}.json",
         {
             "commit_hash": commit, "env_name": environment, "date": int(date) * 1000,
-            "params": about | {"python": python}, "python": python, "requirements": {}, "env_vars": {}, "result_columns": _COLUMNS, "results": results,
+            "params": about | {"python": python}, "python": python, "requirements": {}, "env_vars": {},
+            "result_columns": _COLUMNS, "results": results,
             "durations": {}, "version": FORMAT,
         },
     )  # fmt: skip

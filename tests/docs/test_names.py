@@ -15,8 +15,8 @@ FOLDERS = ("sepv", "properties", "reference", "benchmarks", "tests", "docs", "ex
 SOURCES = sorted(p for folder in FOLDERS for p in (ROOT / folder).rglob("*.py"))
 NAME = re.compile(r"(?<![\w./@-])(?:sepv|benchmarks)(?:\.[A-Za-z_]\w*)+(?![\w-]*\.(?:yml|toml|git)\b)")
 FILE = re.compile(rf"(?<![\w./-])(?:{'|'.join(FOLDERS)})/[\w./*-]*\w")
-# A key of click's context and a group of entry points, which are written like modules.
-KEYS = ("sepv.words", "sepv.peers")
+# A key of click's context, a group of entry points and a file of asv, which are written like modules.
+KEYS = ("sepv.words", "sepv.peers", "benchmarks.json")
 # What stands for any name, and what docs/extending.md has its reader make.
 STANDS_FOR_ANY = re.compile(r"[A-Z]{3,}|…|\b_?(?:heun|heisenberg|name|test_noise_scale)\b")
 
