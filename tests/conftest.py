@@ -108,12 +108,7 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
 
 # With an adaptive quadrature in each step these laws take a quarter of a minute and more for this scheme. *Contract* is
-# With an adaptive quadrature in each step these laws take a quarter of a minute and more for this scheme. *Contract* is
 # measured on all other schemes of the paper; tests/core/test_implicit.py asks *reproducibility* of smaller batches.
-DEEP = {
-    "properties/test_contract.py::test_contract[discrete-gradient]",
-    "properties/test_reproducibility.py::test_reproducibility[discrete-gradient]",
-}
 DEEP = {
     "properties/test_contract.py::test_contract[discrete-gradient]",
     "properties/test_reproducibility.py::test_reproducibility[discrete-gradient]",
