@@ -101,8 +101,7 @@ class Finding:
         For a violation of an invariant or a structure (`Law.preserves`), the power of h with which the defect falls at
         its witness; None if it is not clear.
     along : tuple of (law, witness)
-        For a law about paths, steps of its paths that a law about single steps should measure
-        (`sepv.verification._along_paths`).
+        For a law about paths, steps of its paths that a law about single steps should measure.
     step_seconds : float or None
         Seconds for a step of one state, if the law timed it. They help to estimate a run's remaining time.
     """
@@ -207,7 +206,7 @@ class Run:
     steps : dict
         Errors of single steps; the key is the problem, which is compared by identity.
     worst : dict
-        The worst steps of paths so far (`sepv.verification._along_paths`).
+        The worst steps of paths so far.
     target, problems : str, any
         The scheme and its problems in words that another process can load; "" if there are none.
     """
