@@ -10,6 +10,14 @@ if TYPE_CHECKING:
     import numpy as np
 
 
+def said(value: Any, most: int | None = None) -> str:
+    """The text of an exception, or, with `most`, the start of any value's repr; both may raise, as code of others."""
+    try:
+        return str(value) if most is None else f"{value!r:.{most}}"
+    except Exception as error:
+        return f"(its text cannot be made: {type(error).__name__})"
+
+
 class SepvError(Exception):
     """Base of all errors of this package."""
 
@@ -162,6 +170,10 @@ class TruncationWarning(UserWarning):
 
 class SlowDerivation(UserWarning):
     """The derivatives of a problem's functions, which sepv derives by symbols, take millions of operations."""
+
+
+class ProtocolWarning(UserWarning):
+    """A program did not end as docs/protocol.md demands, after all its answers were right."""
 
 
 class StepFailure(SepvError, ArithmeticError):

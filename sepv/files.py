@@ -11,6 +11,7 @@ import math
 import os
 import platform
 import shutil
+import stat
 import tempfile
 from functools import cache
 from importlib import metadata
@@ -134,13 +135,24 @@ def made(name: str, command: str = "") -> dict[str, Any]:
     }  # fmt: skip
 
 
+def read_bounded(path: str | Path, largest: int = LARGEST) -> bytes:
+    """The bytes of a regular file; a ValueError for a larger one, and for a pipe or a device, which may never end."""
+    kind = Path(path).stat()
+    if not stat.S_ISREG(kind.st_mode) and not stat.S_ISDIR(kind.st_mode):
+        raise ValueError("a pipe, a socket or a device, and no file")
+    if kind.st_size > largest:
+        raise ValueError(f"{kind.st_size} bytes, more than {largest}")
+    with open(path, "rb") as file:
+        data = file.read(largest + 1)
+    if len(data) > largest:  # it grew, or its system gives no size
+        raise ValueError(f"more than {largest} bytes")
+    return data
+
+
 def read_json(path: str | Path, largest: int = LARGEST, /, *, expected: str, remedy: str) -> Any:
     """Read a JSON file; a UsageError for one that cannot be read, is too large or is not JSON."""
     try:
-        size = Path(path).stat().st_size
-        if size > largest:
-            raise ValueError(f"{size} bytes, more than {largest}")
-        return parse_json(Path(path).read_bytes())
+        return parse_json(read_bounded(path, largest))
     except OSError as error:
         raise UsageError(expected=expected, received=f"{path}: {error.strerror}", remedy=remedy) from error
     except ValueError as error:

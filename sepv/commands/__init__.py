@@ -6,8 +6,10 @@
 from __future__ import annotations
 
 import atexit
+import os
 import signal
 import sys
+from contextlib import suppress
 
 
 def main() -> None:
@@ -17,15 +19,36 @@ def main() -> None:
         signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
         # Nothing answers Ctrl-C while Python shuts down, so it is held back; all output is written by then.
         atexit.register(signal.pthread_sigmask, signal.SIG_BLOCK, [signal.SIGINT])
-    from sepv.commands._watch import watched
+    from sepv.children import command_started
+    from sepv.commands._watch import DEFECT, defect, watched
 
     def work() -> None:
         from sepv.commands._cli import main as run  # imported by the child, so that imports are watched
 
+        command_started()
         run()
 
     try:
-        sys.exit(watched(work))
+        _require_streams()
+        code = watched(work)
     except KeyboardInterrupt:
         print("sepv: interrupted", file=sys.stderr)
-        sys.exit(130)
+        code = 130
+    except (OSError, MemoryError) as error:  # no process, descriptor or memory for the watch itself
+        with suppress(OSError):
+            os.write(2, f"{defect(error)}\n".encode(errors="replace"))
+        code = DEFECT
+    sys.exit(code)
+
+
+def _require_streams() -> None:
+    """Raise an OSError if stdout or stderr is closed, because nobody reads the verdict. A closed stdin is empty."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            if number == 0:
+                os.open(os.devnull, os.O_RDONLY)  # the lowest free number is 0
+                continue
+            os.dup2(os.open(os.devnull, os.O_WRONLY) if number == 1 else 1, number)
+            raise OSError(f"{name} is closed") from None

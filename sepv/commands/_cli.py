@@ -11,8 +11,8 @@ from typing import Any
 import click
 
 from sepv._arguments import did_you_mean
-from sepv._processes import collect_seldom
 from sepv._version import __version__
+from sepv.children import collect_seldom
 from sepv.commands._shared import EXIT_CODES, WORDS, interruptible
 from sepv.console import cannot_show, never_fail
 from sepv.files import cache_folder

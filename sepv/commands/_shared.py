@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import math
 import os
 import shlex
@@ -14,7 +15,7 @@ from typing import Any
 
 import click
 
-from sepv._journal import interruption_answered
+from sepv.children import interruption_answered
 from sepv.console import printable
 from sepv.errors import SepvError, TargetError, UsageError
 from sepv.files import require_folder
@@ -25,6 +26,17 @@ budget; 2 wrong usage; 3 the scheme crashed, hung, or could not be loaded; 70 se
 WORDS = "sepv.words"
 # The exit code EX_SOFTWARE of sysexits.h: a defect of this package, distinct from every verdict.
 CRASH = 70
+# Errors of the system that no other arguments mend: a full or broken device, no more descriptors, memory or processes.
+_LACKING = {
+    errno.ENOSPC,
+    errno.EDQUOT,
+    errno.EIO,
+    errno.EBADF,
+    errno.EMFILE,
+    errno.ENFILE,
+    errno.ENOMEM,
+    errno.EAGAIN,
+}
 
 
 class _Folder(click.Path):
@@ -222,6 +234,8 @@ def _ended_by(error: BaseException, debug: bool) -> int:
         say("sepv: interrupted")
     elif isinstance(error, (SepvError, OSError)):
         say(f"sepv: {error}")
+    elif isinstance(error, MemoryError):
+        say(f"sepv: memory is too short, and no verdict: {error}")
     else:
         say(
             f"sepv: a defect of sepv itself, and no verdict: {type(error).__name__}: {error}\n"
@@ -231,4 +245,4 @@ def _ended_by(error: BaseException, debug: bool) -> int:
         return 130
     if isinstance(error, SepvError):
         return 2 if isinstance(error, UsageError) and not isinstance(error, TargetError) else 3
-    return 2 if isinstance(error, OSError) else CRASH
+    return 2 if isinstance(error, OSError) and error.errno not in _LACKING else CRASH

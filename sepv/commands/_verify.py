@@ -11,8 +11,7 @@ from typing import Any
 
 import click
 
-from sepv._journal import attempted
-from sepv._processes import cores, start_ahead
+from sepv.children import attempted, cores, start_ahead
 from sepv.commands import _shared as cli
 from sepv.commands._watch import followed
 from sepv.console import counted, print_table
@@ -119,11 +118,13 @@ def verify(targets: cli.Names, laws: cli.Names, **options: Any) -> None:
     with ExitStack() as programs:
         options["twin"] = _twin(options, programs)
         if not command:
-            raise SystemExit(_verify(targets, laws, options))
-        from sepv.external import load_program
+            code = _verify(targets, laws, options)
+        else:
+            from sepv.external import load_program
 
-        scheme = programs.enter_context(load_program(command, call_timeout=seconds))
-        raise SystemExit(_verify((scheme,), laws, options, f"--exec {shlex.quote(command)}"))
+            scheme = programs.enter_context(load_program(command, call_timeout=seconds))
+            code = _verify((scheme,), laws, options, f"--exec {shlex.quote(command)}")
+    raise SystemExit(code)
 
 
 def _twin(options: dict[str, Any], programs: ExitStack) -> Any:

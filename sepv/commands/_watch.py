@@ -2,25 +2,41 @@
 
 Python delivers Ctrl-C to whatever code runs: a destructor swallows it, a long call into compiled code does not see it.
 A segmentation fault ends everything. So the watcher, the parent, runs no other code. It forks before any import that
-could start threads, and stores the child's messages (`sepv._journal`), with which a new child continues after a crash.
+could start threads, and stores the child's messages (`sepv.children`), with which a new child continues after a crash.
 """
 
 from __future__ import annotations
 
 import atexit
+import math
 import os
+import pickle
 import select
 import signal
 import sys
 import threading
 import time
-import traceback
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, NoReturn
 
-from sepv._journal import ANSWERED, BACK, BEGIN, END, LOST, RESULT, Journal, Notes, ended_with, open_journal
+from sepv.children import (
+    ANSWERED,
+    BACK,
+    BEGIN,
+    END,
+    LOST,
+    RESULT,
+    STARTED,
+    TICK,
+    Journal,
+    Limit,
+    Notes,
+    ended_with,
+    open_journal,
+    out_of_time,
+)
 
 # Seconds until Ctrl-C is sent again, until a lost Ctrl-C is sent again, until a child that does not answer is killed.
 AGAIN, AGAIN_LOST, PATIENCE = 0.5, 0.05, 1.2
@@ -28,7 +44,9 @@ AGAIN, AGAIN_LOST, PATIENCE = 0.5, 0.05, 1.2
 ONCE = 0.2
 # Signals that end a process from outside, which is no crash.
 ENDED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP) if os.name == "posix" else ()
-CRASHED, INTERRUPTED = 3, 130
+CRASHED, DEFECT, INTERRUPTED = 3, 70, 130
+# Seconds for what is registered with atexit, after all is written. A helper process of a scheme may never end.
+LAST = 5.0
 _HEAD = 5  # bytes: the kind of a message, and the length of what follows
 
 
@@ -39,9 +57,12 @@ class _Heard:
     results: dict[str, bytes] = field(default_factory=dict)
     crashes: dict[str, tuple[str, bytes]] = field(default_factory=dict)
     begun: str | None = None
+    seconds: float = math.inf
+    limit: Limit | None = None
+    started: bool = False
     answered: bool = False
     lost: bool = False
-    over: bool = False
+    code: int | None = None
     rest: bytes = b""
     notes: Notes = field(default_factory=Notes)
 
@@ -53,22 +74,25 @@ class _Heard:
             if len(self.rest) < end:
                 return
             kind, text, self.rest = self.rest[:1], self.rest[_HEAD:end], self.rest[end:]
-            if kind == BEGIN:
-                self.begun = text.decode()
+            if kind == STARTED:
+                self.started = True
+            elif kind == BEGIN:
+                self.begun, self.seconds = pickle.loads(text)
+                self.limit = Limit(self.seconds)
             elif kind in (RESULT, BACK):
                 if kind == RESULT and self.begun is not None:
                     self.results[self.begun] = text
-                self.begun = None
+                self.begun = self.limit = None
             elif kind == ANSWERED:
                 self.answered = True
             elif kind == LOST:
                 self.lost = True
             elif kind == END:
-                self.over = True
+                self.code, self.limit = int.from_bytes(text, "big"), Limit(LAST)
 
     def crash(self, status: str) -> bool:
         """Record a crash of a process; True if it occurred in a measurement, which a new process can leave out."""
-        self.rest = b""
+        self.rest, self.limit = b"", None
         if self.begun is None:
             return False
         self.crashes[self.begun] = status, self.notes.get()
@@ -154,7 +178,8 @@ class _Attendance:
     def end(self) -> int | None:
         """Wait for the child to end and return the exit code of the run; None if a new child must continue the run."""
         while True:
-            select.select([self.ear, self.bell], [], [], None if self.since is None else AGAIN_LOST / 2)
+            seconds = None if self.heard.limit is None else TICK
+            select.select([self.ear, self.bell], [], [], seconds if self.since is None else AGAIN_LOST / 2)
             if self._bell():
                 return self._interrupted(now=True)
             self._listen()
@@ -162,6 +187,9 @@ class _Attendance:
             if pid:
                 self._listen()
                 return self._ended(status)
+            if self.heard.limit is not None and self.heard.limit.passed():
+                self._kill()
+                return self._ended(status, killed=True)
             if self.since is not None and not self.heard.answered:
                 waited = time.monotonic() - self.since
                 if waited > PATIENCE:
@@ -191,6 +219,13 @@ class _Attendance:
         with suppress(ProcessLookupError):
             os.kill(self.child, number)
 
+    def _kill(self) -> None:
+        """Kill the child and what it started, and reap it."""
+        from sepv.children import kill_tree  # imported when it is needed: a quick command does not pay for it
+
+        kill_tree(self.child)
+        os.waitpid(self.child, 0)
+
     def _listen(self) -> None:
         with suppress(BlockingIOError):
             while data := os.read(self.ear, 1 << 16):
@@ -198,28 +233,37 @@ class _Attendance:
 
     def _interrupted(self, now: bool = False) -> int:
         if now:
-            self._send(signal.SIGKILL)
-            os.waitpid(self.child, 0)
+            self._kill()
             # The process may have hidden the cursor, and left it in the middle of a line.
             sys.stderr.write("\r\x1b[2K\x1b[?25h" if sys.stderr.isatty() else "")
         if not self.heard.answered:
             print("sepv: interrupted", file=sys.stderr, flush=True)
         return INTERRUPTED
 
-    def _ended(self, status: int) -> int | None:
+    def _ended(self, status: int, killed: bool = False) -> int | None:
         if self.since is not None:
             return self._interrupted()
-        if os.WIFEXITED(status) and self.heard.over:
-            return os.WEXITSTATUS(status)
+        if self.heard.code is not None and (killed or os.WIFEXITED(status)):
+            return self.heard.code
+        if killed:
+            self.heard.crash(out_of_time(self.heard.seconds))
+            return None
         number = os.WTERMSIG(status) if os.WIFSIGNALED(status) else 0
         if number in ENDED:  # this process ends by the same signal
             signal.signal(number, signal.SIG_DFL)
             os.kill(os.getpid(), number)
-        words = ended_with(-number if number else os.WEXITSTATUS(status))
+        words = f"ended with {ended_with(-number if number else os.WEXITSTATUS(status))}"
+        if not self.heard.started:  # no code of a scheme has run
+            print(
+                f"sepv: the process {words} before the command began: no verdict\n"
+                "Remedy: give it more memory, open files or processes (ulimit -a)",
+                file=sys.stderr,
+            )
+            return DEFECT
         if self.heard.crash(words):
             return None
         print(
-            f"sepv: the process ended with {words}: the scheme, or a library that it uses, crashed it\n"
+            f"sepv: the process {words}: the scheme, or a library that it uses, crashed it\n"
             "Remedy: `sepv verify` names the law and the case; python -X faulthandler -m sepv … shows the line",
             file=sys.stderr,
         )
@@ -244,7 +288,7 @@ def _speaker(pipe: int) -> Callable[[bytes, bytes], None]:
 
 def _be_watched(work: Callable[[], Any], journal: Journal, alive: int, heeds: bool) -> NoReturn:
     """Run the work in the child process, and then end the process: this function never returns to its caller."""
-    deaf_until = 0.0
+    deaf_until, owner = 0.0, os.getpid()
 
     def interrupt(*_: Any) -> None:
         nonlocal deaf_until
@@ -280,34 +324,48 @@ def _be_watched(work: Callable[[], Any], journal: Journal, alive: int, heeds: bo
         code = INTERRUPTED  # the watcher prints the message
     finally:
         signal.pthread_sigmask(signal.SIG_BLOCK, ENDED)
-        code = _finished(code)
-        journal.send(END, b"")
+        if (
+            os.getpid() == owner
+        ):  # else this is a copy that a scheme's fork made, whose command is the parent's
+            code = _flushed(code)
+            journal.send(END, bytes([code]))
+            atexit._run_exitfuncs()
         os._exit(code)
 
 
-def _finished(code: int) -> int:
-    """Run the functions registered with atexit and flush the output; return `code`, or 141 if nobody reads it."""
-    atexit._run_exitfuncs()
+def _flushed(code: int) -> int:
+    """Flush the output; return `code`, or 141 if nobody reads it, or 70 if it cannot be written."""
     try:
         sys.stdout.flush()
         sys.stderr.flush()
-    except OSError:
+    except BrokenPipeError:
         return 141
+    except OSError as error:
+        with suppress(OSError):
+            os.write(2, f"sepv: the output cannot be written: {error}\n".encode(errors="replace"))
+        return DEFECT
     return code
 
 
 def _code_of(work: Callable[[], Any]) -> int:
-    """Run the work, and return the exit code with which Python would end."""
+    """Run the work, and return the exit code with which Python would end, but 70 and one line for an exception."""
     try:
         work()
     except SystemExit as ended:
         if ended.code is None or isinstance(ended.code, int):
             return (ended.code or 0) & 0xFF
         print(ended.code, file=sys.stderr)
-        return 1
+        return DEFECT
     except KeyboardInterrupt:
         raise
-    except BaseException:
-        traceback.print_exc()
-        return 1
+    except BaseException as error:
+        print(defect(error), file=sys.stderr)
+        return DEFECT
     return 0
+
+
+def defect(error: BaseException) -> str:
+    """The line for an error that no command handled: no memory, no descriptor, or a defect."""
+    lacking = isinstance(error, (OSError, MemoryError, ImportError))
+    why = "the system refuses what it needs" if lacking else "a defect of sepv itself"
+    return f"sepv: {why}, and no verdict: {type(error).__name__}: {error}"[:300].replace("\n", " ")

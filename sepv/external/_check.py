@@ -13,7 +13,7 @@ from sepv.errors import SchemeFault, SepvError, Skipped, unknown_name
 from sepv.external._child import STOP_GRACE
 from sepv.external._errors import BadAnswer, StepRefused, clean
 from sepv.external._messages import MOST_STEPS, Hello
-from sepv.external._program import Program
+from sepv.external._program import GOOD_END, Program
 from sepv.problem import Array, PolynomialSystem, Problem
 
 
@@ -167,10 +167,10 @@ def _try_refused(body: str, kind: str, why: str, program: Program) -> str:
 def _try_end(say: bool, event: str, program: Program) -> str:
     program.hello()
     status = program.stop(say)
-    if status != "exit code 0":
+    if status != GOOD_END:
         raise BadAnswer(
-            expected=f"exit code 0 within {STOP_GRACE:g} s of {event}",
-            received=status or "a running program",
+            expected=f"{GOOD_END} within {STOP_GRACE:g} s of {event}",
+            received=status,
             remedy="leave the loop over lines there, and end",
         )
     return f"ended with {status}"

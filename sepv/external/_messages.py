@@ -11,7 +11,7 @@ from typing import Any
 
 from sepv._arguments import hex_float, parse_json
 from sepv.errors import Skipped
-from sepv.external._child import Child
+from sepv.external._child import ProgramChild
 from sepv.external._errors import BadAnswer, NotFinite, NotJson, WrongId, WrongShape, clean, shown
 from sepv.problem import NamedProblem, PolynomialSystem, Problem, problem_to_json
 from sepv.schemes import NORMAL
@@ -103,7 +103,7 @@ def read_hello(answer: dict[str, Any]) -> Hello:
     return Hello(**known)
 
 
-def decode(child: Child, line: bytes, number: int) -> dict[str, Any]:
+def decode(child: ProgramChild, line: bytes, number: int) -> dict[str, Any]:
     """Read the JSON object with which a program answers message `number`. Raise NotJson, BadAnswer or WrongId."""
     try:
         answer = parse_json(line)

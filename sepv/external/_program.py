@@ -8,6 +8,7 @@ import shlex
 import signal
 import threading
 import time
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -15,14 +16,17 @@ from typing import Any
 
 import numpy as np
 
-from sepv.errors import Skipped, UsageError
+from sepv.errors import ProtocolWarning, Skipped, UsageError
 from sepv.external import _errors as errors
-from sepv.external._child import LINE_LIMIT, Child
+from sepv.external._child import LINE_LIMIT, STOP_GRACE, ProgramChild
 from sepv.external._errors import StepRefused, clean, shown
 from sepv.external._messages import MOST_STEPS, PROTOCOL, Hello, decode, read_hello, row, states, travelling
 from sepv.problem import Array, Problem
 from sepv.problems import PAPER
 from sepv.schemes import Scheme, as_lanes
+
+# How a program ends that keeps rule 7.
+GOOD_END = "exit code 0"
 
 
 class Program:
@@ -40,7 +44,7 @@ class Program:
         self.command, self.argv, self.line_limit = command, _split(command), line_limit
         self.call_timeout, self.start_timeout, self.run_timeout = call_timeout, start_timeout, run_timeout
         self.until = float("inf") if run_timeout is None else time.monotonic() + run_timeout
-        self.child: Child | None = None
+        self.child: ProgramChild | None = None
         self.said: Hello | None = None
         self.closed = False
         self.sent = ""  # the last line sent, for `check_protocol`
@@ -74,16 +78,17 @@ class Program:
                 )
             return given[0], answer[given[0]]
 
-    def stop(self, say: bool = True) -> str | None:
-        """End the program by a message or by closing its input. Return how it ended, or None if it had to be killed."""
+    def stop(self, say: bool = True) -> str:
+        """End the program by a message or by closing its input; return how it ended, or "" if none was running."""
         with self.lock:
             child, self.child = self.child, None
             if child is None or child.owner != os.getpid():
-                return None
+                return ""
             self.sent = f'{{"id":{child.count},"type":"stop"}}' if say else "(end of stdin)"
-            return child.stop(self.sent.encode() + b"\n" if say else b"")
+            ended = child.stop(self.sent.encode() + b"\n" if say else b"", STOP_GRACE)
+            return ended or f"no end within {STOP_GRACE:g} s"
 
-    def _running(self) -> Child:
+    def _running(self) -> ProgramChild:
         if self.closed:
             raise UsageError(
                 expected="a call within `with load_program(…)`",
@@ -92,7 +97,7 @@ class Program:
             )
         # After a fork the pipes belong to the parent, so this process starts another program.
         if self.child is None or self.child.owner != os.getpid():
-            self.child = Child(self.argv, self.line_limit)
+            self.child = ProgramChild(self.argv, self.line_limit)
             answer = self._exchange(self.child, f'"type":"hello","protocol":{PROTOCOL}', self.start_timeout)
             try:
                 self.said = read_hello(answer)
@@ -101,7 +106,7 @@ class Program:
                 raise
         return self.child
 
-    def _exchange(self, child: Child, body: str, seconds: float) -> dict[str, Any]:
+    def _exchange(self, child: ProgramChild, body: str, seconds: float) -> dict[str, Any]:
         number, left = child.count, self.until - time.monotonic()
         child.count += 1
         self.sent = f'{{"id":{number},{body}}}'
@@ -215,6 +220,11 @@ def load_program(
         If the command cannot be split, or the system has no POSIX processes.
     ProgramError
         If the program cannot be started or does not answer hello as the protocol demands.
+
+    Warns
+    -----
+    ProtocolWarning
+        If the program does not end with exit code 0 after the last call, though no call failed.
     """
     program = Program(
         command,
@@ -226,9 +236,17 @@ def load_program(
     with _ended_by_signals(program):
         try:
             yield program.scheme()
-        finally:
+        except BaseException:
             program.closed = True
             program.stop()
+            raise
+        program.closed = True
+        if (how := program.stop()) not in ("", GOOD_END):
+            warnings.warn(
+                f"the program {clean(command)} broke rule 7 of docs/protocol.md: {how} after stop, and not {GOOD_END}",
+                ProtocolWarning,
+                stacklevel=3,
+            )
 
 
 @contextmanager

@@ -42,7 +42,9 @@ from sepv.schemes._guard import (
     check_answer,
     guarded,
     raw_answer,
+    require_one_return,
     require_unchanged,
+    restored_names,
     translated,
 )
 from sepv.schemes._guard import ask as ask

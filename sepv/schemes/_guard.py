@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from sepv._arithmetic import restore
-from sepv._journal import note_step
-from sepv.errors import NotFinite, SchemeFault, SepvError, StepFailure, UsageError
+from sepv.children import TimedOut, note_step, one_process, returned_twice
+from sepv.errors import NotFinite, SchemeFault, SepvError, StepFailure, UsageError, said
 from sepv.problem import Array, Problem, is_several
 from sepv.problems.shown_to_schemes import shown
 from sepv.schemes._further_increments import answer, carry, joined
@@ -38,7 +38,7 @@ class Refusal(StepFailure):
         step = step if y.ndim == 1 else f"y of shape {y.shape}"
         SepvError.__init__(
             self,
-            f"The scheme refused the step by {type(error).__name__}: {error}{_where(error)}\n"
+            f"The scheme refused the step by {type(error).__name__}: {said(error)}{_where(error)}\n"
             f"problem {problem.name}, {step}.\n"
             "Remedy: solve the step where a solution exists; beyond, a refusal is right.",
         )
@@ -71,7 +71,7 @@ class SchemeCrash(SepvError):
             if kind in _TRACED
             else "--debug with the replay command shows the traceback"
         )
-        text = str(error).partition("\n")[0] if kind in _TRACED else error
+        text = said(error).partition("\n")[0] if kind in _TRACED else said(error)
         super().__init__(
             f"The scheme raised {kind}: {text}{_where(error)}\n"
             f"Expected y_next of shape {shape} from step(problem, y, h, dW){given}.\n"
@@ -133,21 +133,53 @@ def translated(problem: Problem, y: Array, h: float, dW: Array) -> Iterator[None
 
     The messages name the problem, y, h and dW. At the end the process rounds to nearest again, with subnormal numbers.
     """
+    given = (
+        f", called with the problem {problem.name}, y of shape {y.shape}, h = {h:g}, dW of shape {dW.shape}"
+    )
     try:
-        with np.errstate(all="ignore"):
+        with one_process(), np.errstate(all="ignore"):
             yield
-    except StepFailure:
+    except (StepFailure, KeyboardInterrupt, TimedOut):
         raise
     except REFUSALS as error:
         raise Refusal(error, problem, y, h, dW) from error
-    except (Exception, SystemExit) as error:
+    except (
+        BaseException
+    ) as error:  # a panic of Rust's PyO3, asyncio's CancelledError and SystemExit are no Exception
         # A UsageError is the scheme's error: it gave wrong arguments to a function of sepv.
         if isinstance(error, SepvError) and type(error) is not UsageError:
             raise
-        given = f"the problem {problem.name}, y of shape {y.shape}, h = {h:g}, dW of shape {dW.shape}"
-        raise SchemeCrash(error, y.shape, f", called with {given}") from error
+        raise SchemeCrash(error, y.shape, given) from error
     finally:
         restore()
+    require_one_return(y.shape, given)
+
+
+def require_one_return(shape: tuple[int, ...] = (), given: str = "") -> None:
+    """Raise a SchemeCrash if a step forked, and its copy of this process came back as this process did."""
+    if returned_twice():
+        error = RuntimeError(
+            "the step forked this process and came back in the copy too, which was ended: os._exit in the copy, "
+            "or subprocess instead of os.fork"
+        )
+        raise SchemeCrash(error, shape, given)
+
+
+# The names of NumPy that a step may take away from everybody, as they were before any step.
+_NUMPY = {module: dict(vars(module)) for module in (np, np.linalg, np.random)}
+
+
+def restored_names() -> str:
+    """Restore what a scheme removed from NumPy's modules or replaced there; return the names, empty if none."""
+    changed = []
+    for module, before in _NUMPY.items():
+        now, names = (
+            vars(module),
+            [name for name, value in before.items() if vars(module).get(name) is not value],
+        )
+        now.update((name, before[name]) for name in names)
+        changed += [f"{module.__name__}.{name}" for name in names]
+    return ", ".join(changed[:5]) + (f" and {len(changed) - 5} more" if len(changed) > 5 else "")
 
 
 def check_answer(answer: Any, y: Array, dtype: str = "float64", *, finite: bool = True) -> Array:
@@ -158,7 +190,7 @@ def check_answer(answer: Any, y: Array, dtype: str = "float64", *, finite: bool 
     if type(answer) is not np.ndarray:  # no subclass: masked arrays and matrices compute differently
         raise SchemeFault(
             expected=f"a NumPy array of shape {y.shape}",
-            received=f"{type(answer).__name__}: {answer!r:.80}",
+            received=f"{type(answer).__name__}: {said(answer, 80)}",
             remedy="return np.asarray(…) of the new state (of a torch tensor: .numpy())",
         )
     if answer.shape != y.shape:

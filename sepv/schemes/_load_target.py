@@ -15,8 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from sepv._arguments import did_you_mean, double
-from sepv.errors import ProblemError, TargetError, UnknownTarget, UsageError
-from sepv.files import read_json
+from sepv.children import TimedOut, one_process
+from sepv.errors import ProblemError, TargetError, UnknownTarget, UsageError, said
+from sepv.files import read_bounded, read_json
 from sepv.problem import NamedProblem, PolynomialSystem, Problem, require_invariants
 from sepv.schemes._one_step import Explicit, Implicit
 from sepv.schemes._scheme import Scheme, Step, Twin
@@ -293,11 +294,16 @@ def _no_attribute(module: Any, attribute: str) -> UnknownTarget:
     callables = [name for name, value in public.items() if callable(value)]
     defined = [name for name in callables if getattr(public[name], "__module__", None) == module.__name__]
     names = list(dict.fromkeys([*records, *defined]))
+    here, top = Path.cwd(), module.__name__.partition(".")[0]
+    hidden = any(place.exists() for place in (here / f"{top}.py", here / top / "__init__.py"))
+    hidden = hidden and here not in Path(getattr(module, "__file__", None) or "/").parents
     return UnknownTarget(
         expected=f"an attribute {attribute!r} in module {module.__name__}",
         received=f"{did_you_mean(attribute, [*names, *callables])} and a module with "
         + (", ".join(names) or "no public functions or records"),
-        remedy="correct the name after the colon",
+        remedy=f"rename {top} in this folder: an installed module, or one of Python's, has this name"
+        if hidden
+        else "correct the name after the colon",
     )
 
 
@@ -319,7 +325,7 @@ def _as_module(target: str) -> str:
 def _likely_step(file: Path) -> str:
     """The name of the first public function of a file that takes four arguments, without running it; else "step"."""
     try:
-        body = ast.parse(file.read_bytes()).body
+        body = ast.parse(read_bounded(file)).body
     except (OSError, SyntaxError, ValueError):
         return "step"
     four = (n.name for n in body if isinstance(n, ast.FunctionDef) and len(n.args.args) == 4)
@@ -328,11 +334,12 @@ def _likely_step(file: Path) -> str:
 
 def _module(name: str) -> Any:
     """Import a module. Raises TargetError, with the reason, if the import fails."""
-    # Modules of the current directory can be named, as for `python -m`.
+    # Modules of the current directory can be named. It stands last, so that none of them hides a module of Python's.
     if os.getcwd() not in sys.path and "" not in sys.path:
-        sys.path.insert(0, os.getcwd())
+        sys.path.append(os.getcwd())
     try:
-        return importlib.import_module(name)
+        with one_process():
+            return importlib.import_module(name)
     except UsageError as error:
         raise TargetError(expected=error.expected, received=error.received, remedy=error.remedy) from error
     except ModuleNotFoundError as error:
@@ -344,9 +351,11 @@ def _module(name: str) -> Any:
             if name == missing or name.startswith(missing + ".")
             else f"install {missing}, which {name} imports",
         ) from error
-    except (Exception, SystemExit) as error:
+    except (KeyboardInterrupt, TimedOut):
+        raise
+    except BaseException as error:
         raise TargetError(
             expected=f"a module {name} that can be imported",
-            received=f"{type(error).__name__} while importing it: {error}",
+            received=f"{type(error).__name__} while importing it: {said(error)}",
             remedy=f"make `python -c 'import {name}'` work first",
         ) from error

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from sepv._journal import attempted
+from sepv.children import TimedOut, attempted, deadline
 from sepv.errors import SepvError
 from sepv.exact import exact_flow
 from sepv.files import finite
@@ -23,7 +23,6 @@ from sepv.verification._cases.case import from_json
 from sepv.verification._cases.users_problems import objects_of
 from sepv.verification._law import Finding, Verdict
 from sepv.verification._outcome import Report
-from sepv.verification._verify import TimedOut, deadline
 
 # The number of steps of a course, and the number of points of the exact solution in each step.
 STEPS, FINER = 40, 3
@@ -45,7 +44,7 @@ def with_courses(report: Report) -> dict[str, Any]:
         if single and left > 0 and not report.interrupted:
             with suppress(Exception):
                 work = partial(course, report.scheme, finding, left)
-                if drawn := attempted(f"the course of {finding.law} of {report.target}", work):
+                if drawn := attempted(f"the course of {finding.law} of {report.target}", work, seconds=left):
                     law["course"] = drawn
     return data
 

@@ -26,6 +26,7 @@ from typing import Any
 
 from sepv._arguments import did_you_mean
 from sepv.errors import UsageError, require_one_of
+from sepv.files import read_bounded
 from sepv.verification._cases import case as cases
 from sepv.verification._law import Finding, Verdict
 
@@ -90,7 +91,7 @@ def load(path: str | Path, laws: Iterable[str]) -> Expectations:
     or a law that is both claimed and expected to fail.
     """
     try:
-        data = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        data = tomllib.loads(read_bounded(path).decode())
     except OSError as error:
         raise UsageError(
             expected="a file of expected failures", received=f"{path}: {error.strerror}", remedy=_EXAMPLE

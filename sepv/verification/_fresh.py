@@ -10,15 +10,15 @@ PYTHONHASHSEED is another one. This process starts and imports while the law mea
 
 from __future__ import annotations
 
-import json
 import os
-import subprocess
+import pickle
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
+from sepv.children import Child, NoLine, packed, unpacked
 from sepv.errors import SepvError
 from sepv.schemes import Scheme, Twin, ask
 from sepv.verification._cases.case import Case, from_json, has_words
@@ -27,11 +27,17 @@ from sepv.verification._law import Finding, Verdict
 
 # The new process is ended after this many seconds if it has not answered.
 SECONDS = 60.0
-_ANSWER = (
-    "from sepv.verification import _fresh, _verify\n"  # `_verify` imports this file, which cannot import it
-    "_fresh.answer(_verify.replay)"
-)
-_STEPS = _ANSWER.replace("answer(_verify.replay)", "make_steps(_verify.load_candidate)")
+
+
+@dataclass(frozen=True)
+class Question:
+    """What a new process is asked about a scheme: pairs (law, witness) to replay, and witnesses whose step it makes."""
+
+    target: str
+    problems: Any
+    replays: Sequence[tuple[str, Any]] = ()
+    steps: Sequence[Any] = ()
+    twin: Twin | None = None
 
 
 def words_of(target: Any, problems: Any) -> dict[str, Any]:
@@ -44,33 +50,21 @@ class SecondProcess:
     """A process with another PYTHONHASHSEED that imports a scheme, then makes the steps of some cases."""
 
     def __init__(self, target: str, problems: Any) -> None:
+        self.question, self.child = Question(target, problems), None
         other = "2" if os.environ.get("PYTHONHASHSEED") == "1" else "1"
-        self.process = subprocess.Popen(
-            [sys.executable, "-c", _STEPS], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-            text=True, env={**os.environ, "PYTHONHASHSEED": other},
-        )  # fmt: skip
-        self.question = {"path": sys.path, "target": target, "problems": problems}
+        with suppress(OSError):
+            self.child = _process(PYTHONHASHSEED=other)
+
+    child: Child | None
 
     def steps(self, witnesses: Sequence[dict[str, Any]]) -> list[list[str] | None]:
         """y1 of each case in hexadecimal digits, or None for a step that failed; [] if the process did not answer."""
-        try:
-            answer, _ = self.process.communicate(
-                json.dumps({**self.question, "asked": witnesses}), timeout=SECONDS
-            )
-            return list(json.loads(answer))
-        except (OSError, subprocess.SubprocessError, ValueError):
-            return []
-        finally:
-            self.end()
+        return _answered(self.child, replace(self.question, steps=witnesses)) if self.child else []
 
     def end(self) -> None:
-        """End the process, if it has not ended, and close its pipes."""
-        self.process.kill()
-        self.process.wait()
-        for pipe in (self.process.stdin, self.process.stdout):
-            if pipe is not None:
-                with suppress(OSError):  # what was not yet sent to an ended process
-                    pipe.close()
+        """End the process, if it has not ended, with what the scheme left running there."""
+        if self.child:
+            self.child.end()
 
 
 def asked_afresh(
@@ -79,24 +73,50 @@ def asked_afresh(
     """The findings; for a violation, `Finding.afresh` is set to the verdict of a replay in a new process."""
     named = words_of(target, problems) and (twin is None or isinstance(twin.scheme, str))
     again = [f for f in findings if _may_be_replayed(f)] if named else []
-    if not again:
-        return tuple(findings)
-    question = {
-        "path": sys.path,
-        "target": target,
-        "problems": problems,
-        "twin": twin and [twin.scheme, twin.bits],
-        "asked": [[f.law, f.witness] for f in again],
-    }
-    try:
-        done = subprocess.run(
-            [sys.executable, "-c", _ANSWER],
-            input=json.dumps(question), capture_output=True, text=True, timeout=SECONDS, check=True,
-        )  # fmt: skip
-        verdicts = dict(zip((f.law for f in again), json.loads(done.stdout), strict=True))
-    except (OSError, subprocess.SubprocessError, ValueError):
-        return tuple(findings)
+    verdicts: dict[str, str] = {}
+    if again:
+        with suppress(OSError):
+            replays = [(f.law, f.witness) for f in again]
+            answered = _answered(_process(), Question(target, problems, replays, twin=twin))
+            verdicts = dict(zip((f.law for f in again), answered, strict=False))
     return tuple(replace(f, afresh=verdicts.get(f.law, f.afresh)) for f in findings)
+
+
+def answers(question: Question, load: Callable[..., Scheme], replay: Callable[..., Finding]) -> list[Any]:
+    """In the new process: the verdicts of the replays, then the steps."""
+    target, problems = question.target, question.problems
+    verdicts = [
+        replay(target, law, witness, problems, question.twin).verdict.value
+        for law, witness in question.replays
+    ]
+    if not question.steps:
+        return verdicts
+    scheme = load(target, (), problems)
+    return verdicts + [step_in_digits(scheme, from_json(w, objects_of(scheme))) for w in question.steps]
+
+
+def step_in_digits(scheme: Scheme, case: Case) -> list[str] | None:
+    """y1 of a case in hexadecimal digits; None if the step fails."""
+    with suppress(SepvError):
+        return [v.hex() for v in ask(scheme, *case.build()).tolist()]
+    return None
+
+
+def _process(**environment: str) -> Child:
+    return Child.of_module("sepv.verification._worker", log=True, environment=environment)
+
+
+def _answered(child: Child, question: Question) -> list[Any]:
+    """The new process's answers; [] if none came. The process is ended."""
+    try:
+        kind, answer = unpacked(
+            child.exchange(packed((sys.path, os.getcwd(), pickle.dumps(question))), SECONDS)
+        )
+    except NoLine:
+        return []
+    finally:
+        child.end()
+    return list(answer) if kind == "answers" else []
 
 
 def _may_be_replayed(finding: Finding) -> bool:
@@ -114,42 +134,3 @@ def _may_be_replayed(finding: Finding) -> bool:
 def _words(problems: Any) -> bool:
     listed = problems if isinstance(problems, list | tuple) else [problems]
     return problems is None or all(isinstance(p, str) for p in listed)
-
-
-def answer(replay: Callable[..., Finding]) -> None:
-    """Replay witnesses in the new process: read them from stdin, write verdicts to stdout. Schemes print to stderr."""
-
-    def verdicts(question: Any) -> list[str]:
-        target, problems = question["target"], question["problems"]
-        twin = question["twin"] and Twin(*question["twin"])
-        return [
-            replay(target, law, witness, problems, twin).verdict.value for law, witness in question["asked"]
-        ]
-
-    _answered(verdicts)
-
-
-def make_steps(load: Callable[..., Scheme]) -> None:
-    """Make the steps of cases in the new process; `load` loads the scheme."""
-
-    def steps(question: Any) -> list[list[str] | None]:
-        scheme = load(question["target"], (), question["problems"])
-        return [step_in_digits(scheme, from_json(data, objects_of(scheme))) for data in question["asked"]]
-
-    _answered(steps)
-
-
-def step_in_digits(scheme: Scheme, case: Case) -> list[str] | None:
-    """y1 of a case in hexadecimal digits; None if the step fails."""
-    with suppress(SepvError):
-        return [v.hex() for v in ask(scheme, *case.build()).tolist()]
-    return None
-
-
-def _answered(reply: Callable[[Any], Any]) -> None:
-    out = os.fdopen(os.dup(1), "w")
-    os.dup2(2, 1)
-    question = json.load(sys.stdin)
-    sys.path[:] = question["path"]
-    json.dump(reply(question), out)
-    out.close()

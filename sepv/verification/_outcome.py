@@ -30,6 +30,8 @@ class Report:
     effort : Effort
     interrupted : bool
         True if some laws were not measured.
+    lost : str
+        If they were not because a cluster of workers was lost, how; else empty.
     pinned : frozenset of str or None
         The laws that held when the run's pin was written; None without a pin. A pin is a file of expected verdicts.
         With a pin the run fails at each violation that the pin does not list.
@@ -52,6 +54,7 @@ class Report:
     gaps: tuple[str, ...] = ()
     required: tuple[Requirement, ...] = ()
     pins: bool = False
+    lost: str = ""
 
     @property
     def profiles(self) -> tuple[Profiled, ...]:
@@ -87,13 +90,14 @@ class Report:
 
     @property
     def exit_code(self) -> int:
-        """Exit code 0: claimed laws hold. 1: one does not, or an expected failure passes. 3: error. 130: interrupted.
+        """Exit code 0: claimed laws hold. 1: one does not, or an expected failure passes. 3: error.
 
-        The code is also 1 if a claimed law is inconclusive, if the scheme skipped all cases of a claimed law, if no law
-        was measured, if a required profile was not found, or if a law is violated that the pin does not list.
+        3 is also for a lost cluster, and 130 for Ctrl-C. The code is also 1 if a claimed law is inconclusive, if the
+        scheme skipped all cases of a claimed law, if no law was measured, if a required profile was not found, or if a
+        law is violated that the pin does not list.
         """
         if self.interrupted:
-            return 130
+            return 3 if self.lost else 130
         if self.failing or self.missing:
             return 1
         if any(f.verdict is Verdict.ERROR for f in self.findings):

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from functools import partial
 from itertools import accumulate
 
-from sepv._journal import Journal, current_journal
+from sepv.children import Journal, current_journal
 from sepv.console import showing
 from sepv.verification import Finding, Law, Verdict
 from sepv.verification._verify import LawProgress

@@ -125,7 +125,8 @@ def _outcome(report: Report) -> Text:
     left_out = f", {skipped} skipped" if skipped else ""
     text = Text(f"{counted(len(report.findings), 'law')}: {counts}; {counted(checks, 'check')}{left_out}. ")
     if report.interrupted:
-        return text.append("Interrupted: what was not measured is not judged.", style="bold")
+        why = report.lost.partition("\n")[0] or "Interrupted"
+        return text.append(f"{why.rstrip('.')}: what was not measured is not judged.", style="bold")
     for gap in report.gaps:
         text.append(f"{gap} ", style="yellow")
     wrong = _complaints(report)

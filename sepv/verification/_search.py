@@ -23,9 +23,9 @@ from hypothesis import HealthCheck, Phase, Verbosity, given, reject, settings, t
 from hypothesis import seed as hypothesis_seed
 from hypothesis.errors import Unsatisfiable
 
-from sepv._journal import note_case, note_violation
 from sepv._kept import kept
 from sepv._patches import without_local_constants
+from sepv.children import note_case, note_violation
 from sepv.errors import NotFinite, SchemeFault, SepvError, Skipped, StepFailure, Unasked, UsageError
 from sepv.schemes import Scheme, has_memory, takes
 from sepv.verification import _corpus as corpus

@@ -1,29 +1,38 @@
 """Measurement of groups of laws in worker processes, each of which measures one group at a time.
 
 Each worker is a new interpreter (`sepv.verification._worker`), not a fork, because a scheme's library may have threads,
-and a fork of threads can hang. Messages are pickled. If a worker crashes, one law ends in an error; the run goes on.
+and a fork of threads can hang. If a worker crashes, or does not keep a law's time limit and is killed, this law ends in
+an error; the run goes on.
 """
 
 from __future__ import annotations
 
 import os
 import pickle
-import queue
-import signal
-import subprocess
 import sys
-import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-from sepv._journal import Crashed, ended_with, interruption_answered
-from sepv._processes import take
+from sepv.children import (
+    TICK,
+    Crashed,
+    Limit,
+    interruption_answered,
+    out_of_time,
+    packed,
+    pump_all,
+    take,
+    unpacked,
+)
 from sepv.errors import UsageError
 
 # Seconds between SIGTERM, on which a worker ends its own children, and SIGKILL.
 GRACE = 1.0
+# The seconds for a new interpreter and its imports on a loaded machine, in addition to a law's time for the scheme.
+START = 60.0
 
 
 @dataclass(frozen=True)
@@ -40,38 +49,28 @@ class LawJob:
 
 
 class _Worker:
-    """A worker process, and a thread of the parent that puts the worker's messages into the queue of all workers."""
+    """A worker process, the laws that it has still to measure, and the time limit of the law that it measures."""
 
-    def __init__(self, task: bytes, answers: queue.Queue[tuple[_Worker, Any]]) -> None:
-        self.process, self.notes = take()
-        self.left: list[str] = []
-        self._write(task)
-        self.listener = threading.Thread(target=self._listen, args=(answers,), daemon=True)
-        self.listener.start()
+    def __init__(self, task: bytes, seconds: float) -> None:
+        self.child, self.left = take(), list[str]()
+        self.limit: Limit | None = Limit(seconds + START)
+        self.child.send(task)
 
     def give(self, group: Sequence[str]) -> None:
         """Send these laws to the worker, in this order."""
         self.left = list(group)
-        self._write(pickle.dumps(self.left))
+        self.child.send(packed(self.left))
 
-    def _write(self, data: bytes) -> None:
-        assert self.process.stdin
-        with suppress(BrokenPipeError):  # the reader notices that the process has ended
-            self.process.stdin.write(data)
-            self.process.stdin.flush()
-
-    def _listen(self, answers: queue.Queue[tuple[_Worker, Any]]) -> None:
-        assert self.process.stdout
-        with self.process.stdout as pipe:
-            try:
-                while True:
-                    answers.put((self, pickle.load(pipe)))
-            except Exception:  # the end of the pipe, or half a message before it
-                answers.put((self, Crashed(ended_with(self.process.wait()), self.notes.get())))
-
-    def end(self, number: int) -> None:
-        with suppress(ProcessLookupError, PermissionError):
-            os.killpg(self.process.pid, number)
+    def lost(self, seconds: float) -> Crashed | None:
+        """How the worker ended, or None. It is killed here if its law does not keep the time limit of `seconds`."""
+        if self.limit is not None and self.limit.passed():
+            self.child.end()
+            return Crashed(out_of_time(seconds), self.child.notes.get())
+        if not self.child.gone:
+            return None
+        # A fork of the worker may hold its pipes open, or the worker may have closed them: it is no worker any more.
+        status = self.child.status(GRACE)
+        return Crashed(f"ended with {status}" if status else self.child.gone, self.child.notes.get())
 
 
 def run(
@@ -79,47 +78,51 @@ def run(
 ) -> None:
     """Measure groups of laws on `jobs` workers; `receive` gets each law's name, first with None, then with its finding.
 
-    If a worker crashes, `receive` gets the law with `Crashed`, and another worker measures the rest of the group. If a
-    process cannot load the scheme, a UsageError is raised; for a defect of the suite in a worker, a RuntimeError.
+    If a worker crashes or hangs, `receive` gets the law with `Crashed`, and another worker measures the rest of the
+    group. If a process cannot load the scheme, a UsageError is raised; for a defect of the suite, a RuntimeError.
     """
-    data, waiting = _pickled(task), [list(group) for group in groups]
-    answers: queue.Queue[tuple[_Worker, Any]] = queue.Queue()
+    data, waiting = _packed(task), [list(group) for group in groups]
     with _ended() as workers:
-        busy: set[_Worker] = set()
+        busy: list[_Worker] = []
 
         def start() -> None:
-            workers.append(_Worker(data, answers))
-            busy.add(workers[-1])
+            workers.append(_Worker(data, task.timeout))
+            busy.append(workers[-1])
             workers[-1].give(waiting.pop(0))
 
         for _ in range(min(jobs, len(waiting))):
             start()
         while busy:
-            try:
-                worker, word = answers.get(timeout=0.5)
-            except queue.Empty:  # a time limit, because some systems notice Ctrl-C only between waits
-                continue
-            if isinstance(word, Crashed):
-                busy.discard(worker)
-                if worker.left:
-                    receive(worker.left.pop(0), word)
+            pump_all([worker.child for worker in busy], TICK)
+            for worker in list(busy):
+                while (line := worker.child.line()) is not None:
+                    _hear(worker, unpacked(line), task.timeout, receive)
+                if worker.left and (crash := worker.lost(task.timeout)):
+                    receive(worker.left.pop(0), crash)
                     waiting[:0] = [worker.left] if worker.left else []
-                if waiting:
-                    start()
-                continue
-            kind, *said_of = word
-            if kind == "usage":
-                raise UsageError(**said_of[0])
-            if kind == "defect":
-                raise RuntimeError(f"in a worker:\n{said_of[0]}")
-            name, finding = said_of
-            receive(name, finding)
-            if finding is not None:
-                worker.left.remove(name)
-            if not worker.left and waiting:
-                worker.give(waiting.pop(0))
-            elif not worker.left:
-                busy.discard(worker)
+                    busy.remove(worker)
+                    if waiting:
+                        start()
+                elif not worker.left and waiting:
+                    worker.give(waiting.pop(0))
+                elif not worker.left:
+                    busy.remove(worker)
+
+
+def _hear(
+    worker: _Worker, word: tuple[Any, ...], seconds: float, receive: Callable[[str, Any], None]
+) -> None:
+    """Receive a message of a worker: that a law begins, its finding, or why nothing can be measured."""
+    kind, *said_of = word
+    if kind == "usage":
+        raise UsageError(**said_of[0])
+    if kind == "defect":
+        raise RuntimeError(f"in a worker:\n{said_of[0]}")
+    name, finding = said_of
+    receive(name, finding)
+    worker.limit = Limit(seconds) if finding is None else None
+    if finding is not None:
+        worker.left.remove(name)
 
 
 def measured(task: LawJob, group: Sequence[str]) -> list[tuple[str, Any]]:
@@ -142,23 +145,17 @@ def _ended() -> Iterator[list[_Worker]]:
         raise
     finally:
         for worker in workers:
-            worker.end(signal.SIGTERM)
+            worker.child.ask_to_end()
+        until = time.monotonic() + GRACE
         for worker in workers:
-            try:
-                worker.process.wait(GRACE)
-            except subprocess.TimeoutExpired:
-                worker.end(signal.SIGKILL)
-                worker.process.wait()
-            worker.listener.join(GRACE)
-            assert worker.process.stdin
-            with suppress(OSError):
-                worker.process.stdin.close()
+            worker.child.status(until - time.monotonic())
+            worker.child.end()
 
 
-def _pickled(task: LawJob) -> bytes:
+def _packed(task: LawJob) -> bytes:
     try:
         # The path on which the user's modules are found is pickled first.
-        data = pickle.dumps((list(sys.path), os.getcwd(), pickle.dumps(task)))
+        data = packed((list(sys.path), os.getcwd(), pickle.dumps(task)))
         owner = getattr(getattr(task.scheme, "step", None), "__module__", "")
     except Exception as error:
         received = f"{type(error).__name__}: {error}"

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import signal
-import threading
+import math
 import time
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from traceback import format_exc
 from typing import Any
 
 from sepv._arguments import is_number, require_whole
-from sepv._journal import Crashed, attempted, interruption_answered
 from sepv._kept import save_all
+from sepv.children import Crashed, TimedOut, attempted, deadline, interruption_answered
 from sepv.errors import ClusterFailure, SepvError, Skipped, TargetError, UsageError
 from sepv.schemes import (
     ALL_LAWS,
@@ -24,7 +23,9 @@ from sepv.schemes import (
     Twin,
     as_twin,
     load_scheme,
+    require_one_return,
     require_trusted,
+    restored_names,
     words_for,
 )
 from sepv.verification import _side_by_side as side_by_side
@@ -41,6 +42,7 @@ from sepv.verification._profiles import requirements
 
 # The longest time limit in seconds, thirty years, because system clocks count no further.
 MOST_SECONDS = 1e9
+UNDECIDED = "interrupted before it was decided"
 LawProgress = Callable[[Law, "Finding | None"], None]
 
 
@@ -71,8 +73,9 @@ def verify(
     claims : iterable of str, or one string with commas
         Laws that the scheme must obey, in addition to the laws that it claims itself.
     timeout : float
-        The time limit of each law in seconds. It needs the main thread of a POSIX system. If the scheme does not return
-        in time, the verdict is `error`. The limit interrupts Python code, but no compiled loop.
+        The time limit of each law in seconds. If the scheme does not return in time, the verdict is `error`. With
+        ``jobs=1`` the limit interrupts Python code, but no compiled loop, and no code that catches every exception: a
+        warning then says so. With more jobs, as on the command line, the process of such a law is killed.
     progress : callable (law, finding or None), optional
         Called before each law with None, and after the law with its finding.
     expected : path, optional
@@ -87,7 +90,7 @@ def verify(
         Hypothesis strategies of `PolynomialSystem` or `Problem`. Laws draw their cases from these alone.
     workers : executor, map-like callable, Dask client or its address, optional
         Workers on other machines (docs/clusters.md), as for `sepv.ensemble`. If a cluster is lost, laws without a
-        finding are not measured, and the report counts as interrupted.
+        finding are not measured, and `exit_code` is 3.
     effort : Effort, optional
         The numbers of examples and paths; ``Effort().deeper()`` is for a nightly run.
     require : iterable of str, or one string with commas
@@ -140,7 +143,7 @@ def verify(
         if progress:
             progress(law, finding)
 
-    interrupted, why = False, "interrupted before it was decided"
+    interrupted, why = False, UNDECIDED
     try:
         if workers is not None or (jobs > 1 and len(chosen) > 1):
             named = scheme if isinstance(scheme, str) else candidate
@@ -152,7 +155,7 @@ def verify(
             for law in soonest(chosen):
                 receive(law, None)
                 ask = partial(measure, law, candidate, run, timeout, known.failures.get(law.name))
-                receive(law, survived(law, f"{law.name} of {target}", ask, effort))
+                receive(law, survived(law, f"{law.name} of {target}", ask, effort, timeout))
     except KeyboardInterrupt:
         interruption_answered()
         interrupted = True
@@ -169,7 +172,8 @@ def verify(
     named = target + twin.options if target and twin else target
     report = Report(candidate, findings, effort, interrupted, known.claims, named, required=required)
     gaps = known.gaps((law.name for law in chosen), candidate.name, report.problems)
-    return replace(report, gaps=tuple(gaps))
+    lost = why if why != UNDECIDED else ""
+    return replace(report, gaps=tuple(gaps), lost=lost)
 
 
 def along_paths(
@@ -249,11 +253,11 @@ def load_in_time(
     try:
         with deadline(timeout):
             load = partial(load_candidate, scheme, listed(claims), problems, twin)
-            return attempted(f"loading {target}", load, kept=False)
+            return attempted(f"loading {target}", load, kept=False, seconds=timeout)
     except Crashed as crash:
         raise TargetError(
             expected="a scheme that can be loaded, and a step that comes back",
-            received=f"nothing: the process ended with {crash.status} while it was loaded",
+            received=f"nothing: the process {crash.status} while it was loaded",
             remedy="python -X faulthandler shows the line: import the module and call the step there",
         ) from None
     except TimedOut:
@@ -262,6 +266,14 @@ def load_in_time(
             received=f"nothing: it did not come back within {timeout:g} s",
             remedy="a step of a small problem takes milliseconds; look for a loop that does not end",
         ) from None
+    except Exception as error:
+        if isinstance(error, SepvError) or not (changed := restored_names()):
+            raise
+        raise TargetError(
+            expected="a step that leaves other modules as they are",
+            received=f"a change of {changed}, and {type(error).__name__} in sepv, which uses it too",
+            remedy="take nothing from NumPy that others use",
+        ) from error
 
 
 def load_candidate(
@@ -294,17 +306,23 @@ def replay(
     return replace(finding, claimed=chosen.claimed_by(candidate))
 
 
-def survived(law: Law, key: str, ask: Callable[[], Finding], effort: Effort | None = None) -> Finding:
+def survived(
+    law: Law, key: str, ask: Callable[[], Finding], effort: Effort | None = None, seconds: float = math.inf
+) -> Finding:
     """Return the finding of `ask`; if a crashed run is repeated, the stored finding or, for the crash, an error."""
     try:
-        return attempted(key, ask)
+        return attempted(key, ask, seconds=seconds)
     except Crashed as crash:
         return crashed(law, crash, effort or Effort())
 
 
 def crashed(law: Law, crash: Crashed, effort: Effort) -> Finding:
-    """The finding for a law whose process crashed: an error that names the case in which the crash occurred."""
-    lines = [f"the process ended with {crash.status}: the scheme, or a library that it uses, crashed it"]
+    """The finding for a law whose process crashed, or was killed at its time limit: an error with the last case."""
+    cause = "the scheme, or a library that it uses, crashed it"
+    if crash.late:
+        cause = "a step did not come back, or there were too many, and nothing interrupts compiled code, nor code "
+        cause += "that catches every exception"
+    lines = [f"the process {crash.status}: {cause}"]
     seen: dict[str, Any] = {"replay": f"--law {law.name} --seed {effort.seed} --paths {effort.paths}"}
     if isinstance(crash.note, dict):
         case = cases.from_json(crash.note)
@@ -316,7 +334,8 @@ def crashed(law: Law, crash: Crashed, effort: Effort) -> Finding:
         before = cases.from_json(crash.violated)
         again = f"Its replay: --law {law.name} --replay {cases.to_token(before)}"
         lines += ["violated, before:", before.describe(), again]
-    lines.append("Remedy: python -X faulthandler -m sepv verify … with the replay below shows the line")
+    if not crash.late:
+        lines.append("Remedy: python -X faulthandler -m sepv verify … with the replay below shows the line")
     return law.finding(Verdict.ERROR, message="\n".join(lines), **seen)
 
 
@@ -328,6 +347,7 @@ def measure(
     try:
         with deadline(timeout):
             finding = law.replay(law, scheme, failure.witness) if failure else law.run(law, scheme, run)
+        require_one_return()
     except TimedOut:
         text = f"stopped after {timeout:g} s (--timeout): a step did not come back, or there were too many steps; "
         text += "if the scheme divides long steps, state the longest one: Scheme(…, longest_step=…)"
@@ -342,6 +362,12 @@ def measure(
         if failure is not None and type(error) is UsageError:
             raise _wrong_witness(law, error.received) from error
         finding = law.finding(Verdict.ERROR, message=str(error), traceback=getattr(error, "traceback", ""))
+    except Exception as error:
+        if not (changed := restored_names()):
+            raise  # a defect of sepv itself
+        text = f"the scheme changed {changed}, which sepv uses too: {type(error).__name__} there. It is restored.\n"
+        text += "Remedy: leave other modules as they are"
+        finding = law.finding(Verdict.ERROR, message=text, traceback=format_exc())
     if failure:
         finding = replace(finding, expected=failure.reason)
         if finding.verdict is not Verdict.VIOLATED:
@@ -356,27 +382,3 @@ def _wrong_witness(law: Law, received: str) -> UsageError:
         received=received,
         remedy="copy what the report prints after --replay, or write the file anew with --pin or --write-expected",
     )
-
-
-class TimedOut(BaseException):
-    """Raised in a scheme that does not return. Not an Exception, so that no handler in the scheme catches it."""
-
-
-@contextmanager
-def deadline(seconds: float) -> Iterator[None]:
-    """Raise `TimedOut` in a block that runs longer than `seconds`; no limit outside a POSIX system's main thread."""
-    if not hasattr(signal, "setitimer") or threading.current_thread() is not threading.main_thread():
-        yield
-        return
-
-    def stop(*_: Any) -> None:
-        raise TimedOut
-
-    before = signal.signal(signal.SIGALRM, stop)
-    # The timer repeats, in case the scheme swallows the first `TimedOut`.
-    signal.setitimer(signal.ITIMER_REAL, seconds, 1.0)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)

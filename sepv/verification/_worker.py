@@ -13,8 +13,7 @@ from functools import partial
 from queue import SimpleQueue
 from typing import Any
 
-from sepv._journal import Journal, Notes, attempted, open_journal
-from sepv._processes import collect_seldom
+from sepv.children import Journal, Notes, attempted, collect_seldom, open_journal, packed, unpacked
 from sepv.errors import UsageError
 
 
@@ -27,7 +26,7 @@ def main() -> None:
     os.dup2(2, 1)
 
     def say(*word: Any) -> None:
-        out.write(pickle.dumps(word))
+        out.write(packed(word))
         out.flush()
 
     try:
@@ -43,16 +42,19 @@ def main() -> None:
 def answer(say: Any) -> None:
     """Load the scheme once, then measure the groups of laws from stdin; `say` sends a message to the parent."""
     from sepv._kept import save_all
-    from sepv.verification._fresh import words_of
+    from sepv.verification._fresh import Question, answers, words_of
     from sepv.verification._law import Run
     from sepv.verification._laws import load_laws
-    from sepv.verification._verify import load_candidate, measure
+    from sepv.verification._verify import load_candidate, measure, replay
 
     # The first part of the task is the module path, which may be needed to unpickle the second part, with the scheme.
-    path, folder, rest = pickle.load(sys.stdin.buffer)
+    path, folder, rest = _next()
     sys.path[:] = path
     os.chdir(folder)
     task = pickle.loads(rest)
+    if isinstance(task, Question):
+        say("answers", answers(task, load_candidate, replay))
+        return
     scheme = load_candidate(task.scheme, task.claims, task.problems, task.twin)
     groups: SimpleQueue[list[str]] = SimpleQueue()
     end, run = partial(_end_with_children, scheme), Run(task.effort, **words_of(task.scheme, task.problems))
@@ -67,11 +69,19 @@ def answer(say: Any) -> None:
         save_all()
 
 
+def _next() -> Any:
+    """The next message; EOFError at the end of stdin."""
+    line = sys.stdin.buffer.readline()
+    if not line.endswith(b"\n"):
+        raise EOFError
+    return unpacked(line)
+
+
 def _read(groups: SimpleQueue[list[str]], end: Callable[[], None]) -> None:
     """Read groups of laws from stdin. When stdin ends, the parent has ended, and this process ends too."""
     try:
         while True:
-            groups.put(pickle.load(sys.stdin.buffer))
+            groups.put(_next())
     except EOFError:
         end()
 

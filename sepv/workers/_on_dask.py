@@ -1,8 +1,10 @@
 """Tasks on Dask: chunks of paths as futures of a `distributed.Client`, at most a few for each thread of the cluster.
 
 If a worker dies, Dask gives its chunk to another worker; if a chunk raises, Dask tries the chunk once more. A worker
-must have the versions of this process (this is checked), because other versions may give other bits. A run does not
-hang but ends with a message if the scheduler is lost, the cluster has no workers, or a chunk kills worker after worker.
+that is frozen (stopped, or without a network) keeps its chunks for ever in Dask, so this file sends them elsewhere. A
+worker must have the versions of this process (this is checked), because other versions may give other bits. A run does
+not hang but ends with a message if the scheduler is lost or frozen, the cluster has no workers, or a chunk kills worker
+after worker.
 """
 
 from __future__ import annotations
@@ -12,14 +14,14 @@ import platform
 import time
 import uuid
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib import metadata
 from importlib.util import find_spec
 from pickle import PickleError
 from queue import Empty
-from typing import Any
+from typing import Any, NamedTuple
 
 from sepv._arguments import optional
 from sepv._version import __version__
@@ -35,10 +37,24 @@ NO_WORKER = 120.0
 FETCH = 60.0
 # Seconds between two checks of the cluster while nothing arrives.
 LOOK = 1.0
+# A chunk is overdue if it takes longer than LATE rounds of the longest chunk so far; a round is that of the AHEAD
+# chunks in a thread's queue, and this one. It goes to another worker only if its own has sent no sign of life (Dask's
+# workers send one in a few seconds at most) for SILENT seconds: a chunk that is merely long is let alone. Without
+# another worker, or a chunk to compare with, the silence must last FROZEN seconds, after which Dask gives a worker up.
+LATE, SILENT, FROZEN = 2.0, 20.0, 300.0
+# The number of times that a chunk is sent to another worker.
+RESENDS = 2
 
 
 class TaskRaised(Exception):
     """The error of a task that raised on a worker, as text, because some exceptions cannot be sent to this process."""
+
+
+class Done(NamedTuple):
+    """A task's result, and the seconds that it took."""
+
+    result: Any
+    seconds: float
 
 
 class Unfit(str):
@@ -61,8 +77,9 @@ class OnWorker:
                 )
                 + f" on {platform.node()}"
             )
+        begun = time.monotonic()
         try:
-            return self.function(task)
+            return Done(self.function(task), time.monotonic() - begun)
         except Exception as error:
             raise TaskRaised(f"{type(error).__name__}: {error}") from None
 
@@ -128,9 +145,15 @@ class DaskCrew(Futures):
         super().__init__(None, OnWorker(function, versions(alike)))
         self.client = client
         self.address = client.scheduler.address if client.scheduler is not None else "its address"
-        self.scheduler = client.scheduler_info()["id"]
         self.name = f"sepv-{uuid.uuid4().hex[:8]}"
         self.threads, self.looked, self.alone = 0, -LOOK, time.monotonic()
+        self.tasks: dict[int, Any] = {}
+        self.sent: dict[int, list[float]] = {}  # for each unfinished chunk, when it was sent
+        self.longest = 0.0  # seconds of a chunk
+        self.heard: dict[
+            str, tuple[float, float]
+        ] = {}  # each worker's last sign of life, and when it came here
+        self.scheduler = self._identity()["id"]
 
     def room(self) -> int:
         """The number of tasks that may be submitted, counted from the first unfinished one: four for each thread."""
@@ -140,16 +163,21 @@ class DaskCrew(Futures):
 
     def submit(self, numbered: Sequence[tuple[int, Any]]) -> None:
         """Submit tasks in one message, with names that no other run has: Dask identifies tasks by their names."""
-        keys = [f"{self.name}-{number}" for number, _ in numbered]
+        keys, awake = (
+            [f"{self.name}-{number}" for number, _ in numbered],
+            sorted(self.heard.keys() - self._silent(SILENT)),
+        )
+        where = {"workers": awake, "allow_other_workers": True} if 0 < len(awake) < len(self.heard) else {}
         try:
             futures = self.client.map(
-                self.function, [task for _, task in numbered], key=keys, retries=RETRIES
+                self.function, [task for _, task in numbered], key=keys, retries=RETRIES, **where
             )
         except (TypeError, AttributeError, PickleError) as error:
             raise cannot_travel(error) from error
         except Exception as error:
             raise self._gone(error) from error
-        for (number, _), future in zip(numbered, futures, strict=True):
+        for (number, task), future in zip(numbered, futures, strict=True):
+            self.tasks[number], self.sent[number] = task, [time.monotonic()]
             self.watch(number, future)
 
     def finished(self) -> list[Outcome]:
@@ -157,12 +185,14 @@ class DaskCrew(Futures):
         outcomes: list[Outcome] = []
         while not outcomes:
             try:
-                numbers = [self.done.get(timeout=LOOK)]
+                done = [self.done.get(timeout=LOOK)]
             except Empty:
                 self._look()
                 continue
             while not self.done.empty():
-                numbers.append(self.done.get())
+                done.append(self.done.get())
+            # A chunk that was sent twice is done once: by the worker to which it was sent last.
+            numbers = [number for number, future in done if self.running.get(number) is future]
             fetched = self._fetched(numbers)
             outcomes = [outcome for number in numbers for outcome in self._outcomes(number, fetched)]
         return outcomes
@@ -211,9 +241,9 @@ class DaskCrew(Futures):
             raise self._gone(future.status)
         try:
             result = fetched[number] if number in fetched else future.result(timeout=FETCH)
-        except TimeoutError:
+        except TimeoutError:  # its worker has computed it, and gives it to nobody
             self._look()
-            self.watch(number, future)
+            self._resend(number, future, self._holders(future.key))
             return []
         except Exception as error:
             raise self._gone(error) from error
@@ -223,34 +253,96 @@ class DaskCrew(Futures):
                 "install the same versions everywhere (pip install numba); where no worker has numba, "
                 "engine='numpy' with a process without it",
             )
-        return [Outcome(number, True, result)]
+        self.longest = max(self.longest, result.seconds)
+        del self.tasks[number], self.sent[number]
+        return [Outcome(number, True, result.result)]
 
     def cancel(self) -> None:
         """Cancel unfinished tasks, unless the client is closed or has lost the cluster."""
         if self.running and self.client.status == "running":
-            self.client.cancel(list(self.running.values()), force=True)
+            with suppress(TimeoutError):  # of a frozen scheduler
+                self._asked(self.client._cancel, list(self.running.values()), force=True)
         self.running.clear()
 
     def _look(self) -> None:
-        """Check that the cluster still knows this run, and update the number of the cluster's threads."""
+        """Check that the cluster still knows this run, update its number of threads, and look for frozen workers."""
         self.looked = time.monotonic()
         if self.client.status != "running":
             raise self._gone(f"the client is {self.client.status}")
-        if self.client.scheduler_info()["id"] != self.scheduler:
+        known = self._identity()
+        if known["id"] != self.scheduler:
             raise self._gone("another one answers")
         if any(future.status == "cancelled" for future in self.running.values()):
             raise self._gone("chunks are cancelled")
-        try:
-            self.threads = sum(self.client.nthreads().values())
-        except Exception as error:
-            raise self._gone(error) from error
+        self.threads = known["total_threads"]
+        signs = {name: worker["last_seen"] for name, worker in known["workers"].items()}
+        for name, sign in signs.items():
+            if self.heard.get(name, (0.0, 0.0))[0] != sign:
+                self.heard[name] = sign, self.looked
+        self.heard = {name: self.heard[name] for name in signs}
         if self.threads:
             self.alone = self.looked
+            self._relieve()
         elif self.looked - self.alone > NO_WORKER:
             raise ClusterFailure(
                 f"The cluster at {self.address} has had no worker for {NO_WORKER:g} s.",
                 "start workers, and call again",
             )
+
+    def _asked(self, question: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
+        """The scheduler's answer to a question, a coroutine of Dask; TimeoutError without one in CONNECT seconds."""
+        return self.client.sync(question, *arguments, callback_timeout=CONNECT, **options)
+
+    def _identity(self) -> dict[str, Any]:
+        try:
+            known: dict[str, Any] = self._asked(self.client.scheduler.identity, n_workers=-1)
+        except Exception as error:
+            raise self._gone(error) from error
+        return known
+
+    def _silent(self, seconds: float) -> set[str]:
+        """The workers that have sent no sign of life for so long."""
+        return {name for name, (_, came) in self.heard.items() if self.looked - came > seconds}
+
+    def _holders(self, key: str) -> set[str]:
+        """The workers that compute a chunk, or hold its result."""
+        try:
+            queues = self._asked(self.client.scheduler.processing, workers=None)
+            results = self._asked(self.client.scheduler.who_has, keys=[key])
+        except Exception as error:
+            raise self._gone(error) from error
+        return {name for name, keys in queues.items() if key in keys} | set(results.get(key, ()))
+
+    def _relieve(self) -> None:
+        """Send overdue chunks of silent workers elsewhere."""
+        silent, frozen = self._silent(SILENT), self._silent(FROZEN)
+        late = LATE * (AHEAD + 1) * self.longest if self.longest and len(self.heard) > len(silent) else FROZEN
+        overdue = (
+            [n for n in self.running if self.looked - self.sent[n][-1] > max(late, SILENT)] if silent else []
+        )
+        for number in overdue:
+            holders = self._holders(self.running[number].key)
+            if holders and holders <= (silent if late < FROZEN else frozen):
+                self._resend(number, self.running[number], holders)
+
+    def _resend(self, number: int, future: Any, holders: set[str]) -> None:
+        """Compute a chunk on workers other than `holders`, from which no result comes; its old future is forgotten."""
+        others = sorted(set(self.heard) - holders - self._silent(SILENT))
+        if len(self.sent[number]) > RESENDS or not others:
+            names, count = ", ".join(sorted(holders)) or "a worker", len(self.sent[number])
+            raise ClusterFailure(
+                f"Chunk {number} was sent {count} times, and nothing came back: no sign of life from {names}, and "
+                f"{len(others)} other workers.",
+                "end the workers that are frozen, start others, and call again; with store= what is finished is not "
+                "computed again",
+            )
+        self.sent[number].append(time.monotonic())
+        key = f"{self.name}-{number}-{len(self.sent[number])}"
+        again = self.client.submit(
+            self.function, self.tasks[number], key=key, retries=RETRIES, workers=others, pure=False
+        )
+        self.watch(number, again)
+        future.release()
 
     def _gone(self, why: Any) -> ClusterFailure:
         """The ClusterFailure for a scheduler that does not answer or has forgotten the tasks of this run."""

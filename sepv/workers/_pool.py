@@ -48,7 +48,7 @@ class Futures:
     def __init__(self, executor: Any, function: Callable[[Any], Any]) -> None:
         self.executor, self.function = executor, function
         self.running: dict[int, Any] = {}
-        self.done: SimpleQueue[int] = SimpleQueue()
+        self.done: SimpleQueue[tuple[int, Any]] = SimpleQueue()
 
     def room(self) -> int:
         """The number of tasks that may be submitted, counted from the first unfinished one: four for each worker."""
@@ -73,13 +73,13 @@ class Futures:
     def watch(self, number: int, future: Any) -> None:
         """Remember a running task, and note its number when it is done."""
         self.running[number] = future
-        future.add_done_callback(lambda _: self.done.put(number))
+        future.add_done_callback(lambda done: self.done.put((number, done)))
 
     def finished(self) -> list[Outcome]:
         """Wait for at least one outcome, and return all outcomes that have arrived."""
-        numbers = [self.done.get()]
+        numbers = [self.done.get()[0]]
         while not self.done.empty():
-            numbers.append(self.done.get())
+            numbers.append(self.done.get()[0])
         outcomes = []
         for number in numbers:
             future = self.running.pop(number)

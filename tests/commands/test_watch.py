@@ -1,5 +1,6 @@
 """Whatever happens to the process of a command, it ends with a word: Ctrl-C at any moment, a crash in compiled code."""
 
+import contextlib
 import json
 import os
 import random
@@ -11,6 +12,7 @@ import time
 from pathlib import Path
 
 import pytest
+from doors import ended
 
 # From the first line of `main` on, with SIGINT as a terminal has it; who waits is told when that is.
 START = (
@@ -112,8 +114,9 @@ def at_random_moments(folder: Path, arguments: str, count: int) -> None:
 
 
 SCHEMES = """
-import ctypes, os, time
+import ctypes, os, signal, subprocess, threading, time
 from pathlib import Path
+import numpy as np
 from sepv.schemes._midpoint import step as midpoint
 def falls(problem, y, h, dW):
     if problem.dimension == 5 and problem.random_step(h, dW) and problem.gradient(y).any():
@@ -125,6 +128,63 @@ def leaves(problem, y, h, dW):
     return midpoint(problem, y, h, dW)
 def aborts(problem, y, h, dW):
     os.abort()
+def odd(problem, h):
+    return h > 0 and problem.name not in ("pendulum", "rigid-body")  # not while it is loaded, nor in some laws
+def spins(problem, y, h, dW):
+    if odd(problem, h):
+        ctypes.PyDLL(None).sleep(100_000)  # it holds the interpreter: no signal handler runs
+    return midpoint(problem, y, h, dW)
+def swallows(problem, y, h, dW):
+    while odd(problem, h):
+        try:
+            time.sleep(0.01)
+        except:
+            pass
+    return midpoint(problem, y, h, dW)
+def is_deaf(problem, y, h, dW):
+    if odd(problem, h):
+        signal.signal(signal.SIGALRM, signal.SIG_IGN)
+        time.sleep(100_000)
+    return midpoint(problem, y, h, dW)
+def stops(problem, y, h, dW):
+    if odd(problem, h):
+        os.kill(os.getpid(), signal.SIGSTOP)
+    return midpoint(problem, y, h, dW)
+def forks(problem, y, h, dW):
+    count = Path("copies")
+    if odd(problem, h) and (not count.exists() or count.stat().st_size < 40):
+        with count.open("a") as file:  # so many at most, whatever happens
+            file.write(".")
+        os.fork()
+    return midpoint(problem, y, h, dW)
+class Panic(BaseException):
+    pass
+def panics(problem, y, h, dW):
+    if odd(problem, h):
+        raise Panic
+    return midpoint(problem, y, h, dW)
+class Untold(Exception):
+    def __str__(self):
+        raise ValueError
+    __repr__ = __str__
+def raises_untold(problem, y, h, dW):
+    if odd(problem, h):
+        raise Untold
+    return midpoint(problem, y, h, dW)
+def returns_untold(problem, y, h, dW):
+    return Untold() if odd(problem, h) else midpoint(problem, y, h, dW)
+def removes(problem, y, h, dW):
+    y1 = midpoint(problem, y, h, dW)
+    if odd(problem, h) and hasattr(np, "isfinite"):
+        del np.isfinite
+    return y1
+def leaves_helpers(problem, y, h, dW):
+    global calls
+    if not calls:
+        calls = 1
+        threading.Thread(target=time.sleep, args=(100_000,)).start()
+        subprocess.Popen(["sleep", "300"])
+    return 1.001 * midpoint(problem, y, h, dW)
 calls = 0
 def hides(problem, y, h, dW):
     global calls
@@ -251,3 +311,145 @@ def test_a_command_that_is_killed_leaves_no_process(folder: Path) -> None:
     while Path(f"/proc/{worker}").exists() and time.monotonic() < end:
         time.sleep(0.01)
     assert not Path(f"/proc/{worker}").exists()
+
+
+# Seconds of a law for a scheme that does not end: the others need less, on a loaded machine too.
+LIMIT = 8.0
+
+
+@pytest.mark.parametrize(
+    ("scheme", "jobs"),
+    [
+        ("spins", 1),
+        ("spins", 2),
+        ("swallows", 1),
+        ("swallows", 2),
+        ("is_deaf", 1),
+        ("stops", 1),
+        ("stops", 2),
+    ],
+)
+def test_a_law_that_nothing_interrupts_is_ended_and_the_others_are_measured(scheme, jobs, folder):
+    """Each ran without end: the exception of a time limit was not seen, or was caught."""
+    laws = "identity,energy,truncation"
+    shown = crashed(
+        folder,
+        f"verify mine:{scheme} --law {laws} --timeout {LIMIT} -j {jobs} --json r.json -q",
+    )
+    found = {law["law"]: law for law in json.loads((folder / "r.json").read_text())["laws"]}
+    assert found["energy"]["verdict"] == "error", shown
+    assert "was killed: no end within 8 s (--timeout)" in found["energy"]["message"]
+    assert found["truncation"]["verdict"] == "holds"
+    assert found["identity"]["verdict"] in ("holds", "error")
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_scheme_that_hangs_while_it_is_loaded_is_named(jobs: int, folder: Path) -> None:
+    shown = crashed(folder, f"verify mine:eats --law identity --timeout 2 -j {jobs}")
+    assert "was killed: no end within 2 s (--timeout) and 5 s more while it was loaded" in shown
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_copy_that_comes_back_from_a_step_ends_there(jobs: int, folder: Path) -> None:
+    """The copy went on as a whole run, and its steps forked again."""
+    child = subprocess.Popen(
+        [sys.executable, "-m", "sepv", "verify", "mine:forks", "--law", "energy,truncation", "-j", str(jobs), "-q",
+         "--json", "r.json"],
+        cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True,
+    )  # fmt: skip
+    try:
+        shown, _ = child.communicate(timeout=6 * SOON)
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(child.pid, signal.SIGKILL)
+    assert child.returncode == 3, shown
+    assert shown.count("2 laws:") == 1, shown  # one run, one report
+    found = {law["law"]: law for law in json.loads((folder / "r.json").read_text())["laws"]}
+    assert found["energy"]["verdict"] == "error"
+    assert "came back in the copy too" in found["energy"]["message"]
+    assert found["truncation"]["verdict"] == "holds"
+    assert (folder / "copies").stat().st_size < 40
+
+
+@pytest.mark.parametrize(
+    ("scheme", "words"),
+    [("panics", "raised Panic"), ("raises_untold", "raised Untold: (its text cannot be made: ValueError)"),
+     ("returns_untold", "Untold: (its text cannot be made: ValueError)"), ("removes", "changed numpy.isfinite")],
+)  # fmt: skip
+def test_what_a_scheme_raises_returns_or_removes_is_its_error_alone(
+    scheme: str, words: str, folder: Path
+) -> None:
+    crashed(folder, f"verify mine:{scheme} --law energy,truncation,casimir --json r.json -q")
+    found = {law["law"]: law for law in json.loads((folder / "r.json").read_text())["laws"]}
+    assert found["energy"]["verdict"] == "error"
+    assert words in found["energy"]["message"]
+    assert found["truncation"]["verdict"] == "holds"
+
+
+def test_a_thread_and_a_process_that_a_scheme_leaves_behind_hold_nothing_up(folder: Path) -> None:
+    """The replay in a fresh process was waited for until its limit of a minute, and never said anything."""
+    child = started(folder, "verify mine:leaves_helpers --law energy --json r.json -q")
+    out, err = child.communicate(timeout=6 * SOON)
+    (law,) = json.loads((folder / "r.json").read_text())["laws"]
+    assert law["verdict"] == "violated", out + err
+    assert law["afresh"] == "violated"
+
+
+@pytest.mark.parametrize("redirected", [">&-", "2>&-", ">/dev/full"])
+def test_output_that_nobody_can_read_is_no_verdict(redirected: str, folder: Path) -> None:
+    """A closed stdout ended in 1, as a violated law does, and a full device in 2."""
+    done = in_shell(f"{{sepv}} verify midpoint --law identity {redirected}", folder)
+    assert done.returncode == 70
+    assert len((done.stdout + done.stderr).splitlines()) == 1, done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("limit", ["-n 8", "-v 150000"])
+def test_a_system_that_refuses_is_no_verdict(limit: str, folder: Path) -> None:
+    done = in_shell(f"ulimit {limit}; exec {{sepv}} verify midpoint --law identity", folder)
+    assert done.returncode == 70, done.stdout + done.stderr
+    assert "no verdict" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def in_shell(line: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    line = line.format(sepv=f"{sys.executable} -m sepv")
+    return subprocess.run(
+        ["bash", "-c", line], cwd=folder, capture_output=True, text=True, timeout=6 * SOON, check=False
+    )
+
+
+def test_a_program_that_kills_sepv_does_not_stay_behind(folder: Path) -> None:
+    """Linux tells a process that its parent has died; elsewhere it sees the end of stdin."""
+    if sys.platform != "linux":
+        pytest.skip("no signal tells a parent's death")
+    program = folder / "program"
+    program.write_text(
+        f"#!{sys.executable}\nimport os, signal, time\nfrom pathlib import Path\n"
+        "Path('pids').open('a').write(f'{os.getpid()}\\n')\n"
+        "os.kill(os.getppid(), signal.SIGKILL)\ntime.sleep(300)\n"
+    )
+    program.chmod(0o755)
+    crashed(folder, "verify --exec ./program --law identity -q")
+    assert ended(map(int, (folder / "pids").read_text().split()))
+
+
+@pytest.mark.parametrize("start", [["-m", "sepv"], ["-c", "from sepv.commands import main; main()"]])
+@pytest.mark.parametrize("target", ["energy-preserving", "mine:step"])
+def test_modules_of_the_folder_hide_none_of_pythons(start: list[str], target: str, folder: Path) -> None:
+    """A worker and a replay ran the folder's queue.py, 35 times in a run, and blamed the scheme."""
+    for name in ("queue", "random", "sepv", "secrets"):
+        if name != "sepv" or start[0] != "-m":  # `python -m sepv` is the folder's, as Python itself says
+            (folder / f"{name}.py").write_text("open('ran', 'a').write(__name__)\n")
+    (folder / "helper.py").write_text("from sepv.schemes._midpoint import step\n")
+    (folder / "mine.py").write_text(
+        "import random\nfrom helper import step as right\n"
+        "def step(problem, y, h, dW):\n    return 1.001 * right(problem, y, h, dW)\n"
+    )
+    words = ["verify", target, "--law", "identity,energy", "-j", "2", "-q", "--examples", "2"]
+    done = subprocess.run(
+        [sys.executable, *(["-P"] if start[0] == "-c" else []), *start, *words], cwd=folder, capture_output=True,
+        text=True, timeout=6 * SOON, check=False,
+    )  # fmt: skip
+    assert "2 laws: " in done.stdout, done.stdout + done.stderr
+    assert done.returncode == 0
+    assert not (folder / "ran").exists()

@@ -17,6 +17,8 @@ from sepv.external import _errors as errors
 from sepv.external import check_protocol, load_program
 from sepv.verification import LAWS, Effort, Run, Verdict, load_laws, measure, verify
 
+# These programs end as they like.
+pytestmark = pytest.mark.filterwarnings("ignore::sepv.errors.ProtocolWarning")
 OSCILLATOR = problems.harmonic_oscillator()
 Y, DW = np.array([1.0, 0.5]), np.array([0.25])
 # Far below the time that any of these children would sleep, far above what a loaded machine needs.
@@ -362,7 +364,7 @@ STAYS = "hello()\nwhile m := read(): states(m)"
         (STAYS, "no-such-problem", '"skip"'),
         (STAYS, "no-such-type", "KeyError"),
         (STAYS, '"type":"stop"', "exit code 0"),
-        (f"{STAYS}\ntime.sleep(60)", "end of stdin", "a running program"),
+        (f"{STAYS}\ntime.sleep(60)", "end of stdin", "no end within 2 s"),
     ],
 )  # fmt: skip
 def test_the_check_names_the_line_and_what_is_wrong(child, code, line, message):

@@ -19,7 +19,7 @@ from drawn import euler, stretched
 
 import sepv
 from sepv import Scheme, TargetError, exact_flow, problems
-from sepv._journal import Journal, Notes
+from sepv.children import Journal, Notes
 from sepv.commands._shared import candidates
 from sepv.console import _progress as display
 from sepv.console import console

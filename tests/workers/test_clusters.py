@@ -214,12 +214,15 @@ def test_a_cluster_without_workers_is_not_waited_for_without_end(monkeypatch: An
         sepv.ensemble(EP, PENDULUM, workers=empty, **SMALL)
 
 
-@pytest.mark.parametrize("replaced", [False, True], ids=["gone", "another at its address"])
-def test_a_scheduler_that_is_gone_leaves_what_was_finished(tmp_path: Path, replaced: bool) -> None:
-    """Scheduler and worker are processes of their own; the scheduler is killed after three chunks.
+@pytest.mark.parametrize("how", ["gone", "another at its address", "frozen"])
+def test_a_scheduler_that_is_gone_leaves_what_was_finished(
+    tmp_path: Path, how: str, monkeypatch: Any
+) -> None:
+    """Scheduler and worker are processes of their own; the scheduler is killed, or stopped, after three chunks.
 
     One that takes its place at the same address knows nothing of the run, though the client connects to it.
     """
+    monkeypatch.setattr(on_dask, "CONNECT", 10.0 if how != "frozen" else 5.0)
     file = tmp_path / "scheduler.json"
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
@@ -233,9 +236,12 @@ def test_a_scheduler_that_is_gone_leaves_what_was_finished(tmp_path: Path, repla
 
     def at_half(done: int, _: int) -> None:
         if done == 300:
+            if how == "frozen":
+                processes[0].send_signal(signal.SIGSTOP)
+                return
             processes[0].kill()
             processes[0].wait(10)
-            if replaced:
+            if how == "another at its address":
                 processes.append(subprocess.Popen(begin, env=path))
 
     try:
@@ -257,6 +263,48 @@ def test_a_scheduler_that_is_gone_leaves_what_was_finished(tmp_path: Path, repla
             process.wait(10)
 
 
+def test_the_chunks_of_a_frozen_worker_go_to_the_other(monkeypatch: Any) -> None:
+    """Dask itself waits for it, and the other worker was idle without end."""
+    monkeypatch.setattr(on_dask, "SILENT", 3.0)
+    slow, arguments = scheme("is slow"), SMALL | {"paths": 1200}
+    here = sepv.ensemble(EP, PENDULUM, **arguments)
+    with local(2) as found, distributed.Client(found, set_as_default=False, timeout=20) as client:
+        victim = next(iter(client.run(os.getpid).values()))
+
+        def freeze(done: int, _all: int) -> None:
+            if done == 300:
+                os.kill(victim, signal.SIGSTOP)
+
+        try:
+            there = sepv.ensemble(slow, PENDULUM, workers=client, progress=freeze, **arguments)
+        finally:
+            os.kill(victim, signal.SIGKILL)
+    assert same(here, there)
+    assert there.repeated == 0
+
+
+def test_two_frozen_workers_end_a_run_that_keeps_what_was_finished(monkeypatch: Any) -> None:
+    for name, seconds in (("SILENT", 5.0), ("FROZEN", 20.0)):
+        monkeypatch.setattr(on_dask, name, seconds)
+    with local(2) as found, distributed.Client(found, set_as_default=False, timeout=20) as client:
+        victims = list(client.run(os.getpid).values())
+
+        def freeze(done: int, _all: int) -> None:
+            if done >= 300:
+                for victim in victims:
+                    os.kill(victim, signal.SIGSTOP)
+
+        try:
+            with pytest.raises(sepv.ChunkFailure, match="no sign of life from tcp") as failure:
+                sepv.ensemble(
+                    scheme("is slow"), PENDULUM, workers=client, progress=freeze, **SMALL | {"paths": 1200}
+                )
+        finally:
+            for victim in victims:
+                os.kill(victim, signal.SIGKILL)
+    assert len(failure.value.paths) >= 300
+
+
 LAWS = ("identity", "energy")
 LITTLE = sepv.Effort(examples=5, paths=64)
 
@@ -276,7 +324,8 @@ def test_laws_that_a_lost_cluster_did_not_decide_are_not_measured(monkeypatch: A
     assert report.interrupted
     assert all("has had no worker" in f.message for f in report.findings)
     assert report.counts["not_measured"] == len(LAWS)
-    assert report.exit_code == 130
+    assert report.exit_code == 3
+    assert "has had no worker" in report.lost
 
 
 def test_errors_of_a_comparison_are_those_of_one_process(client: Any) -> None:

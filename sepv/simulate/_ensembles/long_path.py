@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sepv._arguments import require_flag
-from sepv._journal import interruption_answered
+from sepv.children import interruption_answered
 from sepv.core.newton import Status
 from sepv.errors import UsageError, require_one_of
 from sepv.problem import Array, Problem

@@ -10,11 +10,9 @@ from __future__ import annotations
 
 import json
 import os
-import select
-import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import closing, contextmanager, suppress
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,6 +20,7 @@ from typing import Any
 import numpy as np
 
 import sepv
+from sepv.children import Child, NoLine
 from sepv.errors import TargetError, UsageError
 from sepv.problem import Array
 from sepv.studies._bench import timed_process
@@ -48,18 +47,11 @@ class Side:
         self.label = label
         roots = [checkout, *(p for p in (checkout / "src",) if p.is_dir())]
         path = os.pathsep.join([*map(str, roots), os.environ.get("PYTHONPATH", "")]).rstrip(os.pathsep)
-        self.process = subprocess.Popen(
+        self.child = Child(
             [sys.executable, "-P", timed_process.__file__],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
             cwd=checkout,
             env={**os.environ, "PYTHONPATH": path},
-            text=True,
-            encoding="utf-8",
         )
-        assert self.process.stdin is not None
-        assert self.process.stdout is not None
-        self.questions, self.answers = self.process.stdin, self.process.stdout
         try:
             self._require_origin(target, checkout)
         except BaseException:
@@ -79,13 +71,9 @@ class Side:
     def ask(self, question: dict[str, Any]) -> dict[str, Any]:
         """Send a question and return the answer; TargetError if the scheme raises, or the process ends or hangs."""
         try:
-            self.questions.write(json.dumps(question) + "\n")
-            self.questions.flush()
-            ready, _, _ = select.select([self.answers], [], [], TIMEOUT)
-            line = self.answers.readline() if ready else ""
-        except BrokenPipeError:
-            line = ""
-        answer = json.loads(line) if line else {"failed": "no answer: it ended, or took too long"}
+            answer = json.loads(self.child.exchange(json.dumps(question).encode() + b"\n", TIMEOUT))
+        except NoLine:
+            answer = {"failed": "no answer: it ended, or took too long"}
         if "failed" in answer:
             raise TargetError(
                 expected=f"the scheme of the {self.label} checkout to run",
@@ -97,14 +85,7 @@ class Side:
 
     def close(self) -> None:
         """End the child process."""
-        with suppress(BrokenPipeError):
-            self.questions.close()
-        try:  # the process ends with its input, unless it is in the middle of a measurement
-            self.process.wait(timeout=0.5)
-        except subprocess.TimeoutExpired:
-            self.process.kill()
-            self.process.wait()
-        self.answers.close()
+        self.child.end()
 
 
 @contextmanager

@@ -10,7 +10,6 @@ from __future__ import annotations
 import importlib.util
 import json
 import os
-import signal
 import sys
 from pathlib import Path
 from types import ModuleType
@@ -31,8 +30,6 @@ def _from_file(name: str, path: Path) -> ModuleType:
 
 def main() -> None:
     """Answer the questions on stdin (load, measure or time a scheme), one JSON object per line, until stdin ends."""
-    # Ctrl-C reaches this process as well; the parent reports it.
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
     import sepv  # noqa: F401  (what follows belongs to the checkout's sepv)

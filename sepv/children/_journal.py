@@ -2,11 +2,14 @@
 
 A command of ``sepv`` runs in a child process; its parent is the watcher (`sepv.commands._watch`). The work of a run is
 divided into pieces, one for each law measured; a text, the key, names a piece. Each result is sent to the watcher, so
-that after a crash a new process measures the remaining laws. Without a watcher no message is sent.
+that after a crash, or after a kill at a piece's time limit, a new process measures the remaining laws. Without a
+watcher no message is sent.
 """
 
 from __future__ import annotations
 
+import gc
+import math
 import pickle
 import signal
 import time
@@ -21,24 +24,59 @@ T = TypeVar("T")
 # The size of the shared memory in bytes, and how many of these bytes hold the length of the note that follows.
 BYTES, _SIZE = 1 << 20, 4
 
-# The kinds of messages: work begins; its result; work ended without a result; Ctrl-C is handled, or was lost; the end.
-BEGIN, RESULT, BACK, ANSWERED, LOST, END = b"b", b"r", b"k", b"a", b"l", b"e"
+# The kinds of messages: the command runs; work begins; its result; work ended without a result; Ctrl-C is
+# handled, or was lost; all is done but for Python's own end.
+STARTED, BEGIN, RESULT, BACK, ANSWERED, LOST, END = b"s", b"b", b"r", b"k", b"a", b"l", b"e"
+
+# The number of new objects after which Python searches for cycles of objects, chosen for the speed of `sepv verify`.
+OBJECTS = 5000
+
+# Seconds after a time limit until the process that watches kills: a step that can be interrupted has then ended.
+GRACE = 5.0
+# The longest time between two looks at the clock.
+TICK = 0.5
+
+
+class Limit:
+    """A time limit that another process enforces, in seconds in which that process ran.
+
+    While the whole job is stopped (Ctrl-Z, or a laptop asleep), no time passes: a look counts at most two ticks.
+    """
+
+    def __init__(self, seconds: float) -> None:
+        self.left, self.looked = seconds + GRACE, time.monotonic()
+
+    def passed(self) -> bool:
+        """True if the time is over. To be asked once in TICK seconds."""
+        now = time.monotonic()
+        self.left -= min(now - self.looked, 2 * TICK)
+        self.looked = now
+        return self.left <= 0
+
+
+KILLED = "was killed"
+
+
+def out_of_time(seconds: float) -> str:
+    """How a process ended that was killed at its time limit."""
+    return f"{KILLED}: no end within {seconds:g} s (--timeout) and {GRACE:g} s more"
 
 
 class Crashed(Exception):
-    """The work crashed its process.
+    """The work crashed its process, or was killed with it at a time limit; `status` says so, after "the process".
 
+    `late` is True for a kill at a time limit.
     `note` is what the process noted last: an input as JSON, or a step of the scheme in words; None if it noted nothing.
     `violated` is an earlier input, as JSON, that violated the law, or None.
     """
 
     def __init__(self, status: str, note: bytes = b"") -> None:
-        self.status = status
+        self.status, self.late = status, status.startswith(KILLED)
         self.note: dict[str, Any] | str | None = None
         self.violated: dict[str, Any] | None = None
         if note:
             self.note, self.violated = pickle.loads(note)
-        super().__init__(f"the process ended with {status}")
+        super().__init__(f"the process {status}")
 
 
 class Notes:
@@ -89,13 +127,15 @@ def current_journal() -> Journal | None:
     return _journal.get()
 
 
-def attempted(key: str, work: Callable[[], T], *, kept: bool = True) -> T:
+def attempted(key: str, work: Callable[[], T], *, kept: bool = True, seconds: float = math.inf) -> T:
     """Do the work with this key and return its result. If `kept`, the result is pickled, and computed once in a run.
+
+    `seconds` is the work's own time limit. GRACE seconds later the watcher kills a process that does not keep it.
 
     Raises
     ------
     Crashed
-        If this work crashed an earlier process of the run.
+        If this work crashed an earlier process of the run, or did not end.
     """
     journal = _journal.get()
     if journal is None:
@@ -107,7 +147,7 @@ def attempted(key: str, work: Callable[[], T], *, kept: bool = True) -> T:
         raise Crashed(*journal.crashes[key])
     journal.cases, journal.violated = 0, None
     journal.notes.put(b"")
-    journal.send(BEGIN, key.encode())
+    journal.send(BEGIN, pickle.dumps((key, seconds)))
     done = BACK, b""
     try:
         outcome = work()
@@ -139,6 +179,13 @@ def note_step(step: Callable[[], str]) -> None:
         journal.notes.put(pickle.dumps((step(), None)))
 
 
+def command_started() -> None:
+    """Tell the watcher that all is imported: what crashes the process from now on is the scheme, or a library of it."""
+    journal = _journal.get()
+    if journal is not None:
+        journal.send(STARTED, b"")
+
+
 def interruption_answered() -> None:
     """Tell the watcher that this process saw Ctrl-C and will end by itself; further Ctrl-C are ignored."""
     journal = _journal.get()
@@ -153,3 +200,8 @@ def ended_with(returncode: int) -> str:
         return f"exit code {returncode}"
     known = next((s.name for s in signal.Signals if s == -returncode), str(-returncode))
     return f"signal {known}" + (" (is memory short?)" if known == "SIGKILL" else "")
+
+
+def collect_seldom() -> None:
+    """Let the garbage collector run seldom: cases are many small objects without cycles."""
+    gc.set_threshold(max(OBJECTS, gc.get_threshold()[0]))

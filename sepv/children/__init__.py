@@ -1,0 +1,47 @@
+"""Child processes and what watches them: every child has a limit, a last note and an end.
+
+`Child` is a process that answers lines, of this package or another program. `Journal` and `attempted` are its side of
+the watch: results that survive a crash, and notes on what it does. `deadline` interrupts Python code within a process.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from sepv._lazy import lazily
+from sepv.children._deadline import TimedOut, deadline, one_process, returned_twice
+from sepv.children._journal import (
+    ANSWERED,
+    BACK,
+    BEGIN,
+    END,
+    LOST,
+    RESULT,
+    STARTED,
+    TICK,
+    Crashed,
+    Journal,
+    Limit,
+    Notes,
+    attempted,
+    collect_seldom,
+    command_started,
+    current_journal,
+    ended_with,
+    interruption_answered,
+    note_case,
+    note_step,
+    note_violation,
+    open_journal,
+    out_of_time,
+)
+
+if TYPE_CHECKING:
+    from sepv.children._child import Child, NoLine, kill_tree, packed, pump_all, unpacked
+    from sepv.children._workers import cores, start_ahead, take
+
+# A command's watcher starts no child in this way, and does not load what it takes.
+__getattr__, __dir__ = lazily(
+    __name__,
+    {"_child": "Child NoLine kill_tree packed pump_all unpacked", "_workers": "cores start_ahead take"},
+)
