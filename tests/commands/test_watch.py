@@ -20,7 +20,7 @@ START = (
     "from sepv.commands import main; os.write(1, b'.'); main()"
 )
 # A machine may be loaded: this is a limit against hanging. Who watches kills what has not answered after 1.2 s.
-SOON = 20.0
+SOON = 60.0
 PROGRAM = """
 import json, sys
 for line in sys.stdin:
@@ -114,7 +114,7 @@ def at_random_moments(folder: Path, arguments: str, count: int) -> None:
 
 
 SCHEMES = """
-import ctypes, os, signal, subprocess, threading, time
+import ctypes, itertools, os, signal, subprocess, threading, time
 from pathlib import Path
 import numpy as np
 from sepv.schemes._midpoint import step as midpoint
@@ -129,10 +129,11 @@ def leaves(problem, y, h, dW):
 def aborts(problem, y, h, dW):
     os.abort()
 def odd(problem, h):
-    return h > 0 and problem.name not in ("pendulum", "rigid-body")  # not while it is loaded, nor in some laws
+    # Not while it is loaded, nor in the law truncation.
+    return h > 0 and problem.name not in ("pendulum", "rigid-body", "quartic-top")
 def spins(problem, y, h, dW):
     if odd(problem, h):
-        ctypes.PyDLL(None).sleep(100_000)  # it holds the interpreter: no signal handler runs
+        max(itertools.repeat(0))  # an endless loop in C, which holds the interpreter: no signal handler runs
     return midpoint(problem, y, h, dW)
 def swallows(problem, y, h, dW):
     while odd(problem, h):
@@ -314,7 +315,7 @@ def test_a_command_that_is_killed_leaves_no_process(folder: Path) -> None:
 
 
 # Seconds of a law for a scheme that does not end: the others need less, on a loaded machine too.
-LIMIT = 8.0
+LIMIT = 15.0
 
 
 @pytest.mark.parametrize(
@@ -331,16 +332,15 @@ LIMIT = 8.0
 )
 def test_a_law_that_nothing_interrupts_is_ended_and_the_others_are_measured(scheme, jobs, folder):
     """Each ran without end: the exception of a time limit was not seen, or was caught."""
-    laws = "identity,energy,truncation"
+    laws = "energy,truncation"
     shown = crashed(
         folder,
         f"verify mine:{scheme} --law {laws} --timeout {LIMIT} -j {jobs} --json r.json -q",
     )
     found = {law["law"]: law for law in json.loads((folder / "r.json").read_text())["laws"]}
     assert found["energy"]["verdict"] == "error", shown
-    assert "was killed: no end within 8 s (--timeout)" in found["energy"]["message"]
+    assert "was killed: no end within 15 s (--timeout)" in found["energy"]["message"]
     assert found["truncation"]["verdict"] == "holds"
-    assert found["identity"]["verdict"] in ("holds", "error")
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
@@ -379,10 +379,10 @@ def test_a_copy_that_comes_back_from_a_step_ends_there(jobs: int, folder: Path) 
 def test_what_a_scheme_raises_returns_or_removes_is_its_error_alone(
     scheme: str, words: str, folder: Path
 ) -> None:
-    crashed(folder, f"verify mine:{scheme} --law energy,truncation,casimir --json r.json -q")
+    crashed(folder, f"verify mine:{scheme} --law casimir,truncation --shrink-checks 3 --json r.json -q")
     found = {law["law"]: law for law in json.loads((folder / "r.json").read_text())["laws"]}
-    assert found["energy"]["verdict"] == "error"
-    assert words in found["energy"]["message"]
+    assert found["casimir"]["verdict"] == "error"
+    assert words in found["casimir"]["message"]
     assert found["truncation"]["verdict"] == "holds"
 
 
