@@ -58,7 +58,7 @@ KILLED = "was killed"
 
 
 def out_of_time(seconds: float) -> str:
-    """How a process ended that was killed at its time limit."""
+    """Describe the end of a process that was killed at its time limit."""
     return f"{KILLED}: no end within {seconds:g} s (--timeout) and {GRACE:g} s more"
 
 
