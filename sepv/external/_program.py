@@ -25,7 +25,7 @@ from sepv.problem import Array, Problem
 from sepv.problems import PAPER
 from sepv.schemes import Scheme, as_lanes
 
-# How a program ends that keeps rule 7.
+# The exit status of a program that keeps rule 7.
 GOOD_END = "exit code 0"
 
 

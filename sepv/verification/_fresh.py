@@ -31,7 +31,7 @@ SECONDS = 60.0
 
 @dataclass(frozen=True)
 class Question:
-    """What a new process is asked about a scheme: pairs (law, witness) to replay, and witnesses whose step it makes."""
+    """Questions to a new process about a scheme: pairs (law, witness) to replay, and witnesses whose step it makes."""
 
     target: str
     problems: Any
