@@ -62,7 +62,10 @@ class _Worker:
         self.child.send(packed(self.left))
 
     def lost(self, seconds: float) -> Crashed | None:
-        """Describe how the worker ended; None if it still works. It is killed here if its law does not keep the time limit of `seconds`."""
+        """Describe how the worker ended; None if it still works.
+
+        It is killed here if its law does not keep the time limit of `seconds`.
+        """
         if self.limit is not None and self.limit.passed():
             self.child.end()
             return Crashed(out_of_time(seconds), self.child.notes.get())
