@@ -129,6 +129,22 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     metafunc.parametrize("scheme", schemes, ids=names, scope="session")
 
 
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out the laws about two programs, unless --agrees-with names the second."""
+    from sepv.schemes import OF_TWINS
+
+    if config.getoption("sepv_twin"):
+        return
+    asked = [item for item in items if _law_of(item) not in OF_TWINS]
+    config.hook.pytest_deselected(items=[item for item in items if item not in asked])
+    items[:] = asked
+
+
+def _law_of(item: pytest.Item) -> str | None:
+    module = getattr(item, "module", None)
+    return module.law.name if _is_law(module) else None
+
+
 def _twin(config: pytest.Config) -> Any:
     """The `sepv.schemes.Twin` of --agrees-with, or None."""
     from sepv.schemes import as_twin

@@ -108,7 +108,8 @@ class Child:
 
         Without -P the current folder would stand first, and its ``queue.py`` or ``sepv.py`` would be run.
         """
-        path = os.pathsep.join(p for p in sys.path if p)
+        # The current folder is left out: it comes last on the path of a target, after sepv is imported.
+        path = os.pathsep.join(p for p in sys.path if p and p != os.getcwd())
         environment = {**os.environ, "PYTHONPATH": path, **(environment or {})}
         return cls([sys.executable, "-P", "-m", module], env=environment, **options)
 

@@ -201,7 +201,7 @@ CHECKS: dict[str, Check] = {
     "compare: no scheme": cli("compare", 2, "a SCHEME, --exec or --peers"),
     "compare: unknown scheme": cli("compare nosuch", 3, "built-in scheme"),
     "compare: a misspelt problem":
-        cli("compare midpoint -p rigid-bdy", 2, "a problem, one of", "did you mean 'rigid-body'"),
+        cli("compare midpoint -p rigid-bdy", 2, "a problem by name", "did you mean 'rigid-body'"),
     "compare: a problem that is a number":
         module("compare midpoint -p mine:h", 2, "a sepv.Problem", "float", text="h = 1.0"),
     "compare: fewer steps": cli("compare midpoint --steps 8,4", 2, "each dividing the last"),

@@ -45,7 +45,7 @@ def tree(tmp_path_factory: pytest.TempPathFactory) -> Path:
     # A law: its file, and one line.
     law = block_in(PAGE, "python", 'name="noise-scale"')
     (package / "properties" / "test_noise_scale.py").write_text(law)
-    add(package / "verification" / "_laws.py", '    "midpoint",\n', '    "noise-scale",\n')
+    add(package / "schemes" / "_claims.py", '    "midpoint",\n', '    "noise-scale",\n')
     return folder
 
 
