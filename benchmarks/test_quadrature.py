@@ -29,7 +29,7 @@ def test_average(benchmark: Any, way: str) -> None:
     y0 = np.repeat(np.asarray(problem.initial, dtype=np.float64)[:, None], 1024, axis=1)
     y1 = y0 * (1 + np.random.default_rng(0).uniform(-0.25, 0.25, y0.shape))
     mean = benchmark(average_gradient, problem, y0, y1)
-    assert mean.reliable.all()
+    assert np.all(mean.reliable)
     points, weights = gauss_legendre(64)
     fine = sum(w * problem.gradient(y0 + t * (y1 - y0)) for t, w in zip(points, weights, strict=True))
     error = float(np.max(np.abs(mean.value - fine)) / np.max(np.abs(fine)))
