@@ -142,7 +142,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 def _law_of(item: pytest.Item) -> str | None:
     module = getattr(item, "module", None)
-    return module.law.name if _is_law(module) else None
+    return module.law.name if module is not None and _is_law(module) else None
 
 
 def _twin(config: pytest.Config) -> Any:
