@@ -159,8 +159,7 @@ class Problem(System):
         Linear Casimirs C(y) = bᵀy.
     invariants : mapping of names to callables, (d, ...) -> (...)
         Other functions I that the exact flow keeps, or whose mean grows or decays at a constant rate: LI = σ − λI with
-        the generator L, such as momenta. They are recorded, as H is. The law *invariant*
-        is about them.
+        the generator L, such as momenta. They are recorded, as H is. The law *invariant* is about them.
     hessian, structure_derivative : callable, optional
         H″ and B′: (d, ...) -> (d, d, ...) and (d, ...) -> (d, d, d, ...), with ∂B_ij/∂y_k at [i, j, k].
         With both, Newton's Jacobian is analytic. Otherwise it is formed from differences.
