@@ -19,7 +19,7 @@ from sepv import problems, schemes
 from sepv.schemes import divided
 
 NAMES = ("both-invariants", "energy-preserving", "collocation-2", "collocation-3")
-EVERY = 16
+SAMPLE_EVERY = 16
 
 
 def main() -> None:
@@ -46,8 +46,8 @@ def main() -> None:
         table.add_column(heading)
     for name in over(NAMES):
         path = sepv.integrate(divided(schemes.by_name(name)), problem, h=h, T=options.end, seed=options.seed)
-        states = [exact.state(y) for y in path.y[:, ::EVERY].T]
-        times = path.t[::EVERY]
+        states = [exact.state(y) for y in path.y[:, ::SAMPLE_EVERY].T]
+        times = path.t[::SAMPLE_EVERY]
         cells = []
         for invariant in (exact.hamiltonian, exact.casimir):
             values = [invariant(y) for y in states]

@@ -18,7 +18,7 @@ from sepv.schemes import energy_preserving_formula as formula
 from sepv.verification import LAWS, Effort, Verdict, verify
 
 # The smallest power of ten: an error below an ulp of Δ has no effect.
-LEAST = -16
+LEAST_POWER = -16
 
 
 def wrong(noise: float, drift: float) -> Scheme:
@@ -39,7 +39,7 @@ def verdict(law: str, of: str, size: float) -> Verdict:
 def smallest(law: str, of: str) -> tuple[int | None, Verdict]:
     """The exponent of the least power of ten that a law finds, or None, and its verdict on the next smaller power."""
     named = None
-    for power in range(-1, LEAST - 1, -1):
+    for power in range(-1, LEAST_POWER - 1, -1):
         found = verdict(law, of, 10.0**power)
         if found is not Verdict.VIOLATED:
             return named, found

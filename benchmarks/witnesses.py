@@ -31,7 +31,7 @@ from sepv.verification._cases.case import from_json, to_json
 
 FOLDER = Path(__file__).resolve().parents[1] / "reference" / "witnesses"
 # The most witnesses of a law and a class of systems; faults that they do not show are left to the search.
-MOST = 6
+WITNESSES_MAX = 6
 # The most checks for simplifying a counterexample.
 SHRINK = 200
 
@@ -67,7 +67,7 @@ def _of_class(law: Law, systems: Systems) -> list[dict[str, Any]]:
         caught[case] = frozenset(name for name, scheme in suspects.items() if accused(law, scheme, case))
     kept: list[Case] = []
     left = set().union(*caught.values()) if caught else set()
-    while left and len(kept) < MOST:
+    while left and len(kept) < WITNESSES_MAX:
         best = max(caught, key=lambda c: (len(caught[c] & left), -round(seconds[c], 2), -_size(c)))
         kept.append(best)
         left -= caught[best]

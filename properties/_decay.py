@@ -20,15 +20,15 @@ from sepv.schemes import Scheme
 from sepv.verification._cases.case import Case
 from sepv.verification._tolerance import step_residual
 
-# LONGEST is the largest |γh| for which the error of ρ = e^{−γh/2}, and so the bound, is derived.
-LONGEST = 1.0
+# LARGEST_DECAY is the largest |γh| for which the error of ρ = e^{−γh/2}, and so the bound, is derived.
+LARGEST_DECAY = 1.0
 
 
 def damped(case: Case) -> Case | None:
-    """Return the case if its problem is data with damping and |γh| ≤ LONGEST, else None."""
+    """Return the case if its problem is data with damping and |γh| ≤ LARGEST_DECAY, else None."""
     if not isinstance(case.problem, PolynomialSystem) or not case.problem.damping:
         return None
-    return case if abs(case.problem.damping * case.h) <= LONGEST else None
+    return case if abs(case.problem.damping * case.h) <= LARGEST_DECAY else None
 
 
 def factor(exact: Any, problem: Problem, h: float, degree: int) -> Any:
@@ -38,8 +38,8 @@ def factor(exact: Any, problem: Problem, h: float, degree: int) -> Any:
 
 
 def residual(scheme: Scheme, problem: Problem, y: Array, y1: Array, h: float, dW: Array) -> Array:
-    """Return a bound (d,) of the undamped step's residual plus rounding. Raise Skipped if |γh| > LONGEST."""
-    if abs(damping_of(problem) * h) > LONGEST:
-        raise Skipped(f"the law speaks of |γh| ≤ {LONGEST:g}")
+    """Return a bound (d,) of the undamped step's residual plus rounding. Raise Skipped if |γh| > LARGEST_DECAY."""
+    if abs(damping_of(problem) * h) > LARGEST_DECAY:
+        raise Skipped(f"the law speaks of |γh| ≤ {LARGEST_DECAY:g}")
     rounding = 4 * EPS * max(float(np.max(np.abs(v))) for v in (y, y1))
     return step_residual(problem, y, y1, h, dW, scheme) + rounding

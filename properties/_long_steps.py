@@ -12,7 +12,7 @@ from sepv.problem import NamedProblem, PolynomialSystem
 from sepv.problems import planes
 from sepv.record import poly
 from sepv.verification._cases.case import Case
-from sepv.verification._cases.fixed_cases import FAST, longest, split
+from sepv.verification._cases.fixed_cases import FAST_PENDULUM_STATE, longest, split
 from sepv.verification._tolerance import CONTRACTION
 
 
@@ -31,7 +31,7 @@ def long_steps() -> tuple[Case, ...]:
     found, small = [], tuple(2.0**-20 * v for v in (0.75, 0.5, -0.5))
     long = (
         ("rigid-body", None, (4.0, 8.0)),
-        ("pendulum", FAST, (1.0, 2.0)),
+        ("pendulum", FAST_PENDULUM_STATE, (1.0, 2.0)),
         ("rigid-body", small, (2.0**22,)),
     )
     for name, y, lengths in long:

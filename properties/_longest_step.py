@@ -8,13 +8,13 @@ from sepv.problem import Problem
 from sepv.schemes import Scheme, takes
 
 # Increments longer than this many standard deviations are rare. A scheme may refuse some of them.
-LIKELY = 4.0
+LIKELY_DEVIATIONS = 4.0
 # Step sizes are divided by 2^HALVINGS at most.
 HALVINGS = 12
 
 
 def divisor(scheme: Scheme, problem: Problem, h: float) -> int:
-    """Return the least power of two q for which the scheme takes a step of size k = h/q with all ΔW_j = LIKELY √k."""
+    """Return the least power of two q with which the scheme takes a step k = h/q, all ΔW_j = LIKELY_DEVIATIONS √k."""
     for n in range(HALVINGS):
         size = h / 2**n
         if takes(
@@ -22,7 +22,7 @@ def divisor(scheme: Scheme, problem: Problem, h: float) -> int:
             problem,
             np.asarray(problem.initial, dtype=float),
             size,
-            np.full(problem.noises, LIKELY * size**0.5),
+            np.full(problem.noises, LIKELY_DEVIATIONS * size**0.5),
         ):
             return int(2**n)
     return int(2**HALVINGS)

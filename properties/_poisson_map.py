@@ -1,14 +1,16 @@
 """The check of the laws "poisson-map" and "symplecticity": Φ′(y0) B(y0) Φ′(y0)ᵀ = B(y1), with a derived bound.
 
-Φ is one step y0 → y1, with the step size h and the increments ΔW held fixed. `sepv.problem._poisson` computes Φ′ by
-central differences, with a bound E of the error of each entry. A Poisson map's computed defect is at most the sum of
+Φ is one step y0 → y1, with the step size h and the increments ΔW held fixed. `sepv.problem._poisson` computes
+Φ′ by central differences, with a bound E of the error of each entry. A Poisson map's computed defect is at
+most the sum of
 
     E|B||Φ′|ᵀ + |Φ′||B|Eᵀ + E|B|Eᵀ,    |B(y1 + e) − B(y1)| for the error e of y1,    and roundings of the products.
 
-Cauchy's estimate gives E from a disc |ζ| ≤ ρ of complex ζ in which |Φ(y0 + ζe_j) − (y0 + ζe_j)| ≤ M. If the problem is
-polynomial data and |Δ| is at most half the contraction radius, then ρ = M = r/2 with the radius r of the ball of
-`sepv.verification._contraction.contraction_ball`: states within r/2 of y0 move by at most r/2 and stay in the ball. For
-other problems the truncation error of Φ′ is estimated by the difference of the formulas of order six and four.
+Cauchy's estimate gives E from a disc |ζ| ≤ ρ of complex ζ in which |Φ(y0 + ζe_j) − (y0 + ζe_j)| ≤ M. If the
+problem is polynomial data and |Δ| is at most half the contraction radius, then ρ = M = r/2 with the radius r
+of the ball of `sepv.verification._contraction.contraction_ball`: states within r/2 of y0 move by at most r/2
+and stay in the ball. For other problems the truncation error of Φ′ is estimated by the difference of the
+formulas of order six and four.
 """
 
 from __future__ import annotations
@@ -27,8 +29,9 @@ from sepv.verification._contraction import contraction_ball
 from sepv.verification._law import Measurement
 from sepv.verification._tolerance import accumulated, operations, step_residual, structure_majorant
 
-# ROUGH is the largest relative error of Φ′ with which a step is judged. Steps with a larger error are skipped.
-ROUGH = 1e-6
+# JACOBIAN_MAX_ERROR is the largest relative error of Φ′ with which a step is judged. Steps with a larger
+# error are skipped.
+JACOBIAN_MAX_ERROR = 1e-6
 
 
 class StepSlope(NamedTuple):
@@ -51,12 +54,13 @@ def tangent(scheme: Scheme, case: Case) -> StepSlope:
     problem, y, h, dW = case.build()
     rho = _disc(problem, y, h, dW)
     sizes = [poisson.WIDTH * rho] * y.size if rho else poisson.BLIND_WIDTH * poisson.scales(problem, y)
-    # Widths of the differences are rounded down to powers of two, so that multiples of them and divisions are exact.
+    # Widths of the differences are rounded down to powers of two, so that multiples of them and divisions are
+    # exact.
     widths = np.array([float(2.0 ** np.floor(np.log2(size))) for size in sizes])
     answers = _steps(scheme, problem, poisson.shifted(y, widths), h, dW)
     y1 = answers[:, 0]
-    # A state is shifted by at most 3 widths. Inside the contraction radius y1 then moves by at most twice the shift. So
-    # the residual at a shifted state is at most twice the residual at y, plus a term for y near 0.
+    # A state is shifted by at most 3 widths. Inside the contraction radius y1 then moves by at most twice the
+    # shift. So the residual at a shifted state is at most twice the residual at y, plus a term for y near 0.
     residual = 2 * step_residual(problem, y, y1, h, dW, scheme)
     shifts = 2 * poisson.POINTS * float(widths.max())
     residual += accumulated(scheme) * scheme.eps * operations(problem, scheme.stages) * shifts
@@ -66,7 +70,7 @@ def tangent(scheme: Scheme, case: Case) -> StepSlope:
         raise Skipped("the derivative of the step overflows")
     if rho:
         doubt = np.full_like(slope, poisson.TRUNCATION * float((widths[0] / rho) ** 6))
-    elif not np.max(doubt) <= ROUGH * max(1.0, float(np.max(np.abs(slope)))):
+    elif not np.max(doubt) <= JACOBIAN_MAX_ERROR * max(1.0, float(np.max(np.abs(slope)))):
         raise Skipped("the step is not smooth enough for its derivative to be taken by differences")
     return StepSlope(slope, doubt + poisson.ROUNDING * error / widths, error, y1)
 

@@ -1,10 +1,11 @@
 """Statistical verdicts: paths are added until the verdict is clear, or is inconclusive at the end of the budget.
 
-FALSE_ALARM bounds the nominal probability that a whole run of all laws accuses a correct scheme by chance. A look is a
-number of paths after which a verdict is tried, at given step sizes. FALSE_ALARM is split evenly over the statistical
-laws, the problems and the possible looks, those at halved step sizes included (Bonferroni): the probability that any
-interval misses at a look is an equal part of it. Intervals are asymptotic, so the bound is an extrapolation.
-`benchmarks.coverage` counts how often intervals of lower confidence miss.
+FALSE_ALARM bounds the nominal probability that a whole run of all laws accuses a correct scheme by chance. A
+look is a number of paths after which a verdict is tried, at given step sizes. FALSE_ALARM is split evenly
+over the statistical laws, the problems and the possible looks, those at halved step sizes included
+(Bonferroni): the probability that any interval misses at a look is an equal part of it. Intervals are
+asymptotic, so the bound is an extrapolation. `benchmarks.coverage` counts how often intervals of lower
+confidence miss.
 """
 
 from __future__ import annotations
@@ -34,30 +35,36 @@ from sepv.verification._laws import load_laws
 
 FALSE_ALARM = 1e-4
 FIRST_LOOK = 512
-# The factor between the numbers of paths of successive looks. If there are fewer looks, each has more of FALSE_ALARM.
+# The factor between the numbers of paths of successive looks. If there are fewer looks, each has more of
+# FALSE_ALARM.
 GROWTH = 4
-# A scheme without batches gets the budget of paths divided by SINGLE, but at least FIRST_LOOK paths.
-SINGLE = 8
-# The paths of an early look at a scheme without batches. This look may decide "holds", for most schemes after 8,000
-# steps, but not "violated". All laws together need less than 30,000 steps of the scheme (`python -m benchmarks.steps`).
-EARLY = 95
-# The error probability of an interval that confirms an order of a scheme without batches. It may be large, because laws
-# about one step detect a lower order by quadrature, and sampling only shows that steps compose.
-HOLD = 1e-3
-# If at most the share REFUSED of the paths cannot be solved, the step sizes are halved, at most HALVED times. A scheme
-# may refuse a step with a large increment, as a fixed-point iteration does if it is no contraction, and still show its
-# order at smaller steps. The results would be biased if such paths were left out.
+# A scheme without batches gets the budget of paths divided by PATHS_DIVISOR_WITHOUT_BATCHES, but at least
+# FIRST_LOOK paths.
+PATHS_DIVISOR_WITHOUT_BATCHES = 8
+# The paths of an early look at a scheme without batches. This look may decide "holds", for most schemes after
+# 8,000 steps, but not "violated". All laws together need less than 30,000 steps of the scheme
+# (`python -m benchmarks.steps`).
+EARLY_PATHS = 95
+# The error probability of an interval that confirms an order of a scheme without batches. It may be large,
+# because laws about one step detect a lower order by quadrature, and sampling only shows that steps compose.
+ALPHA_TO_HOLD = 1e-3
+# If at most the share REFUSED of the paths cannot be solved, the step sizes are halved, at most HALVED times.
+# A scheme may refuse a step with a large increment, as a fixed-point iteration does if it is no contraction,
+# and still show its order at smaller steps. The results would be biased if such paths were left out.
 REFUSED, HALVED = 1 / 4, 2
-# NARROW is the margin between an order and its bound. If an undecided slope's interval is narrower, steps are too long
-# and more paths do not help. Then the step sizes are halved once. This raises the slope only if the order is right.
-NARROW = 0.25
-# If a slope or a limit violates its law, it is measured again with FINER times the steps.
-FINER = 8
-# A violation counts only if the reference's error is at most KNOWN times the scheme's error at the finest step. This
-# changes a slope over step sizes that differ by a factor of 4 by at most log(1 + KNOWN)/log 4 = 0.16.
-KNOWN = 1 / 4
-# Errors below FLAT times the state's size that fall by less than a factor of 1.5 may come from a solver's tolerance.
-FLAT = 1e-5
+# SLOPE_MARGIN is the margin between an order and its bound. If an undecided slope's interval is narrower,
+# steps are too long and more paths do not help. Then the step sizes are halved once. This raises the slope
+# only if the order is right.
+SLOPE_MARGIN = 0.25
+# If a slope or a limit violates its law, it is measured again with REPEAT_REFINEMENT times the steps.
+REPEAT_REFINEMENT = 8
+# A violation counts only if the reference's error is at most REFERENCE_ERROR_SHARE times the scheme's error
+# at the finest step. This changes a slope over step sizes that differ by a factor of 4 by at most log(1 +
+# REFERENCE_ERROR_SHARE)/log 4 = 0.16.
+REFERENCE_ERROR_SHARE = 1 / 4
+# Errors below TOLERANCE_LIKE_ERROR times the state's size that fall by less than a factor of 1.5 may come
+# from a solver's tolerance.
+TOLERANCE_LIKE_ERROR = 1e-5
 # Multiples of the number of paths, tried in order to report how many paths would decide.
 _MORE = tuple(4**k for k in range(1, 9))
 
@@ -78,34 +85,40 @@ class Assessment:
     order: float | None = None
 
 
-# A test (problem, errors, alpha, more) at level alpha, with intervals as if there were `more` times the paths.
+# A test (problem, errors, alpha, more) at level alpha, with intervals as if there were `more` times the
+# paths.
 Assess = Callable[[Problem, StrongErrors, float, float], Assessment]
 
 
 def is_tilted(scheme: Scheme) -> bool:
     """True if `sepv.properties._orders.tilting` draws the paths of a scheme, so that its errors carry weights."""
-    # With several fields or damping the exact solution depends on the whole path. `tilted_errors` uses only W(T).
+    # With several fields or damping the exact solution depends on the whole path. `tilted_errors` uses only
+    # W(T).
     own = any(is_several(problem) for item in sources(scheme) for problem in item.problems)
     order = None if own or scheme.systems in (*OF_SEVERAL, Systems.DAMPED) else scheme.mean_square_order
     return order is not None and order >= TILTED
 
 
 def hold_level(scheme: Scheme, run: Run) -> float:
-    """Return HOLD, the error probability of intervals that confirm an order, if steps are spared, else 0 for alpha."""
-    return HOLD if sparing(scheme, run.effort) else 0.0
+    """Return the error probability of intervals that confirm an order: ALPHA_TO_HOLD if steps are spared, else 0."""
+    return ALPHA_TO_HOLD if sparing(scheme, run.effort) else 0.0
 
 
 def budget(scheme: Scheme, effort: Effort) -> int:
     """Return the largest number of paths of a law, which is smaller for a scheme that takes one state at a time."""
-    return effort.paths if scheme.batched else min(effort.paths, max(FIRST_LOOK, effort.paths // SINGLE))
+    return (
+        effort.paths
+        if scheme.batched
+        else min(effort.paths, max(FIRST_LOOK, effort.paths // PATHS_DIVISOR_WITHOUT_BATCHES))
+    )
 
 
 def looks(paths: int, *, early: bool = False) -> list[int]:
-    """Return the numbers of paths after which to judge: 512, 2048, … up to the budget, and EARLY first if requested."""
+    """Return the numbers of paths after which to judge: 512, 2048, … to the budget, EARLY_PATHS first if requested."""
     counts = [min(FIRST_LOOK, paths)]
     while counts[-1] < paths:
         counts.append(min(counts[-1] * GROWTH, paths))
-    return [EARLY, *counts] if early and counts[0] > EARLY else counts
+    return [EARLY_PATHS, *counts] if early and counts[0] > EARLY_PATHS else counts
 
 
 @cache
@@ -144,10 +157,13 @@ def judge(
     law: Law, scheme: Scheme, run: Run, assess: Assess, *,
     at_least: bool = True, setups: Sequence[Setup] | None = None, confirm: Assess | None = None,
 ) -> Finding:  # fmt: skip
-    """Return the worst verdict over the problems, with more paths as needed. If `at_least`, bounds are lower bounds.
+    """Return the worst verdict over the problems, with more paths as needed.
 
-    `setups` are setups of the law's own problems. By default those of the scheme are used. A violation is measured
-    again at finer steps, and judged by `confirm` (by default `assess`), but not a violation on the law's own problems.
+    If `at_least`, bounds are lower bounds.
+
+    `setups` are setups of the law's own problems. By default those of the scheme are used. A violation is
+    measured again at finer steps, and judged by `confirm` (by default `assess`), but not a violation on the
+    law's own problems.
     """
     assert law.statistical, f"{law.name} judges paths, but has no part of FALSE_ALARM"
     confirm = (confirm or assess) if setups is None else None
@@ -209,7 +225,7 @@ def _explained(
     if verdict is Verdict.INCONCLUSIVE:
         lines += [_wanted(scheme, setup, assess, errors, alpha) for setup, errors in decisive]
     setup, errors = decisive[0]
-    flat = errors.rms()[-2] < 1.5 * errors.rms()[-1] < 1.5 * FLAT * errors.scale
+    flat = errors.rms()[-2] < 1.5 * errors.rms()[-1] < 1.5 * TOLERANCE_LIKE_ERROR * errors.scale
     problem = setup.build()
     causes = first_order(scheme, problem) if verdict is Verdict.VIOLATED else []
     lines += causes
@@ -230,7 +246,8 @@ def _explained(
 def worst_path(problem: Problem, errors: StrongErrors, seed: int, *, drawn: bool) -> str:
     """Describe the path with the largest error at the finest step: y0, W(T), y(T), the scheme's end, the increments.
 
-    `drawn` is True if paths are those of `sepv.simulate.increments`, not of `sepv.properties._orders.tilting`.
+    `drawn` is True if paths are those of `sepv.simulate.increments`, not of
+    `sepv.properties._orders.tilting`.
     """
     sizes = np.nan_to_num(errors.squared[-1], nan=np.inf)
     k = int(np.argmax(np.where(errors.weights[-1] > 0, sizes, -1.0)))
@@ -260,8 +277,9 @@ def _judge_one(
 ) -> tuple[Setup, StrongErrors, Assessment | None, str]:
     """Judge one problem at its step sizes, or at halved ones if paths failed or a `slope` is too near its bound.
 
-    With a test `confirm` a violation is measured again at finer steps. The returned string says why step sizes were
-    halved. If paths fail at the smallest sizes too, the assessment is None. `share` counts the looks at halved steps.
+    With a test `confirm` a violation is measured again at finer steps. The returned string says why step
+    sizes were halved. If paths fail at the smallest sizes too, the assessment is None. `share` counts the
+    looks at halved steps.
     """
     why, halved = "", 0
     while True:
@@ -278,7 +296,7 @@ def _judge_one(
         halved += 1
     if confirm and assessment is not None and assessment.verdict is Verdict.VIOLATED:
         assessment = _confirmed(scheme, used, run, confirm, alpha, assessment, slope=slope)
-        unknown = errors.reference > KNOWN * errors.rms()[-1]
+        unknown = errors.reference > REFERENCE_ERROR_SHARE * errors.rms()[-1]
         if unknown and assessment.verdict is Verdict.VIOLATED:
             doubt = f"{assessment.text}, but the reference is known to {errors.reference:.1e} only"
             assessment = replace(assessment, verdict=Verdict.INCONCLUSIVE, text=doubt)
@@ -295,16 +313,19 @@ def _confirmed(
     *,
     slope: bool,
 ) -> Assessment:
-    """Measure a violation again with FINER times the steps. The law holds if it holds there, else it may be undecided.
+    """Measure a violation again with REPEAT_REFINEMENT times the steps.
 
-    A scheme that divides long steps, or computes them by another formula, shows its order and its limit only at smaller
-    step sizes. A slope is measured again from two step sizes. Its violation stands if the new estimate is too low.
+    The law holds if it holds there, else it may be undecided.
+
+    A scheme that divides long steps, or computes them by another formula, shows its order and its limit only
+    at smaller step sizes. A slope is measured again from two step sizes. Its violation stands if the new
+    estimate is too low.
     """
     sizes = setup.steps[-2:] if slope else setup.steps
-    finer, fine = replace(setup, steps=tuple(FINER * n for n in sizes)), None
+    finer, fine = replace(setup, steps=tuple(REPEAT_REFINEMENT * n for n in sizes)), None
     if not sparing(scheme, run.effort):
         _, fine = _look(scheme, finer, run, assess, alpha)
-    elif not any((errors := sampled(scheme, finer, EARLY, run)).failures):
+    elif not any((errors := sampled(scheme, finer, EARLY_PATHS, run)).failures):
         fine = assess(setup.build(), errors, alpha, 1.0)
     if fine is None or fine.verdict is Verdict.VIOLATED:
         return assessment
@@ -316,14 +337,16 @@ def _confirmed(
 
 
 def _near(assessment: Assessment) -> bool:
-    """True if a slope is undecided although its interval is narrower than NARROW."""
-    return assessment.verdict is Verdict.INCONCLUSIVE and assessment.high - assessment.low < NARROW
+    """True if a slope is undecided although its interval is narrower than SLOPE_MARGIN."""
+    return assessment.verdict is Verdict.INCONCLUSIVE and assessment.high - assessment.low < SLOPE_MARGIN
 
 
 def _look(
     scheme: Scheme, setup: Setup, run: Run, assess: Assess, alpha: float, *, leave: bool = False
 ) -> tuple[StrongErrors, Assessment | None]:
-    """Draw more paths of one problem while the verdict is undecided. If `leave`, stop at a slope near its bound too.
+    """Draw more paths of one problem while the verdict is undecided.
+
+    If `leave`, stop at a slope near its bound too.
 
     If paths fail, the assessment is None.
     """
@@ -334,7 +357,8 @@ def _look(
         if any(errors.failures):
             return errors, None
         assessment = assess(problem, errors, alpha, 1.0)
-        # An early look decides no violation, because with few paths the intervals of heavy tails are too short.
+        # An early look decides no violation, because with few paths the intervals of heavy tails are too
+        # short.
         early = paths < min(FIRST_LOOK, most)
         settled = assessment.verdict is Verdict.VIOLATED or (leave and _near(assessment))
         if assessment.verdict is Verdict.HOLDS or (settled and not early):
@@ -344,13 +368,16 @@ def _look(
 
 def _wanted(scheme: Scheme, setup: Setup, assess: Assess, errors: StrongErrors, alpha: float) -> str:
     """Say how many paths would decide if the means stayed unchanged."""
-    if errors.reference > KNOWN * errors.rms()[-1]:
+    if errors.reference > REFERENCE_ERROR_SHARE * errors.rms()[-1]:
         return f"{setup.problem}: more paths would not settle it, because the reference is not known better"
     paths, problem = errors.squared.shape[1], setup.build()
     for factor in _MORE:
         if assess(problem, errors, alpha, factor).verdict is not Verdict.INCONCLUSIVE:
             wanted = paths * factor
-            steps, option = wanted * sum(setup.steps), wanted if scheme.batched else wanted * SINGLE
+            steps, option = (
+                wanted * sum(setup.steps),
+                wanted if scheme.batched else wanted * PATHS_DIVISOR_WITHOUT_BATCHES,
+            )
             more = "" if scheme.batched else "; a step that takes batches, (d, M), gets so many by itself"
             return f"{setup.problem}: about {wanted} paths, {steps} steps, would settle it (--paths {option}{more})"
     return f"{setup.problem}: more paths would not settle it, at these steps it is too near the bound"

@@ -11,11 +11,12 @@ y1), a residual r moves y0′ by (I + ∂R/∂y0)⁻¹ r. Because Ψ′ = (I + �
 derivatives of R are equal up to O(Δ²), this is ½(I + Ψ′) r, half of the bound.
 
 **Memory.** A scheme with a state makes N steps there and N steps back (`sepv.verification._middle`, MAP). Its
-`StatefulStep.reverse` gives the state that leads back. Without it, a path that begins anew at y_N leads back only if y
-alone determines the path, as with a stored force. Then a path of N ≥ 2 steps equals one in which every step begins
-anew, up to the sum of the residuals of both. If it does not, the laws say nothing.
-A scheme that gives a state back at y_N has no steps from states next to y_N, so errors r before them count as e^(2κ)
-times the largest r, the growth inside a contraction radius. This is not derived for equations other than (2.1).
+`StatefulStep.reverse` gives the state that leads back. Without it, a path that begins anew at y_N leads back
+only if y alone determines the path, as with a stored force. Then a path of N ≥ 2 steps equals one in which
+every step begins anew, up to the sum of the residuals of both. If it does not, the laws say nothing. A scheme
+that gives a state back at y_N has no steps from states next to y_N, so errors r before them count as e^(2κ)
+times the largest r, the growth inside a contraction radius. This is not derived for equations other than
+(2.1).
 """
 
 from __future__ import annotations
@@ -46,16 +47,17 @@ from sepv.verification._cases.case import Case
 from sepv.verification._law import Measurement
 from sepv.verification._tolerance import ACCUMULATED, state_ulp, step_residual
 
-# The y of a reversed state may differ from y_N by APART times |y_N|_∞, because a state may use other coordinates.
-APART = 2.0**-20
+# The y of a reversed state may differ from y_N by REVERSED_STATE_TOLERANCE times |y_N|_∞, because a state may
+# use other coordinates.
+REVERSED_STATE_TOLERANCE = 2.0**-20
 
 
 def measured(scheme: Scheme, case: Case, rho: Array | None = None) -> Measurement:
     """Measure |y0′ − y0| after the steps of the case from y0 to y_N and steps back.
 
-    The steps back are those with −h and −ΔW. With rho (d,), the signs of a reversal of momenta, they are those with h
-    and ΔW from ρy_N, and y0′ is ρ times their end. The derivative of the way back costs d further ways back. They are
-    made only if |y0′ − y0| exceeds r.
+    The steps back are those with −h and −ΔW. With rho (d,), the signs of a reversal of momenta, they are
+    those with h and ΔW from ρy_N, and y0′ is ρ times their end. The derivative of the way back costs d
+    further ways back. They are made only if |y0′ − y0| exceeds r.
 
     Raises
     ------
@@ -135,7 +137,7 @@ def _reversed(
     with translated(problem, wanted, h, dW):
         turned = rule.turned(state, rho)
         value = check_answer(np.array(rule.value(turned)), wanted)
-    near = APART * np.max(np.abs(wanted))
+    near = REVERSED_STATE_TOLERANCE * np.max(np.abs(wanted))
     if np.any(np.abs(np.abs(value) - np.abs(wanted)) > near):
         raise SchemeFault(
             expected=f"value(reverse(state)) at the y of the state, {wanted.tolist()}",

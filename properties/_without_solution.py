@@ -35,13 +35,13 @@ from sepv.verification._cases.case import Case
 from sepv.verification._cases.strata import Stratum
 
 # A scheme computes Δ with a relative rounding error of 2⁻⁵⁰, or 2⁻²¹ in single precision. The proof holds for every Δ
-# within the relative distance ROOM.
-ROOM = Fraction(1, 2**20)
+# within the relative distance FOLD_DISTANCE.
+FOLD_DISTANCE = Fraction(1, 2**20)
 # The classes of systems for which `made` makes steps without a solution.
-MADE = (Systems.SINGLE, Systems.NAMBU, Systems.SEVERAL)
+CLASSES_WITH_FOLDS = (Systems.SINGLE, Systems.NAMBU, Systems.SEVERAL)
 # Exponents n: a step is longer than a fold by the fraction 2^n. Most fractions are small, so that two half steps have
 # solutions. Some are so small that a loose test of convergence accepts the nearest state as a solution.
-BEYOND = (-6, -6, -16, -12, -4, -3, -1, 0, 3)
+FOLD_EXPONENTS = (-6, -6, -16, -12, -4, -3, -1, 0, 3)
 _NONE = (Fraction(0), Fraction(0), Fraction(0))
 
 
@@ -109,7 +109,7 @@ def _at(case: Case, data: PolynomialSystem, k: int, stages: int) -> NoSolution |
     def equation(t: Fraction) -> tuple[Fraction, Fraction, Fraction]:
         return (a * abs(t), b, c * abs(t)) if stages > 1 else (a * t, b * t - 1, c * t)
 
-    nearer = equation(delta * (1 - ROOM))
+    nearer = equation(delta * (1 - FOLD_DISTANCE))
     if nearer[1] ** 2 >= 4 * nearer[0] * nearer[2]:
         return None
     return NoSolution(k, *equation(delta), stages)
@@ -185,7 +185,7 @@ def _drawn(random: Random, systems: Systems, stages: int) -> Case:
             float(_value(_row(G, k).get(j, poly.constant(d, 0.0))) / own) for G in data.noise_structures
         ]
     folds = _folds([q[0], q[1], q[2]], y[k], factor, 1 / 3 if along else 1 / 4, stages)
-    length = random.choice([f for f in folds if shares or f > 0]) * (1 + 2.0 ** random.choice(BEYOND))
+    length = random.choice([f for f in folds if shares or f > 0]) * (1 + 2.0 ** random.choice(FOLD_EXPONENTS))
     h = abs(length) * 2.0 ** -random.randint(0, 6) if shares else length
     dW = [h * random.choice([0.5, -0.25, 0.0]) for _ in shares]
     if shares:

@@ -22,8 +22,8 @@ from sepv.properties._problems_of import may_ask, taken_by
 from sepv.properties._states_of_a_path import keeps_states
 from sepv.properties._surroundings import watched
 from sepv.properties._without_memory import (
-    APART,
-    FORGET,
+    FORGET_REMEDY,
+    LEAST_DISTANCE,
     again,
     forgets_problems,
     reads_again,
@@ -32,7 +32,7 @@ from sepv.properties._without_memory import (
     repeats,
     tells_apart,
 )
-from sepv.properties._without_solution import MADE, made, proof
+from sepv.properties._without_solution import CLASSES_WITH_FOLDS, made, proof
 
 from sepv.errors import NotFinite, SchemeFault, SepvError, StepFailure
 from sepv.problem import Array, PolynomialSystem, Problem
@@ -53,7 +53,7 @@ NEAR, LEAST_APART = 1 + 2.0**-40, 2.0**-44
 # If H has degree HIGH or more and d ≤ SMALL, an address first has a problem of degree 2, to reveal cached nodes.
 HIGH, SMALL = 3, 3
 # The number of steps without a solution that are tried, each twice.
-REFUSED = 2
+STEPS_WITHOUT_SOLUTION = 2
 # The number of calls of the last case, a quarter of a second for (2.1). They find every fault with a shorter period. If
 # a step takes 200 µs, the sampled laws make a hundred times as many calls.
 TIMES = 1024
@@ -61,7 +61,7 @@ TIMES = 1024
 # scheme takes batches, the time is that for one of MANY states.
 SHORT, TIMING, CALLS, MANY = 0.125, 0.0625, 16, 256
 # The number of cases whose steps are compared with those of a second process.
-ELSEWHERE = 16
+SECOND_PROCESS_CASES = 16
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
@@ -80,7 +80,7 @@ def _checked(scheme: Scheme, case: Case) -> Array | None:
         return None
     problem, y, h, dW = _as_seen(scheme, case)
     first = _keeps(scheme, problem, y, h, dW, (0.75, 0.5) if case.given == "data" else (0.75,))
-    keeps_states(scheme, problem, y, h / 8, dW / 8, APART)
+    keeps_states(scheme, problem, y, h / 8, dW / 8, LEAST_DISTANCE)
     # To save time, only cases with functions are checked so, and if H has a degree, only high degrees.
     high = (
         case.given == "functions"
@@ -99,7 +99,7 @@ def _checked(scheme: Scheme, case: Case) -> Array | None:
             states = np.repeat(y[:, None], BATCH, axis=1)
         noise = dW[:, None] * factors
         _keeps(scheme, problem, states, h, noise, (0.75,))
-        keeps_states(scheme, problem, states, h / 8, noise / 8, APART)
+        keeps_states(scheme, problem, states, h / 8, noise / 8, LEAST_DISTANCE)
     return first
 
 
@@ -131,7 +131,7 @@ def _keeps(
         tells_apart(y, NEAR * y, first, ask(scheme, problem, NEAR * y, h, dW), LEAST_APART)
     for factor in between:
         if may_ask(scheme, problem, factor * moved):
-            tells_apart(y, factor * moved, first, ask(scheme, problem, factor * moved, h, dW), APART)
+            tells_apart(y, factor * moved, first, ask(scheme, problem, factor * moved, h, dW), LEAST_DISTANCE)
         else:
             ask(scheme, problem, y, factor * h, factor * dW)
         if not np.array_equal(answer, first):
@@ -145,7 +145,7 @@ def _keeps(
             raise SchemeFault(
                 expected="one answer for one question: the same bits for the same arguments",
                 received=f"{first.tolist()} and then {second.tolist()}",
-                remedy=f"{FORGET}; the noise comes in dW",
+                remedy=f"{FORGET_REMEDY}; the noise comes in dW",
             )
     return first
 
@@ -288,7 +288,7 @@ def _elsewhere(
     law: Law, scheme: Scheme, finding: Finding, cases: list[Case], second: SecondProcess
 ) -> Finding:
     """Compare steps of some cases with those of a second process, which has another PYTHONHASHSEED."""
-    chosen = [case for case in cases if not case.times and has_words(to_json(case))][:ELSEWHERE]
+    chosen = [case for case in cases if not case.times and has_words(to_json(case))][:SECOND_PROCESS_CASES]
     answers = second.steps([to_json(case) for case in chosen])
     for case, there in zip(chosen, answers, strict=False):
         here = step_in_digits(scheme, case)
@@ -332,9 +332,9 @@ def _repeated(
 
 def _refused(scheme: Scheme, seed: int) -> list[Case]:
     """Make steps of (2.1) without a solution. Return [] for a scheme of given problems, or of a class without any."""
-    if scheme.systems not in MADE or scheme.problems:
+    if scheme.systems not in CLASSES_WITH_FOLDS or scheme.problems:
         return []
-    cases = (made(Random(f"{seed} {n}"), scheme.systems) for n in range(REFUSED))
+    cases = (made(Random(f"{seed} {n}"), scheme.systems) for n in range(STEPS_WITHOUT_SOLUTION))
     return [case for case in taken_by(scheme, cases) if takes(scheme, *case.build())]
 
 

@@ -11,7 +11,7 @@ from dataclasses import replace
 from functools import lru_cache, partial
 
 import numpy as np
-from sepv.properties._decay import LONGEST
+from sepv.properties._decay import LARGEST_DECAY
 from sepv.properties._decay import residual as damped_residual
 from sepv.properties._trace_formula import Quantity, measured, nodes, short
 from sepv.reference.arithmetic import context
@@ -44,7 +44,7 @@ def stated(case: Case) -> Case | None:
     Cases of a mean have dW = 0 and a step as long as `short` allows.
     """
     found = relations(build(case.problem)).values()
-    if not found or abs(damping_of(build(case.problem)) * case.h) > LONGEST:
+    if not found or abs(damping_of(build(case.problem)) * case.h) > LARGEST_DECAY:
         return None
     moved = [bool(known.moved) for known in found]
     return short(case) if all(moved) or (any(moved) and not case.dW[0] > 0) else case

@@ -34,7 +34,7 @@ PATHS, SPARED_PATHS = 8, 4
 # With at least DEEP_EXAMPLES examples (option `--deep`), the means of the energy are DEEPER times as far apart.
 DEEPER, DEEP_EXAMPLES = 8, 1000
 # The largest number of halvings of the step size for a scheme that states a longest step.
-SHORTER = 3
+HALVINGS_MAX = 3
 _RANKS = (Verdict.VIOLATED, Verdict.ERROR, Verdict.INCONCLUSIVE, Verdict.HOLDS)
 
 
@@ -84,9 +84,9 @@ def _orbits(scheme: Scheme, seed: int) -> Iterator[Any]:
 
 
 def _taken(scheme: Scheme, orbits: Orbits) -> Orbits:
-    """Halve the step size of the orbits, at most SHORTER times, until the scheme takes it. Else raise Skipped."""
+    """Halve the step size of the orbits, at most HALVINGS_MAX times, until the scheme takes it. Else raise Skipped."""
     y = orbits.of(1)[:, 0]
-    for halved in range(SHORTER + 1):
+    for halved in range(HALVINGS_MAX + 1):
         shorter = replace(orbits, steps=orbits.steps << halved)
         if takes(scheme, orbits.problem, y, shorter.h, y[:0]):
             return shorter

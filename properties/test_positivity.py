@@ -37,8 +37,8 @@ SYSTEMS = tuple(
 _SYSTEMS, _SIGNS = st.sampled_from(SYSTEMS), st.sampled_from([1.0, -1.0])
 _STATES = st.tuples(*[st.tuples(st.sampled_from([1.0, 1.5]), st.integers(-10, 2))] * 3)
 _NOISES = noises(least=1, most=3).filter(any)
-# A step that moves each y_i by less than SHORT·y_i is far from leaving the domain.
-SHORT = 0.125
+# A step that moves each y_i by less than SHORT_MOVE·y_i is far from leaving the domain.
+SHORT_MOVE = 0.125
 _LENGTHS, _SHARES = st.sampled_from([2.0, 1.0, 0.5, 0.125]), st.sampled_from([0.5, 0.0625])
 
 
@@ -128,7 +128,7 @@ def reaching(case: Case) -> Case | None:
         z = problem.random_step(h, dW) * vector_field(problem, y)
         moved = float(np.max(np.abs(z) / y))
     n = 1.0
-    while 0 < moved < SHORT and n * moved <= 1:
+    while 0 < moved < SHORT_MOVE and n * moved <= 1:
         n *= 2
         if not np.all(problem.domain(y + n * z)):
             tame = _ends_tamely(splitting, problem, y, n * h, n * dW)

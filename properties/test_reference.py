@@ -56,7 +56,7 @@ QUADRATURE_NODES = 40
 UNDEFINED = "a structure is undefined"
 
 # The number of steps from critical points of H_0 that are tested.
-CRITICAL = 16
+CRITICAL_STEPS = 16
 
 
 @cache
@@ -201,7 +201,7 @@ def critical_step(random: Random) -> Case:
 @cache
 def _critical() -> tuple[Case, ...]:
     """Make steps of several Hamiltonians from critical points of H_0. Schemes must refuse these steps."""
-    return tuple(critical_step(Random(seed)) for seed in range(CRITICAL))
+    return tuple(critical_step(Random(seed)) for seed in range(CRITICAL_STEPS))
 
 
 @cache

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 from sepv.properties._problems_of import taken_by
-from sepv.properties._without_solution import MADE, NoSolution, made, proof
+from sepv.properties._without_solution import CLASSES_WITH_FOLDS, NoSolution, made, proof
 
 from sepv.core.newton import Status
 from sepv.errors import SepvError, Skipped, StepFailure
@@ -113,9 +113,12 @@ def _law(stages: int = 1) -> Law:
             not_of={
                 systems: "no steps are known by a formula to have no solution"
                 for systems in Systems
-                if systems not in MADE
+                if systems not in CLASSES_WITH_FOLDS
             },
-            made={systems: (STEPS, partial(made, systems=systems, stages=stages)) for systems in MADE},
+            made={
+                systems: (STEPS, partial(made, systems=systems, stages=stages))
+                for systems in CLASSES_WITH_FOLDS
+            },
         ),
         check=check,
     )
@@ -134,7 +137,7 @@ def _run(_: Law, scheme: Scheme, this_run: Run) -> Finding:
             return replace(finding, verdict=left, skipped=finding.skipped if finding.checks else 0)
         return finding
     text = "the scheme does not claim reference, and may solve another equation"
-    if scheme.systems in MADE and not scheme.problems:
+    if scheme.systems in CLASSES_WITH_FOLDS and not scheme.problems:
         text += f"\n{_returned(scheme, this_run.effort.seed)}"
     return inner.finding(Verdict.NOT_APPLICABLE, message=text)
 

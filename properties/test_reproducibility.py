@@ -14,7 +14,7 @@ from sepv.verification import Case, Cases, Effort, Measurement, Middle, require,
 PARTS = (2, 7, 24)
 # In these batches every second state is multiplied by a power of two, down to 2⁻²⁰: iterations that stop by the largest
 # state of a batch then stop too early for small states.
-SMALLEST = 21
+SCALE_EXPONENTS = 21
 # From this d on NumPy sums a single row in another order than the rows of a batch. Newton's last correction hides most
 # of the differences, so ALONE states are stepped alone.
 LONG_SUMS, ALONE = 9, 16
@@ -37,7 +37,7 @@ def check(scheme: Scheme, case: Case) -> Measurement:
         apart = np.abs(np.arange(size) - place)
         factors = 1 - apart % 17 / 128
         if not case.batch and isinstance(case.problem, PolynomialSystem):
-            factors = factors * np.where(apart % 2, 2.0 ** -(apart % SMALLEST), 1.0)
+            factors = factors * np.where(apart % 2, 2.0 ** -(apart % SCALE_EXPONENTS), 1.0)
         states, noise = y[:, None] * factors, dW[:, None] * factors
         if not may_ask(scheme, problem, states):
             states = np.repeat(y[:, None], size, axis=1)

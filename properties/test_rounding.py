@@ -77,8 +77,8 @@ ALIKE, SPREAD = 0.25, 256
 # Defects are cut off at BEYOND, so that squares stay finite. Roundings above EXPLODED (exploding paths) do not count.
 BEYOND, EXPLODED = 1e150, 1e100
 # If the operations of H cannot be recorded, H is computed in binary64 at worst. The law then needs an error below
-# HIDDEN ulp of H, which a constant in H, or terms that cancel, may exceed.
-HIDDEN = 1024.0
+# UNRECORDED_MAX_ULP ulp of H, which a constant in H, or terms that cancel, may exceed.
+UNRECORDED_MAX_ULP = 1024.0
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
@@ -268,7 +268,7 @@ def energy_walk(
     if (scheme.problems or not problem.noises) and float(problem.c.sum()) < ALIKE * np.sqrt(h * steps):
         y = _spread(problem, paths).copy()
     H0, unit = [exact.hamiltonian(exact.state(start)) for start in y.T], float(energy_ulp(problem, y0, y0))
-    if exact.uncertainty(y0) > HIDDEN * unit:
+    if exact.uncertainty(y0) > UNRECORDED_MAX_ULP * unit:
         raise Skipped("the code of H hides its operations, and rounds it by more than H may change")
     rows: list[np.ndarray] = []
     carried = Carried(scheme)

@@ -1,21 +1,25 @@
 """Weak order q: E g(y_N) − E g(y(T)) = O(h^q) for g = y_i and y_i y_j, over paths in which both have the same noise.
 
-These errors for all g are called means here. Each of the first three statements shows the order q if the last is false:
+These errors for all g are called means here. Each of the first three statements shows the order q if the last
+is false:
 
-- The rms error has mean-square order q, because |E g(y_N) − E g(y(T))| ≤ L (E|e|²)^½. This suffices for most schemes.
-- The means fall faster than h^(q − ½) from the coarsest step to the finest. This uses a lower bound of the largest mean
-  at the coarsest step and an upper bound at the finest.
-- q ≥ 2, and at the coarsest step the part of order h^(q − 1) in the means is less than SMALL times the rms error, with
-  confidence. If errors of paths have a lower order than their means, sampling cannot show the fall of the means; the
-  law "local-weak" shows it by quadrature.
+- The rms error has mean-square order q, because |E g(y_N) − E g(y(T))| ≤ L (E|e|²)^½. This suffices for most
+  schemes.
+- The means fall faster than h^(q − ½) from the coarsest step to the finest. This uses a lower bound of the
+  largest mean at the coarsest step and an upper bound at the finest.
+- q ≥ 2, and at the coarsest step the part of order h^(q − 1) in the means is less than SMALL_MEAN_SHARE times
+  the rms error, with confidence. If errors of paths have a lower order than their means, sampling cannot show
+  the fall of the means; the law "local-weak" shows it by quadrature.
 - The coefficient of h^(q − 1) in the means, extrapolated from three step sizes, is not zero.
 
-The law is violated if the last statement is true and the means fall too slowly. Both conditions are needed: a mean may
-vanish at the coarsest step by chance, and a small coefficient has no visible effect at these step sizes.
-If the means are below their statistical error, the verdict is `inconclusive`, with the number of paths needed. But for
-several Hamiltonians the law then holds if "local-weak" holds, because errors of order ½ often hide the means there.
+The law is violated if the last statement is true and the means fall too slowly. Both conditions are needed: a
+mean may vanish at the coarsest step by chance, and a small coefficient has no visible effect at these step
+sizes. If the means are below their statistical error, the verdict is `inconclusive`, with the number of paths
+needed. But for several Hamiltonians the law then holds if "local-weak" holds, because errors of order ½ often
+hide the means there.
 
-For increments with few values nothing is sampled: `sepv.properties._orders.weak_trees` sums E g(y_N) over all paths.
+For increments with few values nothing is sampled: `sepv.properties._orders.weak_trees` sums E g(y_N) over all
+paths.
 """
 
 from __future__ import annotations
@@ -28,7 +32,7 @@ import numpy as np
 from sepv.properties._orders import local_orders
 from sepv.properties._orders.convergence import StrongErrors, above_floor, mean_square_order
 from sepv.properties._orders.means import Coefficient, decay, leading, moment_errors
-from sepv.properties._orders.weak_trees import ENOUGH, tree_errors
+from sepv.properties._orders.weak_trees import LEAST_RESOLUTIONS, tree_errors
 from sepv.properties._sequential import Assess, Assessment, hold_level, is_tilted, judge
 
 from sepv.problem import Array, Problem, Systems, column
@@ -37,17 +41,18 @@ from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 from sepv.verification._law import about_noise
 
 # The last words of the message about means with a significant part of too low an order.
-LEFT = "is left"
+REST_WORDS = "is left"
 # Half the distance between weak orders, which are integers, because the expansion of means is in powers of h.
 MARGIN = 0.5
-# A mean counts as small below this share of the rms error. For the schemes of weak order 1 here it is 0.2 to 0.5.
-SMALL = 0.15
+# A mean counts as small below this share of the rms error. For the schemes of weak order 1 here it is 0.2 to
+# 0.5.
+SMALL_MEAN_SHARE = 0.15
 # Half the distance between mean-square orders, which are multiples of ½.
 STRONG_MARGIN = 0.25
-# The smallest part of order q − 1 that counts, relative to the largest mean at the finest step. If the part of order q
-# happens to vanish, the error of extrapolation exceeds its remainder (0.009 with hardly any noise, when c h³ remains).
-# If means fall more slowly than the order less MARGIN, the part is 0.8 or more.
-LEAST = 1 / 32
+# The smallest part of order q − 1 that counts, relative to the largest mean at the finest step. If the part
+# of order q happens to vanish, the error of extrapolation exceeds its remainder (0.009 with hardly any noise,
+# when c h³ remains). If means fall more slowly than the order less MARGIN, the part is 0.8 or more.
+LEAST_PART = 1 / 32
 
 
 def assessing(claimed: float | None, tilted: bool, hold: float = 0.0) -> Assess:
@@ -62,7 +67,7 @@ def assessing(claimed: float | None, tilted: bool, hold: float = 0.0) -> Assess:
         samples = moment_errors(errors)
         value, low, high = decay(samples, errors.h, alpha / 3, more)
         lower = leading(samples, errors.h, math.ceil(order) - 1)
-        finest = LEAST * np.max(np.abs(samples[-1].mean(axis=1))) / errors.h[-1] ** lower.power
+        finest = LEAST_PART * np.max(np.abs(samples[-1].mean(axis=1))) / errors.h[-1] ** lower.power
         least = np.maximum(lower.remainder, finest)
         remains = bool(np.any(np.abs(lower.value) - lower.half(alpha / 3, more) > least))
         strong = -math.inf
@@ -79,10 +84,12 @@ def assessing(claimed: float | None, tilted: bool, hold: float = 0.0) -> Assess:
             verdict = Verdict.HOLDS
         elif not remains and order > 1 and _small(samples, errors.h, lower, alpha / 3, more):
             verdict = Verdict.HOLDS
-            text += f", no part of order {math.ceil(order) - 1} as large as {SMALL} of the rms error"
+            text += (
+                f", no part of order {math.ceil(order) - 1} as large as {SMALL_MEAN_SHARE} of the rms error"
+            )
             return Assessment(verdict, bound, low, high, bound, text, order)
         elif remains:
-            text += f", and a part of order {math.ceil(order) - 1} {LEFT}"
+            text += f", and a part of order {math.ceil(order) - 1} {REST_WORDS}"
         return Assessment(verdict, value, low, high, bound, text, order if verdict is Verdict.HOLDS else None)
 
     return assess
@@ -90,7 +97,7 @@ def assessing(claimed: float | None, tilted: bool, hold: float = 0.0) -> Assess:
 
 def _small(samples: Array, h: Array, lower: Coefficient, alpha: float, more: float) -> bool:
     most = (np.abs(lower.value) + lower.half(alpha, more)) * h[0] ** lower.power
-    return bool(np.all(most < SMALL * np.sqrt(np.mean(samples[0] ** 2, axis=1))))
+    return bool(np.all(most < SMALL_MEAN_SHARE * np.sqrt(np.mean(samples[0] ** 2, axis=1))))
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
@@ -100,16 +107,19 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
         return local_orders.judge(
             law, scheme, this_run, lambda errors: errors.weak, lambda _: order,
             lambda _, order: order - MARGIN,
-            1.0, tree_errors, ENOUGH,
+            1.0, tree_errors, LEAST_RESOLUTIONS,
         )  # fmt: skip
     found = judge(
         law, scheme, this_run, assessing(scheme.weak_order, is_tilted(scheme), hold_level(scheme, this_run))
     )
     # Milstein's theorem is about one-step methods.
-    undecided = found.verdict is Verdict.INCONCLUSIVE and LEFT not in found.message and not has_memory(scheme)
+    undecided = (
+        found.verdict is Verdict.INCONCLUSIVE and REST_WORDS not in found.message and not has_memory(scheme)
+    )
     if undecided and scheme.systems is Systems.HAMILTONIANS:
-        # Errors of order ½ of paths may hide the means. The paths contradict nothing, and Milstein's theorem concludes
-        # from one step: G. N. Milstein, Numerical Integration of Stochastic Differential Equations (1995), §9.
+        # Errors of order ½ of paths may hide the means. The paths contradict nothing, and Milstein's theorem
+        # concludes from one step: G. N. Milstein, Numerical Integration of Stochastic Differential Equations
+        # (1995), §9.
         one_step = local_orders.judge(
             law, scheme, this_run, lambda errors: errors.weak,
             lambda errors: order_of(scheme.weak_order, errors.column), local_orders.mean_slope, 1.0,

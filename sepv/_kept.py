@@ -23,14 +23,14 @@ from sepv.files import cache_folder, write_atomically
 
 T = TypeVar("T")
 # The largest number of stored results of one kind, twice that of a run of all laws. The results used last are stored.
-MOST = 2048
+STORED_MAX = 2048
 
 
 class Kept:
     """The stored results of one kind, each with a text as its key. The file is read at the first use."""
 
     def __init__(self, kind: str, most: int | None = None) -> None:
-        self.kind, self.most, self.added = kind, most or MOST, False
+        self.kind, self.most, self.added = kind, most or STORED_MAX, False
         self.results: dict[str, Any] | None = None
 
     def get(self, key: str, make: Callable[[], T]) -> T:

@@ -31,14 +31,16 @@ class UsageError(SepvError, ValueError):
 
 
 # The most characters of each part of a message: a name from a file may have millions.
-LONGEST = 4000
+PART_MAX_CHARACTERS = 4000
 
 
 def _shortened(text: str) -> str:
     """The text, or its beginning and end with the number of characters between them."""
-    left = len(text) - LONGEST
+    left = len(text) - PART_MAX_CHARACTERS
     return (
-        text if left <= 0 else f"{text[: LONGEST // 2]} … ({left} more characters) … {text[-LONGEST // 2 :]}"
+        text
+        if left <= 0
+        else f"{text[: PART_MAX_CHARACTERS // 2]} … ({left} more characters) … {text[-PART_MAX_CHARACTERS // 2 :]}"
     )
 
 

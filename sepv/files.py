@@ -96,7 +96,7 @@ RESULTS = {
 # The names of all schemas: the results, and the problems and witnesses, which users write.
 SCHEMAS = (*RESULTS, "problem", "witness")
 # The largest file in bytes; no result of this package is larger.
-LARGEST = 64 * 2**20
+RESULT_MAX_BYTES = 64 * 2**20
 
 
 def json_text(data: Any, *, indent: int | None = 1) -> str:
@@ -135,7 +135,7 @@ def made(name: str, command: str = "") -> dict[str, Any]:
     }  # fmt: skip
 
 
-def read_bounded(path: str | Path, largest: int = LARGEST) -> bytes:
+def read_bounded(path: str | Path, largest: int = RESULT_MAX_BYTES) -> bytes:
     """The bytes of a regular file; a ValueError for a larger one, and for a pipe or a device, which may never end."""
     kind = Path(path).stat()
     if not stat.S_ISREG(kind.st_mode) and not stat.S_ISDIR(kind.st_mode):
@@ -149,7 +149,7 @@ def read_bounded(path: str | Path, largest: int = LARGEST) -> bytes:
     return data
 
 
-def read_json(path: str | Path, largest: int = LARGEST, /, *, expected: str, remedy: str) -> Any:
+def read_json(path: str | Path, largest: int = RESULT_MAX_BYTES, /, *, expected: str, remedy: str) -> Any:
     """Read a JSON file; a UsageError for one that cannot be read, is too large or is not JSON."""
     try:
         return parse_json(read_bounded(path, largest))

@@ -169,7 +169,7 @@ def test_entries_that_are_all_wrong_by_less_than_is_allowed_are_accepted() -> No
 
 
 def test_derivatives_that_take_long_say_so_and_what_to_give(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_symbols, "LONG", 1000)
+    monkeypatch.setattr(_symbols, "SLOW_TAPE_OPERATIONS", 1000)
     parts = chain(40)
     with pytest.warns(SlowDerivation, match="give gradient="):
         sepv.Problem(**{key: parts[key] for key in ("dimension", "hamiltonian", "initial")}, structure=_J(40))

@@ -67,7 +67,7 @@ def test_a_folder_that_cannot_be_written_to_costs_nothing_but_time(tmp_path: Pat
 
 
 def test_the_results_that_were_used_last_stay(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_kept, "MOST", 2)
+    monkeypatch.setattr(_kept, "STORED_MAX", 2)
     first = Kept("numbers")
     for key in "abca":
         first.get(key, lambda: 1)

@@ -30,7 +30,15 @@ from sepv.verification._report import MARKS
 
 COMMAND = "python -m benchmarks.peers.integrators"
 ROUNDING = "integrator-rounding.md"
-ASKED = ("contract", "symplecticity", "volume", "symmetry", "reversibility", "deterministic-order", "energy")
+JUDGED_LAWS = (
+    "contract",
+    "symplecticity",
+    "volume",
+    "symmetry",
+    "reversibility",
+    "deterministic-order",
+    "energy",
+)
 
 
 @dataclass(frozen=True)
@@ -47,11 +55,11 @@ def rows(libraries: Sequence[str], effort: Effort, folder: Path | None, shown: S
     """The rows of the libraries in `libraries`, or of all installed libraries if none is named."""
     listed = [load(name) for name in libraries] if libraries else installed()
     jobs = [(peer.library, scheme) for peer in listed for scheme in peer.integrators.values()]
-    laws = load_laws(ASKED)
+    laws = load_laws(JUDGED_LAWS)
     cells = [cell for library, scheme in jobs for cell in law_cells(library, scheme, laws, effort)]
     found = measured(cells, folder, shown)
     return [
-        Row(library, release(library), scheme, {law: found[scheme.name, law] for law in ASKED})
+        Row(library, release(library), scheme, {law: found[scheme.name, law] for law in JUDGED_LAWS})
         for library, scheme in jobs
     ]
 
@@ -74,7 +82,7 @@ def document(
         f"Made by `{command}` with sepv {__version__} and {', '.join(versions)}.",
         INTRODUCTION,
         markdown(("integrators (claimed order)", *KEPT), lines),
-        f"Measured: {', '.join(ASKED)}. {UNNAMED}",
+        f"Measured: {', '.join(JUDGED_LAWS)}. {UNNAMED}",
         "\n".join(_marks(differing, rounded)),
         "\n".join(_reasons(found, marked)),
         "## Where the claims come from",

@@ -29,16 +29,16 @@ from sepv.verification import SUITE, Effort, Law, load_laws
 FORMAT = 1
 # The laws that are quick enough for many versions. Local laws, by quadrature over several noises, find most faults of a
 # formula. Laws that search are slow, because they need a new compilation for systems of each size.
-ASKED = ("local-mean", "local-mean-square", "local-weak", "mean-square-order", "right-limit")
+QUICK_LAWS = ("local-mean", "local-mean-square", "local-weak", "mean-square-order", "right-limit")
 # The most characters of a law's message; `sepv verify` prints the whole message.
-LONGEST = 600
+MESSAGE_MAX_CHARACTERS = 600
 
 
 def record(
     library: str, effort: Effort, keep: Path | None, scripts: Path | None, shown: Any
 ) -> dict[str, Any]:
     """The record of the installed library: the measured behaviour of its solvers, as in record.schema.json."""
-    adapter, asked = load(library), load_laws(ASKED)
+    adapter, asked = load(library), load_laws(QUICK_LAWS)
     schemes = tuple(adapter.schemes.values())
     cells = [cell for s in schemes for cell in measurements.law_cells(library, s, asked, effort)]
     found = measured(cells, keep, shown)
@@ -80,7 +80,7 @@ def _entry(library: str, solver: Any, weak_order: float | None, laws: dict[str, 
 
 def _said(unit: str, cell: dict[str, Any]) -> dict[str, Any]:
     said = {key: finite(cell.get(key)) for key in ("verdict", "claimed", "defect", "bound")}
-    return said | {"unit": unit, "message": cell["message"][:LONGEST]}
+    return said | {"unit": unit, "message": cell["message"][:MESSAGE_MAX_CHARACTERS]}
 
 
 def _scripts(library: str, folder: Path) -> Iterator[dict[str, Any]]:

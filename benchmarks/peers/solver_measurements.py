@@ -38,7 +38,7 @@ PATHS, SINGLE = 512, 128
 # The probability that the interval of an order of paths misses it.
 ALPHA = 1e-4
 # The order of the log-ODE, which is the reference for paths.
-KNOWN = 1.0
+LOG_ODE_ORDER = 1.0
 # A step that is small enough to show the limit up to LIMIT: a mean is off by O(h), or O(√h) for differences over √h.
 LIMIT_STEP, LIMIT = 2.0**-16, 0.05
 
@@ -55,7 +55,7 @@ def cells(library: str, solver: Solver, effort: Effort) -> Iterator[Cell]:
         laws = (*(texts[law] for law in LOCAL), *documented)
         yield cell("one step", laws, partial(_local, solver, kind, effort))
         yield cell("limit", (LIMIT_STEP,), partial(_limit, solver, kind))
-        if (documented[0] or KNOWN) <= KNOWN:
+        if (documented[0] or LOG_ODE_ORDER) <= LOG_ODE_ORDER:
             yield cell(
                 "paths", (T, STEPS, PATHS, SINGLE, ALPHA), partial(_over_paths, solver, kind, effort.seed)
             )
@@ -70,7 +70,7 @@ def orders(solver: Solver, kind: str, local: dict[str, Any]) -> tuple[float, flo
     space-time areas are known. So no order above 1, or 1.5, is visible.
     """
     mean, rms, weak = (local[law]["slope"] for law in LOCAL)
-    known = 1.5 if solver.asks == "space-time" and kind != "general" else KNOWN
+    known = 1.5 if solver.asks == "space-time" and kind != "general" else LOG_ODE_ORDER
     return min(mean - 1, rms - 0.5, known), weak - 1
 
 

@@ -253,7 +253,7 @@ def check(schemes: Sequence[str], every: int, folder: Path = FOLDER) -> tuple[in
     return count, wrong
 
 
-FAST = 13
+FAST_DIGITS = 13
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -263,7 +263,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "schemes", nargs="*", metavar="SCHEME", help=f"one of {', '.join(SCHEMES)}; default all"
     )
     parser.add_argument("--check", action="store_true", help="make vectors again and compare, write nothing")
-    parser.add_argument("--all", action="store_true", help=f"check all of them, not every {FAST}th")
+    parser.add_argument("--all", action="store_true", help=f"check all of them, not every {FAST_DIGITS}th")
     options = parser.parse_args(arguments)
     for scheme in options.schemes:
         if scheme not in SCHEMES:
@@ -271,7 +271,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     chosen, start = options.schemes or list(SCHEMES), time.perf_counter()
     try:
         if options.check:
-            return _checked(chosen, 1 if options.all else FAST, start)
+            return _checked(chosen, 1 if options.all else FAST_DIGITS, start)
         require_flint()
         for scheme in chosen:
             vectors = [answer(candidate, name) for name, candidate in named_candidates(scheme)]

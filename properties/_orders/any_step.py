@@ -1,9 +1,9 @@
 """Tests of one small step at step sizes h drawn from the whole range in which laws about small h apply.
 
 Below this range a fault could not be distinguished from rounding. Let L be a bound of |f′|. Above the range
-x = L(h + Σ c_j|ΔW_j|) is not small, and statements about small h have no meaning. For polynomial data, H is multiplied
-at such h by a ν < 1 (a longer unit of time), which makes x as small as needed. So a scheme that is wrong in some
-interval of h is also tested at h in this interval.
+x = L(h + Σ c_j|ΔW_j|) is not small, and statements about small h have no meaning. For polynomial data, H is
+multiplied at such h by a ν < 1 (a longer unit of time), which makes x as small as needed. So a scheme that is
+wrong in some interval of h is also tested at h in this interval.
 """
 
 from __future__ import annotations
@@ -36,21 +36,22 @@ from sepv.schemes import Scheme, guarded
 from sepv.simulate import advance
 from sepv.verification._law import Run
 
-# Step sizes are drawn from PAIRS equal parts of the range, at most 2.1 octaves apart, so that no decade is left out.
-# The range is from 2⁻⁴⁰, where an error of size h is 1e-12 of y, to 2⁻², where A_h is 1.66 for k = 1.
+# Step sizes are drawn from PAIRS equal parts of the range, at most 2.1 octaves apart, so that no decade is
+# left out. The range is from 2⁻⁴⁰, where an error of size h is 1e-12 of y, to 2⁻², where A_h is 1.66 for
+# k = 1.
 PAIRS, SMALLEST, LARGEST = 36, 2.0**-40, 2.0**-2
 # The ratio of the two step sizes of a pair.
-APART = 4.0
+STEP_RATIO = 4.0
 # Factors on the c_j, used in turn: the problem's own noises, larger ones and smaller ones.
-LOUDER = (1.0, 16.0, 1 / 16)
-# The upper end of the range in the problem's own time, as a share of the coarsest step size for slopes. Errors differ
-# from the first term of their expansion by O(x), and slopes from its power by O(x).
-FINER = 2.0**-6
-# If y1 depends only on hf and ΔW_jf, errors in the same unit of time are equal. The factor ROOM is for schemes that
-# choose between two formulas with different constants.
+NOISE_FACTORS = (1.0, 16.0, 1 / 16)
+# The upper end of the range in the problem's own time, as a share of the coarsest step size for slopes.
+# Errors differ from the first term of their expansion by O(x), and slopes from its power by O(x).
+RANGE_UPPER_END = 2.0**-6
+# If y1 depends only on hf and ΔW_jf, errors in the same unit of time are equal. The factor ROOM is for
+# schemes that choose between two formulas with different constants.
 ROOM = 2.0
 # Errors are cut off at this size, so that their squares stay finite.
-MOST = 1e100
+LARGEST_ERROR = 1e100
 
 
 def drawn(rng: np.random.Generator, low: float, high: float, count: int) -> Array:
@@ -80,7 +81,7 @@ def scaled(problem: Problem, factor: float, louder: float = 1.0) -> Problem | No
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """Errors of two steps, of the sizes h and h / APART, for a problem whose H and noise were multiplied (`_pairs`)."""
+    """Errors of two steps, h and h / STEP_RATIO, for a problem whose H and noise were multiplied (`_pairs`)."""
 
     problem: Problem
     h: float
@@ -90,14 +91,18 @@ class Pair:
     floor: float
 
     def slope(self) -> float:
-        """Return the slope between both errors. It is a lower bound, because errors below `floor` count as `floor`."""
+        """Return the slope between both errors.
+
+        It is a lower bound, because errors below `floor` count as `floor`.
+        """
         coarse, fine = np.maximum(self.errors, self.floor)
-        return float(np.log(coarse / fine) / np.log(APART))
+        return float(np.log(coarse / fine) / np.log(STEP_RATIO))
 
     def growth(self, other: Pair, order: float) -> float:
         """Bound the ratio of this pair's error to that of `other`, if both are sums of K_ab u^a v^b with K_ab ≥ 0.
 
-        Here 2a + b = 2p + 1 with p = `order`. In the problem's own unit of time u is the finer h, and v = Σ c_j√u.
+        Here 2a + b = 2p + 1 with p = `order`. In the problem's own unit of time u is the finer h, and v = Σ
+        c_j√u.
         """
         longer = np.sqrt(self.unit * self.h / (other.unit * other.h))
         return float((longer * max(1.0, self.louder / other.louder)) ** (2 * order + 1))
@@ -106,12 +111,13 @@ class Pair:
 def lower_order(scheme: Scheme, run: Run) -> tuple[tuple[float, float, str] | None, int]:
     """Return (slope, needed slope, text) of an error that falls too slowly, or None, and the number of steps made.
 
-    In the problem's own unit of time a scheme of order p has errors Σ K_ab u^a v^b (1 + O(√h)), with K_ab independent
-    of the unit (a, b, u, v: see `Pair.growth`). So a pair's error is bounded by those of pairs with the same noise, or
-    else with the problem's own: pairs of the right slope, and the longest pair with an error below the floor. A pair
-    violates the law if its slope is too low and its error exceeds ROOM times this bound. The slope does not suffice: a
-    scheme that divides steps above some length has small errors of slope ½ there. If no pair has the right slope, no
-    violation is found here, because then the slope that the law itself measures is wrong.
+    In the problem's own unit of time a scheme of order p has errors Σ K_ab u^a v^b (1 + O(√h)), with K_ab
+    independent of the unit (a, b, u, v: see `Pair.growth`). So a pair's error is bounded by those of pairs
+    with the same noise, or else with the problem's own: pairs of the right slope, and the longest pair with
+    an error below the floor. A pair violates the law if its slope is too low and its error exceeds ROOM times
+    this bound. The slope does not suffice: a scheme that divides steps above some length has small errors of
+    slope ½ there. If no pair has the right slope, no violation is found here, because then the slope that the
+    law itself measures is wrong.
     """
     if scheme.asks:
         return None, 0
@@ -153,8 +159,9 @@ def _judged(scheme: Scheme, problem: Problem, pairs: list[Pair]) -> tuple[float,
         if pair.errors[1] > ROOM * most:
             text = (
                 f"{problem.name}, H times {pair.unit:.3g}, c = {row(pair.problem.c)}: the rms error falls from "
-                f"{pair.errors[0]:.3g} to {pair.errors[1]:.3g} between h = {pair.h:.6g} and {pair.h / APART:.6g}, with "
-                f"slope {pair.slope():.2f}, {needed:g} needed; at other h it is at most {most:.3g} in the same units"
+                f"{pair.errors[0]:.3g} to {pair.errors[1]:.3g} between h = {pair.h:.6g} and {pair.h / STEP_RATIO:.6g}, "
+                f"with slope {pair.slope():.2f}, {needed:g} needed; "
+                f"at other h it is at most {most:.3g} in the same units"
             )
             return pair.slope(), needed, text
     return None
@@ -167,12 +174,12 @@ def _pairs(scheme: Scheme, problem: Problem, seed: int) -> Iterator[Pair]:
     xi = rng.uniform(0.5, 1.6, (m, 2)) * rng.choice([-1.0, 1.0], (m, 2))
     xi = np.concatenate([xi, -xi], axis=1)
     start = np.asarray(problem.initial, dtype=np.float64)
-    top = FINER * float(step_sizes(order)[0])
+    top = RANGE_UPPER_END * float(step_sizes(order)[0])
     made = []
     given = bool(scheme.problems) or scaled(problem, 0.5) is None
     largest = top * units.time if given else LARGEST
     for n, h in enumerate(drawn(rng, SMALLEST * largest / LARGEST, largest, PAIRS)):
-        louder = 1.0 if given else LOUDER[n % len(LOUDER)]
+        louder = 1.0 if given else NOISE_FACTORS[n % len(NOISE_FACTORS)]
         unit = 1.0 if given else min(1.0, top / (h * max(1.0, louder) ** 2))
         # In the time s = t/τ, τ = `unit`, the system is dy = τf(ds + Σ c_j/√τ dW_j).
         posed = scaled(problem, unit, louder / np.sqrt(unit))
@@ -181,7 +188,7 @@ def _pairs(scheme: Scheme, problem: Problem, seed: int) -> Iterator[Pair]:
     times = [
         unit * posed.random_step(size, np.sqrt(size) * xi)
         for posed, h, unit, _ in made
-        for size in (h, h / APART)
+        for size in (h, h / STEP_RATIO)
     ]
     found = exact_flow(problem, np.concatenate(times), start, dense=True)
     ends = iter(np.split(found.y, len(times), axis=1))
@@ -190,9 +197,9 @@ def _pairs(scheme: Scheme, problem: Problem, seed: int) -> Iterator[Pair]:
     asked, y0 = guarded(scheme), np.repeat(start[:, None], xi.shape[1], axis=1)
     for posed, h, unit, louder in made:
         errors, failed = [], False
-        for size in (h, h / APART):
+        for size in (h, h / STEP_RATIO):
             y, status, *_ = advance(asked, posed, y0, size, np.sqrt(size) * xi)
-            apart = np.minimum(np.abs(y - next(ends)), MOST)
+            apart = np.minimum(np.abs(y - next(ends)), LARGEST_ERROR)
             errors.append(float(np.sqrt(np.mean(np.sum(apart**2, axis=0)))))
             failed = failed or bool(np.any(status != Status.CONVERGED))
         if not failed:

@@ -110,7 +110,7 @@ def strong_errors(
             fine, exact, apart = finer(problem, start, T, finest, numbers, seed)
             reference = max(reference, apart)
         if scheme.asks and rough is None:
-            rough = areas.drawn(seed, T=T, steps=areas.MORE * finest, noises=noises, paths=numbers)
+            rough = areas.drawn(seed, T=T, steps=areas.FINE_STEPS * finest, noises=noises, paths=numbers)
             fine = rough.coarse(finest).dW
         W, ones = fine.sum(axis=0), np.ones(len(numbers))
         for count in steps:

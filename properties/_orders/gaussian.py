@@ -32,7 +32,7 @@ _REACH = 12.7
 # The number of nodes of a tail. They need no further steps of the scheme, which gets A_h at all of them.
 TAIL = 8
 # The number of points in each variable of product rules, by the number of noises.
-FEW = {1: 8, 2: 6, 3: 6, 4: 4, 5: 3}
+POINTS_BY_NOISES = {1: 8, 2: 6, 3: 6, 4: 4, 5: 3}
 
 
 @dataclass(frozen=True)
@@ -63,8 +63,8 @@ def rule(
     if noises <= 2 and panels:
         cuts = (1,) if noises == 2 else range(1, (truncation or 2) + 1)
         return _product(*_panels(h, truncation, degree, cuts), noises, degree)
-    if noises in FEW:
-        n = FEW[noises] - fewer
+    if noises in POINTS_BY_NOISES:
+        n = POINTS_BY_NOISES[noises] - fewer
         x, w = np.polynomial.hermite_e.hermegauss(n)
         return _product(x, w / w.sum(), _clip(x, h, truncation), noises, 2 * n - 1)
     axes = np.eye(noises)

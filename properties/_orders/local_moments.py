@@ -2,7 +2,7 @@
 
 **Polynomial data.** The moments are the series Σ h^k/k! L^k g of the generator L in rational numbers
 (`sepv.reference.generator`). For linear fields L keeps the degree of g, and the series is computed fast. For other
-fields it has fewer terms, with an error of the order h^(SHORT + 1) or higher.
+fields it has fewer terms, with an error of the order h^(LEAST_TERMS + 1) or higher.
 
 **Functions.** The splitting of S. Ninomiya and N. Victoir (Appl. Math. Finance 15, 2008),
 
@@ -31,7 +31,7 @@ FULL_DEGREE = 3
 # The number of terms of the generator's series for linear fields: for h ≤ 2⁻⁶, h^9/9! is far below rounding.
 SERIES = 8
 # The least number of terms for nonlinear fields. Orders up to 2 are visible above an error of h⁵.
-SHORT = 4
+LEAST_TERMS = 4
 # The number of quadrature points in each variable, by the number of noises. More noises than these would need hours.
 POINTS = {0: 1, 1: 6, 2: 5, 3: 4}
 # The power of h in the error of the extrapolated splitting.
@@ -79,7 +79,7 @@ def _by_series(
         raise Skipped(
             f"{problem.name} has several structures, no closed form, and fields that are not linear"
         )
-    terms = SERIES if linear else max(SHORT, degree // 2 + 2)
+    terms = SERIES if linear else max(LEAST_TERMS, degree // 2 + 2)
     asked = exponents(problem.dimension, degree)
     series = [moments(data, tuple(y.tolist()), asked, terms) for y in states.T]
     rows = np.array([[[float(v) for v in row] for row in one] for one in series])

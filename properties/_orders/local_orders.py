@@ -29,7 +29,7 @@ MARGIN = 0.25
 # Up to this power of h mean errors have the margin MARGIN too, because slopes are accurate to 0.05 and errors that are
 # not smooth, such as |ΔW|³, become visible. Above it the margin is ½, half-way between whole orders: mean errors of
 # smooth schemes have whole orders, because odd powers of ΔW have mean zero.
-SHARP = 3.0
+SHARP_ORDER = 3.0
 # Errors of a step below ROUNDING·eps·|y| may be rounding: some roundings of a state and a solver's last correction.
 ROUNDING = 64.0
 # FLOOR is by convention the error, in eps·|y|, of a solver that states no tolerance, also for sampled laws. Only errors
@@ -107,7 +107,7 @@ def strong_order(scheme: Scheme, column: str) -> float:
 def mean_slope(local: LocalErrors, order: float) -> float:
     """Return the slope that mean or weak errors need: `order` + 1 or, if lower, the quadrature's, minus a margin."""
     power = min(order + 1, local.exact_order)
-    return power - (MARGIN if power <= SHARP else 2 * MARGIN)
+    return power - (MARGIN if power <= SHARP_ORDER else 2 * MARGIN)
 
 
 def order_shown(slope: Slope, order: float, spacing: float, needs: Callable[[float], float]) -> float | None:

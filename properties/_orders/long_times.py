@@ -45,15 +45,15 @@ from sepv.verification._law import Verdict
 # The number of periods in a window, for the mean (PERIODS) and for the oscillation (SHORT).
 PERIODS, SHORT = 4, 2
 # Distances between the first mean and the others, in windows. With more effort (`--deep`) they are longer.
-APART = (0.1875, 0.375, 0.75, 1.5)
+WINDOW_DISTANCES = (0.1875, 0.375, 0.75, 1.5)
 # The bound of a movement of the mean, in units of L A (see the docstring of the module).
 LEAKS = 4.0
 # If the energy changes by more than GROSS times the largest kinetic energy, theory needs shorter steps: h is halved, at
 # most HALVED times, before a trend is reported.
 GROSS, HALVED = 1 / 8, 2
 # Heuristic: an oscillation shows no power of h if its slope over the last three step sizes is lower than the least one
-# by IRREGULAR. Else 1 + αh + … would change eightfold although a period has 56 or more steps.
-IRREGULAR = 1.0
+# by SLOPE_DROP. Else 1 + αh + … would change eightfold although a period has 56 or more steps.
+SLOPE_DROP = 1.0
 # The largest number of step sizes, each half of the one before, and the least number for a verdict.
 SIZES, FEWEST = 5, 3
 
@@ -143,7 +143,7 @@ def trend(scheme: Scheme, orbits: Orbits, paths: int, longer: int = 1) -> Judged
 def _trend(scheme: Scheme, orbits: Orbits, paths: int, longer: int, finer: int) -> Judged:
     problem, states, h = orbits.problem, orbits.of(paths), orbits.h / finer
     path, window = EnergyPath(scheme, problem, states, h), PERIODS * orbits.steps * finer
-    offsets = [round(share * longer * window) for share in APART]
+    offsets = [round(share * longer * window) for share in WINDOW_DISTANCES]
     kinetic = orbits.kinetic
     try:
         first = path.errors(window)
@@ -222,7 +222,7 @@ def judged_power(sizes: list[float], rounding: list[float], least: float) -> Jud
         if sum(before) < least:
             return Judged(Verdict.VIOLATED, short, text)
     fall = 0.5 * float(np.log2(sizes[-3] / sizes[-1]))
-    if len(sizes) == SIZES and fall < least - IRREGULAR:
+    if len(sizes) == SIZES and fall < least - SLOPE_DROP:
         return Judged(Verdict.VIOLATED, 2 ** (least - fall), f"{text}: it does not fall")
     return Judged(Verdict.INCONCLUSIVE, 1.0, text)
 

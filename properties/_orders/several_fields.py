@@ -1,21 +1,22 @@
 """The exact solution with several structures or Hamiltonians, by a formula if the flows commute, else by finer steps.
 
-**Several structures.** If the flows do not commute there is no formula. The reference is then Heun's method for the
-Stratonovich equation with the increments of a path refined 16 times. This method has the same order as the tested
-scheme and at most a quarter of its error. The reference's error is estimated from the same path with half as many
-steps. It is independent of the scheme's error at the finest step, adds at most 3 % to the rms of this error, and at
-most 0.01 to a slope over step sizes that differ by a factor of 16.
+**Several structures.** If the flows do not commute there is no formula. The reference is then Heun's method
+for the Stratonovich equation with the increments of a path refined 16 times. This method has the same order
+as the tested scheme and at most a quarter of its error. The reference's error is estimated from the same path
+with half as many steps. It is independent of the scheme's error at the finest step, adds at most 3 % to the
+rms of this error, and at most 0.01 to a slope over step sizes that differ by a factor of 16.
 
-**Several Hamiltonians.** If all fields commute, y(T) is the flow of T f_0 + Σ c_j W_j(T) f_j at the time 1. Else the
-reference is the log-ODE of step two (`sepv.properties._orders.log_ode`) over a path of increments and Lévy areas
-refined FINER times. It has mean-square order 1, also if the noises do not commute. So its error is smaller than that of
-a scheme of order 1 by the factor FINER, and than that of a scheme of order ½ by more. Let y_δ be its result with the
-step size δ. The error is estimated by |y_δ − y_2δ|. The reference is 2y_δ − y_2δ: this extrapolation hardly changes
-errors of paths, but makes their mean O(δ²), which is enough for weak order 2.
+**Several Hamiltonians.** If all fields commute, y(T) is the flow of T f_0 + Σ c_j W_j(T) f_j at the time 1.
+Else the reference is the log-ODE of step two (`sepv.properties._orders.log_ode`) over a path of increments
+and Lévy areas refined HEUN_STEPS_PER_STEP times. It has mean-square order 1, also if the noises do not
+commute. So its error is smaller than that of a scheme of order 1 by the factor HEUN_STEPS_PER_STEP, and than
+that of a scheme of order ½ by more. Let y_δ be its result with the step size δ. The error is estimated by
+|y_δ − y_2δ|. The reference is 2y_δ − y_2δ: this extrapolation hardly changes errors of paths, but makes their
+mean O(δ²), which is enough for weak order 2.
 
-A scheme of order 1.5 for commuting noises would soon be more accurate than this reference. For such a scheme the
-log-ODE also has the brackets with the drift, by space-time areas. Its errors are then O(δ) in the mean, which the
-extrapolation removes, and otherwise O(δ^{3/2}).
+A scheme of order 1.5 for commuting noises would soon be more accurate than this reference. For such a scheme
+the log-ODE also has the brackets with the drift, by space-time areas. Its errors are then O(δ) in the mean,
+which the extrapolation removes, and otherwise O(δ^{3/2}).
 """
 
 from __future__ import annotations
@@ -35,9 +36,10 @@ from sepv.problem import (
 )
 from sepv.simulate import RoughPath, areas, wiener
 
-# The number of reference steps in each of the finest steps of a scheme, for Heun's method and for the log-ODE.
+# The number of reference steps in each of the finest steps of a scheme, for Heun's method and for the
+# log-ODE.
 REFINEMENT = 16
-FINER = 8
+HEUN_STEPS_PER_STEP = 8
 
 
 def ends(problem: Problem, y0: Array, T: float, W: Array) -> Array | None:
@@ -54,12 +56,12 @@ def ends(problem: Problem, y0: Array, T: float, W: Array) -> Array | None:
 def refined(
     problem: Problem, y0: Array, T: float, steps: int, paths: range, seed: int, order: float
 ) -> tuple[RoughPath, Array, float]:
-    """Return the reference for several Hamiltonians: noise and areas of FINER·steps steps, y(T) (d, M), rms error.
+    """Return the reference for several Hamiltonians: finer noise and areas, y(T) (d, M), rms error.
 
     `order` is the mean-square order that the scheme claims for this problem.
     """
-    fine = areas.drawn(seed, T=T, steps=FINER * steps, noises=problem.noises, paths=paths)
-    half = fine.coarse(FINER * steps // 2)
+    fine = areas.drawn(seed, T=T, steps=HEUN_STEPS_PER_STEP * steps, noises=problem.noises, paths=paths)
+    half = fine.coarse(HEUN_STEPS_PER_STEP * steps // 2)
     with_drift = order > 1 and column(problem) != "general"
     y, coarse = (path(problem, y0, rough, with_drift=with_drift) for rough in (fine, half))
     return fine, 2 * y - coarse, float(np.sqrt(np.mean(np.sum((y - coarse) ** 2, axis=0))))

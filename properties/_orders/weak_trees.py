@@ -26,9 +26,9 @@ from sepv.verification._law import Run
 T = 0.0625
 STEPS = (1, 2, 3, 4, 6, 8)
 # The largest number of paths of N steps. Three values make 3⁸ paths with one noise, 9⁴ with two, 27³ with three.
-LEAVES = 20000
+PATHS_MAX = 20000
 # The least number of different N for a slope. A slope that may refute an order needs one more.
-ENOUGH = 3
+LEAST_RESOLUTIONS = 3
 
 
 def tree(
@@ -53,9 +53,11 @@ def tree_errors(scheme: Scheme, problem: Problem, _run: Run) -> LocalErrors:
     law = point_law(scheme.increments)
     assert law is not None
     ends = len(law.values) ** problem.noises
-    counts = [n for n in STEPS if ends**n <= LEAVES]
-    if len(counts) < ENOUGH:
-        raise Skipped(f"{problem.name}: {ends} ends of a step are too many to sum over {ENOUGH} steps")
+    counts = [n for n in STEPS if ends**n <= PATHS_MAX]
+    if len(counts) < LEAST_RESOLUTIONS:
+        raise Skipped(
+            f"{problem.name}: {ends} ends of a step are too many to sum over {LEAST_RESOLUTIONS} steps"
+        )
     weak = 1.0 if scheme.weak_order is None else scheme.weak_order
     start = np.array(problem.initial, dtype=np.float64)
     units = units_for(scheme, problem)

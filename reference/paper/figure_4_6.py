@@ -26,7 +26,7 @@ ORDER = order.Setting(
     ),
 )  # fmt: skip
 # Errors on the interval of the energy plot, against a scheme with a fine step, the kind of reference that §4.4 names.
-FINE = order.Setting(
+FINE_REFERENCE = order.Setting(
     "4.6", PROBLEM, T=5.0, steps=(1280, 2560, 5120, 10240, 20480), samples=128, schemes=("midpoint", "milstein"),
     source="Figure 4.6, right, on the interval of its left plot", place="§4.4",
 )  # fmt: skip
@@ -38,7 +38,7 @@ _PARAMETERS = {
 
 def jobs(size: Size) -> list[Job]:
     """The jobs: paths, and errors at time T, of the paper's six schemes and of splitting."""
-    return [*order.jobs(ORDER, size), *order.fine_jobs(FINE, size), *RUNS.jobs(size)]
+    return [*order.jobs(ORDER, size), *order.fine_jobs(FINE_REFERENCE, size), *RUNS.jobs(size)]
 
 
 def panels(results: Results) -> list[Panel]:
@@ -52,7 +52,7 @@ def panels(results: Results) -> list[Panel]:
         description="Energy-preserving and discrete gradient scheme keep the energy; the others do not, and splitting "
         "stays near it.",
     )  # fmt: skip
-    return [energy, order.panel(ORDER, results), order.fine_panel(FINE, results)]
+    return [energy, order.panel(ORDER, results), order.fine_panel(FINE_REFERENCE, results)]
 
 
 def _domain(run: runs.Run) -> Statement:
@@ -67,7 +67,7 @@ def _domain(run: runs.Run) -> Statement:
     moved, limit = float(np.max(np.abs(casimir - casimir[0]))), runs.rounding_bound(run.steps) * size
     return Statement(
         f"{record.sentence(run.scheme)} remains in the domain y > 0, and keeps the Casimir", "[23] in §1",
-        judge.decide(smallest > 0 and moved <= limit, not smallest > 0 or moved > runs.FAR * limit),
+        judge.decide(smallest > 0 and moved <= limit, not smallest > 0 or moved > runs.DRIFT_FACTOR * limit),
         f"smallest component {smallest:.3g}, largest change of C {moved:.1e} over {run.steps} steps",
         f"positive; rounding can do {limit:.1e} to C",
     )  # fmt: skip

@@ -31,7 +31,7 @@ ORDER = order.Setting(
     same=(("energy-preserving", "midpoint", *_SAME), ("energy-preserving", "discrete-gradient", *_SAME)),
 )  # fmt: skip
 # Errors against a scheme with a fine step, the kind of reference that §4.1 names, on fewer samples.
-FINE = order.Setting(
+FINE_REFERENCE = order.Setting(
     "4.2", PROBLEM, T=5.0, steps=(5120, 10240, 20480, 40960, 81920), samples=128,
     schemes=("milstein", "energy-preserving"), source="Figure 4.2, the paper's own kind of reference", place="§4.1",
 )  # fmt: skip
@@ -42,7 +42,7 @@ WINDOW = 0.9
 
 def jobs(size: Size) -> list[Job]:
     """The jobs of both figures: four long runs, and the errors of six schemes at the end time T."""
-    return [*order.jobs(ORDER, size), *order.fine_jobs(FINE, size), *RUNS.jobs(size)]
+    return [*order.jobs(ORDER, size), *order.fine_jobs(FINE_REFERENCE, size), *RUNS.jobs(size)]
 
 
 def long_time(results: Results) -> list[Panel]:
@@ -54,7 +54,7 @@ def long_time(results: Results) -> list[Panel]:
 
 def convergence(results: Results) -> list[Panel]:
     """The panels of Figure 4.2: strong errors against the exact solution, and against a scheme with a fine step."""
-    return [order.panel(ORDER, results), order.fine_panel(FINE, results)]
+    return [order.panel(ORDER, results), order.fine_panel(FINE_REFERENCE, results)]
 
 
 def _phase_space(by_scheme: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel:

@@ -31,7 +31,7 @@ SCHEMES = ("energy-preserving", "midpoint")
 NAMES = ("rigid-body", "pendulum", "lotka-volterra")
 H_STEPS = tuple(2.0**-n for n in range(4, 12))
 # The step Δ of differences in extended precision, whose error is O(Δ²), about 1e-12.
-SHORT = 2.0**-20
+DIFFERENCE_STEP = 2.0**-20
 # The relative difference that is allowed for two values of c(y): differences in binary64 give c to about 1e-12.
 AGREES = 1e-10
 
@@ -68,8 +68,10 @@ def expanded(scheme: str, data: NamedProblem, y: Array) -> Array:
         ahead, behind = (reference_step(scheme, data, y.tolist(), s * delta, noise, 60).y1 for s in (1, -1))
         return [a - b for a, b in zip(ahead, behind, strict=True)]
 
-    whole, halves = odd(SHORT), odd(SHORT / 2)
-    return np.array([float((a - 2 * b) / (1.5 * SHORT**3)) for a, b in zip(whole, halves, strict=True)])
+    whole, halves = odd(DIFFERENCE_STEP), odd(DIFFERENCE_STEP / 2)
+    return np.array(
+        [float((a - 2 * b) / (1.5 * DIFFERENCE_STEP**3)) for a, b in zip(whole, halves, strict=True)]
+    )
 
 
 def measured(problem: str) -> dict[str, dict[str, Any]]:

@@ -28,7 +28,7 @@ from .judge import decide
 from .record import Job, Results, Size, Statement, sentence, series, stated_in
 
 # A drift of more than this many times the rounding bound is not rounding.
-FAR = 1e3
+DRIFT_FACTOR = 1e3
 # The largest number of points that are kept of the sample that figures show.
 POINTS = 1000
 
@@ -231,12 +231,12 @@ def statement(run: Run, what: str, *, constant: bool, source: str) -> Statement:
     """
     moved = drift(run.energy if what == "energy" else run.casimir)
     limit = bound(run, what, constant=constant)
-    kept, lost = moved <= limit, moved > FAR * limit or run.stopped > 0
+    kept, lost = moved <= limit, moved > DRIFT_FACTOR * limit or run.stopped > 0
     stopped = f"; the sample left the domain at step {run.stopped}" if run.stopped > 0 else ""
     return Statement(
         f"{sentence(run.scheme)} {'keeps' if constant else 'does not keep'} the {what}", source,
         decide(kept, lost) if constant else decide(lost, kept),
         f"largest relative change {moved:.2g} over {run.steps} steps{stopped}",
         f"rounding can do {limit:.1e} (8 eps √N); "
-        + ("at most that" if constant else f"more than {FAR:g} times that"),
+        + ("at most that" if constant else f"more than {DRIFT_FACTOR:g} times that"),
     )  # fmt: skip

@@ -1,4 +1,7 @@
-"""The processes that measure laws (`sepv.verification._side_by_side`). They may start early, to import in parallel."""
+"""The processes that measure laws (`sepv.verification._side_by_side`).
+
+They may start early, to import in parallel.
+"""
 
 from __future__ import annotations
 
@@ -6,17 +9,18 @@ import os
 
 from sepv.children._child import Child
 
-# The largest number of processes that is chosen here. With more, the longest group of laws determines the time.
-MOST = 4
+# The largest number of processes that is chosen here. With more, the longest group of laws determines the
+# time.
+WORKERS_MAX = 4
 _WAITING: list[Child] = []
 
 
 def cores() -> int:
-    """The number of processors that this process may use, at most MOST; 1 where processes cannot inherit a file."""
+    """The number of processors to use here, at most WORKERS_MAX; 1 where processes cannot inherit a file."""
     if os.name != "posix":
         return 1
     usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return min(usable, MOST)
+    return min(usable, WORKERS_MAX)
 
 
 def start_ahead(count: int) -> None:

@@ -17,8 +17,9 @@ if TYPE_CHECKING:
     from sepv.studies import Exits, Map
 
 STEPS = tuple(2.0**-n for n in range(1, 11))
-# The states are dense enough if the mean over all and the mean over every second one differ by at most this share.
-ROUGH = 0.2
+# The states are dense enough if the mean over all and the mean over every second one differ by at most this
+# share.
+MEAN_TOLERANCE = 0.2
 # Step sizes with which paths are followed.
 FOLLOWED = tuple(2.0**-n for n in range(4, 10))
 
@@ -63,10 +64,10 @@ def solvability(
 ) -> None:  # fmt: skip
     """Find how far the solutions of a step of PROBLEM reach in Δ = h + Σ c_j ΔW_j, and how long a step size is safe.
 
-    States y0 are taken along the exact solution's orbit. From each y0, the solution y1(Δ) with y1(0) = y0 is followed
-    until it turns back (a fold) or |Δ| reaches --range; then Newton's method is tried at every Δ of a grid. Numerical
-    paths leave this orbit, so they are followed too, until the scheme's solver refuses a step. With one scheme, a step
-    size counts as safe until the time at which the first of its paths fails.
+    States y0 are taken along the exact solution's orbit. From each y0, the solution y1(Δ) with y1(0) = y0 is
+    followed until it turns back (a fold) or |Δ| reaches --range; then Newton's method is tried at every Δ of
+    a grid. Numerical paths leave this orbit, so they are followed too, until the scheme's solver refuses a
+    step. With one scheme, a step size counts as safe until the time at which the first of its paths fails.
 
     \b
     sepv solvability lotka-volterra --follow both-invariants
@@ -138,13 +139,13 @@ def _show(regions: Map, furthest: float, k: int | None, out: Any) -> None:
     for h in STEPS:
         p = regions.chances(h, k)
         mean, half = float(p.mean()), float(p[::2].mean())
-        if abs(mean - half) > ROUGH * mean or (mean == 0 and regions.worst(h, k) > 0):
+        if abs(mean - half) > MEAN_TOLERANCE * mean or (mean == 0 and regions.worst(h, k) > 0):
             rough.append(h)
     if rough:
         out.print(
             f"The means are rough from h = 2^{round(math.log2(rough[0]))} on: every second state alone gives one "
-            f"that is off by more than {ROUGH:.0%}, or all are 0 beside a state that is not. More --states make them "
-            "finer."
+            f"that is off by more than {MEAN_TOLERANCE:.0%}, or all are 0 beside a state that is not. More "
+            "--states make them finer."
         )
 
 

@@ -41,12 +41,12 @@ from sepv.children import (
 # Seconds until Ctrl-C is sent again, until a lost Ctrl-C is sent again, until a child that does not answer is killed.
 AGAIN, AGAIN_LOST, PATIENCE = 0.5, 0.05, 1.2
 # Seconds within which a Ctrl-C from the terminal and one from the watcher count as one.
-ONCE = 0.2
+SAME_INTERRUPT_SECONDS = 0.2
 # Signals that end a process from outside, which is no crash.
 ENDED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP) if os.name == "posix" else ()
 CRASHED, DEFECT, INTERRUPTED = 3, 70, 130
 # Seconds for what is registered with atexit, after all is written. A helper process of a scheme may never end.
-LAST = 5.0
+ATEXIT_SECONDS = 5.0
 _HEAD = 5  # bytes: the kind of a message, and the length of what follows
 
 
@@ -88,7 +88,7 @@ class _Heard:
             elif kind == LOST:
                 self.lost = True
             elif kind == END:
-                self.code, self.limit = int.from_bytes(text, "big"), Limit(LAST)
+                self.code, self.limit = int.from_bytes(text, "big"), Limit(ATEXIT_SECONDS)
 
     def crash(self, status: str) -> bool:
         """Record a crash of a process; True if it occurred in a measurement, which a new process can leave out."""
@@ -293,7 +293,7 @@ def _be_watched(work: Callable[[], Any], journal: Journal, alive: int, heeds: bo
     def interrupt(*_: Any) -> None:
         nonlocal deaf_until
         if time.monotonic() > deaf_until:
-            deaf_until = time.monotonic() + ONCE
+            deaf_until = time.monotonic() + SAME_INTERRUPT_SECONDS
             raise KeyboardInterrupt
 
     def unraisable(lost: Any) -> None:

@@ -24,7 +24,7 @@ OfLanes = Callable[[Array, Lanes], Any]
 # The spacing of binary64 at 1, and its smallest normal number.
 EPS, TINY = 2.0**-52, 2.0**-1022
 # The largest size of a term for which one NumPy call adds all terms. It was measured, and matters for speed alone.
-FEW = 96
+ONE_SUM_MAX_SIZE = 96
 # The width of forward differences, relative to the state, and the most states in one batch of them. Larger batches
 # need more memory and are not faster.
 WIDTH, TOGETHER = 2.0**-26, 256
@@ -32,7 +32,7 @@ WIDTH, TOGETHER = 2.0**-26, 256
 
 def _is_small(A: Array, products: int) -> bool:
     """True if A holds numbers (not symbols), and `products` are few: one NumPy call is then faster than a loop."""
-    return products <= FEW * A.shape[1] and isinstance(A, np.ndarray) and A.dtype != object
+    return products <= ONE_SUM_MAX_SIZE * A.shape[1] and isinstance(A, np.ndarray) and A.dtype != object
 
 
 def summed(terms: Array) -> Array:

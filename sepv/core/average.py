@@ -20,7 +20,7 @@ from sepv.core.problem import Averaged
 # that are analytic within about a tenth of the segment's length. The error of rougher integrands is reported.
 _LADDER = (4, 8, 16, 32, 64, 128)
 # The largest y.size for which one call evaluates H″ at all nodes. For larger y one call needs memory and is no faster.
-FEW = 512
+ONE_CALL_MAX_SIZE = 512
 
 
 class Average(NamedTuple):
@@ -61,7 +61,7 @@ def average_hessian(problem: Averaged, y0: Array, y1: Array) -> Array | None:
     points, weights = gauss_legendre(nodes)
     factors = weights * points
     total = np.zeros((problem.dimension, *y0.shape))
-    if y0.size <= FEW:  # all nodes in one call
+    if y0.size <= ONE_CALL_MAX_SIZE:  # all nodes in one call
         terms = problem.hessian(_on_segment(y0, y1, points)) * factors.reshape(-1, *(1,) * (y0.ndim - 1))
         mean: Array = total + summed(terms.reshape(-1, *terms.shape[2:])).reshape(total.shape)
         return mean

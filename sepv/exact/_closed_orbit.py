@@ -13,7 +13,7 @@ from sepv.problem import Array, Problem, vector_field
 # The number of states along an orbit. They resolve harmonics up to half of this number.
 PHASES = 64
 # The longest time within which an orbit must close, in units of |y|/|f| with the field f = B∇H.
-LONGEST = 512.0
+CLOSING_MAX_TIME = 512.0
 
 
 @dataclass(frozen=True)
@@ -25,16 +25,17 @@ class Orbit:
 
 
 def closed_orbit(problem: Problem, y0: Array) -> Orbit | None:
-    """The closed orbit of a problem's flow through y0; None if it does not close up to the time LONGEST |y0|/|f|.
+    """The closed orbit of a problem's flow through y0; None if it does not close within CLOSING_MAX_TIME |y0|/|f|.
 
-    The orbit closes when it crosses the plane through y0 normal to f = f(y0), in the direction of f and close to y0.
+    The orbit closes when it crosses the plane through y0 normal to f = f(y0), in the direction of f and close
+    to y0.
     """
     f = vector_field(problem, y0)
     speed, size = float(np.linalg.norm(f)), float(np.linalg.norm(y0))
     if not speed or not size:
         return None
     reach = 8 * size / speed
-    while reach <= LONGEST * size / speed:
+    while reach <= CLOSING_MAX_TIME * size / speed:
         times = np.linspace(0, reach, 512)
         try:
             moved = exact_flow(problem, times, y0).y - y0[:, None]
@@ -53,8 +54,8 @@ def closed_orbit(problem: Problem, y0: Array) -> Orbit | None:
 def _return(problem: Problem, start: Array, y0: Array, f: Array, longest: float) -> float:
     """The time in [0, longest] at which the flow from `start` crosses the plane through y0 with the normal f.
 
-    Newton's method needs few steps, because near y0 the distance f·(y − y0) rises at the rate f·f(y) > 0. The iteration
-    stops when a time repeats.
+    Newton's method needs few steps, because near y0 the distance f·(y − y0) rises at the rate f·f(y) > 0. The
+    iteration stops when a time repeats.
     """
     time, seen = 0.0, set()
     while time not in seen:

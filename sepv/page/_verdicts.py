@@ -25,7 +25,7 @@ LEAST, MOST, EVERY = -3, 15, 3
 # The frame (left, right, top, bottom) of a picture of a repeated step, in a box of 300 by 190.
 FRAME = (62.0, 296.0, 20.0, 168.0)
 # The least height of the frame of an invariant, relative to its terms, so that rounding looks like a straight line.
-FLAT = 1e-13
+LEAST_FRAME_HEIGHT = 1e-13
 
 
 def schemes(reports: list[View]) -> tuple[list[str], list[View]]:
@@ -198,7 +198,12 @@ def _course(course: View) -> View | None:
     flat = [[0, steps], [0.0, 0.0]] if exact else []
     panels = [
         _panel(path, exact, names, 0.0),
-        _panel(drift, flat, ["step", f"{conserved}(y) − {conserved}(y₀)"], FLAT * (course["size"] or 0)),
+        _panel(
+            drift,
+            flat,
+            ["step", f"{conserved}(y) − {conserved}(y₀)"],
+            LEAST_FRAME_HEIGHT * (course["size"] or 0),
+        ),
     ]
     if None in panels:
         return None

@@ -11,7 +11,7 @@ from sepv.core.arrays import matvec
 from sepv.problem._products import dot
 
 # A gradient gives no new direction if its part orthogonal to earlier gradients is below this fraction of its length.
-DEPENDENT = 2.0**-40
+INDEPENDENCE_TOLERANCE = 2.0**-40
 
 
 class Directions(NamedTuple):
@@ -73,7 +73,7 @@ def projections(B: Any, gradient: Any, casimirs: Sequence[Any]) -> Directions:
 def _append(basis: Directions, q: Any, N: Any, size: Any) -> None:
     """Append the direction q for the gradient N; its `inverse` is 1/(Nᵀq), or 0 if Nᵀq is a rounding of `size`."""
     left = dot(q, N)
-    new = left > DEPENDENT**2 * size
+    new = left > INDEPENDENCE_TOLERANCE**2 * size
     basis.products.append([dot(b, N) for b in basis.q])
     basis.q.append(q)
     basis.inverse.append(np.where(new, 1.0 / np.where(new, left, 1.0), 0.0))

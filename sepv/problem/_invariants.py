@@ -33,7 +33,7 @@ DIGITS = 40
 # A constant in a user's code is a rounded number, so LI may differ from σ − λI by a few roundings of its terms. Twice
 # the residual of a step is at least 64 eps of these terms (`sepv.verification._tolerance`), so the law's bound, which
 # has this residual, covers the difference.
-ROUNDED = 64 * EPS
+RECORDED_TOLERANCE = 64 * EPS
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ def _relation(problem: Problem, name: str, _noise: bytes) -> Relation:
     rows = [_values(outputs, y, state) for state in states]
     fields = 1 + problem.noises
     moved = [
-        any(abs(row[1 + k]) > ROUNDED * row[1 + fields + k] for row in rows) for k in range(fields)
+        any(abs(row[1 + k]) > RECORDED_TOLERANCE * row[1 + fields + k] for row in rows) for k in range(fields)
     ]  # X_k I, and the terms of X_k I
     sigma, decay = _constants(name, states, rows)
     noises = tuple(j for j in range(problem.noises) if problem.c[j] and moved[1 + j])
@@ -101,7 +101,7 @@ def _relation(problem: Problem, name: str, _noise: bytes) -> Relation:
 def _constants(name: str, states: list[Array], rows: list[list[Any]]) -> tuple[Any, Any]:
     """σ and λ by the states (rows begin with I and end with LI and the size of its terms); 0 where 0 will do."""
     I, L, allowed = ([row[k] for row in rows] for k in (0, -2, -1))
-    allowed = [ROUNDED * size for size in allowed]
+    allowed = [RECORDED_TOLERANCE * size for size in allowed]
     largest = max(range(len(I)), key=lambda s: abs(I[s]))
     far = max(range(len(I)), key=lambda s: abs(I[s] - I[largest]))
     tried: list[tuple[Any, Any]] = [(0, 0), (L[largest], 0)]

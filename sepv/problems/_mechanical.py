@@ -15,7 +15,7 @@ from sepv.problems._polynomial_system import started
 from sepv.record import poly
 
 # The largest number of degrees of freedom. It is bounded because B and H″ are dense matrices.
-MOST = 32
+MAX_DEGREES_OF_FREEDOM = 32
 
 
 def positions_first(y: Array) -> Array:
@@ -43,9 +43,9 @@ def harmonic_trap(frequencies: ArrayLike = (1.0, 10.0, 100.0), noise: ArrayLike 
     The solution without noise, the default, is q_k = cos(ω_k t)/ω_k.
     """
     w = np.atleast_1d(np.asarray(frequencies, dtype=np.float64))
-    if w.ndim > 1 or not 1 <= w.size <= MOST or not np.all((w > 0) & np.isfinite(w)):
+    if w.ndim > 1 or not 1 <= w.size <= MAX_DEGREES_OF_FREEDOM or not np.all((w > 0) & np.isfinite(w)):
         raise ProblemError(
-            expected=f"one to {MOST} frequencies > 0",
+            expected=f"one to {MAX_DEGREES_OF_FREEDOM} frequencies > 0",
             received=f"{frequencies!r:.80}",
             remedy="frequencies=(1.0, 10.0)",
         )
@@ -59,7 +59,7 @@ def pendulum_chain(links: float = 3, coupling: float = 0.5, noise: ArrayLike = 1
 
     This is a discrete sine-Gordon equation with free ends (Y. Frenkel and T. Kontorova, 1938).
     """
-    n = whole_number("links", links, 1, MOST)
+    n = whole_number("links", links, 1, MAX_DEGREES_OF_FREEDOM)
 
     def hamiltonian(y: Array) -> Array:
         q, p = y[:n], y[n:]
@@ -77,7 +77,7 @@ def lennard_jones(atoms: float = 3, noise: ArrayLike = 1.0) -> Problem:
 
     The state is y = (x_1, y_1, x_2, …, p). The atoms start on a circle, neighbours 1.2 apart, with total momentum zero.
     """
-    n = whole_number("atoms", atoms, 2, MOST)
+    n = whole_number("atoms", atoms, 2, MAX_DEGREES_OF_FREEDOM)
     pairs = list(combinations(range(n), 2))
 
     def squared(y: Array, i: int, j: int) -> Array:

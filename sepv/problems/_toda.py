@@ -9,12 +9,12 @@ from sepv.problem import Array, Problem, dot
 from sepv.problems._common import named, structure, whole_number
 
 # The largest number of particles. It is bounded because B and H″ are dense matrices.
-MOST = 64
+MAX_PARTICLES = 64
 
 
 def toda(particles: float = 3, noise: ArrayLike = 1.0) -> Problem:
     """The open Toda chain, y = (p_1 … p_n, q_1 … q_n), with the initial state p = 0, q = 0."""
-    n = whole_number("particles", particles, 2, MOST)
+    n = whole_number("particles", particles, 2, MAX_PARTICLES)
 
     def hamiltonian(y: Array) -> Array:
         return 0.5 * dot(y[:n], y[:n]) + sum(np.exp(y[n:-1] - y[n + 1 :]))

@@ -184,7 +184,7 @@ def _of_sorted(dimension: int, terms: list[tuple[Exponents, float]]) -> Polynomi
 
 # The largest terms × sums × states for which one reduction over all terms is faster than a loop over layers of terms.
 # The loop saves additions but calls NumPy more often. The number was measured, and matters for speed alone.
-FEW = 8192
+ONE_REDUCTION_MAX_SIZE = 8192
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,7 +231,11 @@ class _Sums:
         powers[:d], powers[d : 2 * d] = 1, y[: self.top * d]
         for k in range(2 * d, len(powers), d):
             np.multiply(powers[k - d : k], y, out=powers[k : k + d])
-        rule = self._at_once if (1 + self._longest) * sums * y.shape[1] <= FEW else self._in_layers
+        rule = (
+            self._at_once
+            if (1 + self._longest) * sums * y.shape[1] <= ONE_REDUCTION_MAX_SIZE
+            else self._in_layers
+        )
         return rule(powers)
 
     def _at_once(self, powers: NDArray[Any]) -> NDArray[Any]:

@@ -1,10 +1,11 @@
 """Symbols and the tape, the list of operations on symbols.
 
-Each operation on symbols is a line of the tape. If an operation is repeated on the same arguments, its line is used
-again. Operations on constants are evaluated, and x + 0, 0·x and ±1·x are simplified. A division by a constant becomes a
-product with its reciprocal. Signs move outward, so that −a + b, b − a and b + (−1)a are one line. Apart from 0, ±1
-and powers of two no rule depends on the value of a constant. So systems that differ only in coefficients have the same
-lines, and share one compiled kernel. Replacing 0·x by 0 assumes that x is finite.
+Each operation on symbols is a line of the tape. If an operation is repeated on the same arguments, its line
+is used again. Operations on constants are evaluated, and x + 0, 0·x and ±1·x are simplified. A division by a
+constant becomes a product with its reciprocal. Signs move outward, so that −a + b, b − a and b + (−1)a are
+one line. Apart from 0, ±1 and powers of two no rule depends on the value of a constant. So systems that
+differ only in coefficients have the same lines, and share one compiled kernel. Replacing 0·x by 0 assumes
+that x is finite.
 """
 
 from __future__ import annotations
@@ -29,11 +30,11 @@ from sepv.record._numpy_protocol import (
     select,
 )
 
-# The largest exponent of a power that is written as products. Such a power is a line "whole": xⁿ⁻¹·x is evaluated like
-# a product, and differentiated as xⁿ, with the derivative n xⁿ⁻¹.
+# The largest exponent of a power that is written as products. Such a power is a line "whole": xⁿ⁻¹·x is
+# evaluated like a product, and differentiated as xⁿ, with the derivative n xⁿ⁻¹.
 LARGEST_POWER = 32
 # Operations after which a tape warns that it takes long: five seconds or so.
-LONG = 2**20
+SLOW_TAPE_OPERATIONS = 2**20
 
 
 class Operation(NamedTuple):
@@ -49,7 +50,8 @@ class Tape:
 
     def __init__(self) -> None:
         self.lines: list[Operation] = []
-        # Derivatives of some lines, by the line's number, that are shorter than those of the chain rule (`declare`).
+        # Derivatives of some lines, by the line's number, that are shorter than those of the chain rule
+        # (`declare`).
         self.declared: dict[int, tuple[set[int], dict[int, Symbol]]] = {}
         self._known: dict[Any, Symbol] = {}
         # The number of calls of `write`, a measure of the time taken: one takes some microseconds.
@@ -58,11 +60,11 @@ class Tape:
     def write(self, name: str, *arguments: Symbol, value: float = 0.0) -> Symbol:
         """Append an operation, unless the tape has an equal one already, and return the symbol of its result."""
         self.asked += 1
-        if self.asked == LONG:
+        if self.asked == SLOW_TAPE_OPERATIONS:
             warnings.warn(
-                f"The derivatives of a function of {self.inputs} numbers take more than {LONG} operations by symbols: "
-                "this goes on, for minutes perhaps. Remedy: give gradient=, and hessian= and structure_derivative= "
-                "where you have them; then nothing is derived.",
+                f"The derivatives of a function of {self.inputs} numbers take more than "
+                f"{SLOW_TAPE_OPERATIONS} operations by symbols: this goes on, for minutes perhaps. Remedy: give "
+                "gradient=, and hessian= and structure_derivative= where you have them; then nothing is derived.",
                 SlowDerivation,
                 stacklevel=2,
             )
@@ -74,13 +76,18 @@ class Tape:
         return symbol
 
     def constant(self, value: float) -> Symbol:
-        """The symbol of a number. NaN raises CannotRecord: NaN ≠ NaN, so that equal operations would not be found."""
+        """The symbol of a number.
+
+        NaN raises CannotRecord: NaN ≠ NaN, so that equal operations would not be found.
+        """
         if math.isnan(value):
             raise CannotRecord("a constant is NaN")
         return self.write("constant", value=float(value) + 0.0)
 
     def declare(self, value: Symbol, fixed: Iterable[Symbol], slopes: Mapping[Symbol, Symbol]) -> None:
-        """Declare the derivatives `slopes` of `value` by other symbols. `jacobian` uses them, not the chain rule.
+        """Declare the derivatives `slopes` of `value` by other symbols.
+
+        `jacobian` uses them, not the chain rule.
 
         The declaration applies only if no symbol in `fixed` depends on the inputs of `jacobian`.
         """
@@ -365,6 +372,7 @@ class Symbol(Element):
         return self.tape.write(name, self)
 
 
-# Methods such as `sin` of symbols, because np.sin on an array of objects calls the method `sin` of each element.
+# Methods such as `sin` of symbols, because np.sin on an array of objects calls the method `sin` of each
+# element.
 for _name in FUNCTIONS:
     setattr(Symbol, _name, partialmethod(Symbol.apply, _name))

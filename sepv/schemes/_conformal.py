@@ -22,7 +22,7 @@ from sepv.core.step import Solution
 from sepv.errors import Skipped
 from sepv.problem import Array, DampedProblem, Problem, Systems
 from sepv.schemes._energy_preserving import formula, jacobian
-from sepv.schemes._one_step import EVERY, Solved, implicit, one_step
+from sepv.schemes._one_step import CLAIMS_OF_ALL, Solved, implicit, one_step
 
 
 def undamped_step(problem: Problem, h: float, noise: Array) -> Array:
@@ -46,7 +46,7 @@ def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
 scheme = one_step(
     "conformal",
     Solved(solve),
-    EVERY | {"conformal-casimir", "conformal-energy", "symmetry"},
+    CLAIMS_OF_ALL | {"conformal-casimir", "conformal-energy", "symmetry"},
     "(2.1) between exponentials; Bréhier, Cohen and Komori, arXiv 2503.01540",
     systems=Systems.DAMPED,
 )

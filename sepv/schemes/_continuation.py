@@ -24,7 +24,7 @@ from sepv.schemes._scheme import Scheme
 # The first value of s, so small that the iteration from y converges if it does for any s; and the least increment of s.
 FIRST, LEAST = 2.0**-8, 2.0**-14
 # The number of values of s that are tried before a curve is given up.
-MOST = 200
+CONTINUATION_MAXITER = 200
 
 
 def continued(scheme: Scheme) -> Scheme:
@@ -69,7 +69,7 @@ def _follow(inner: Callable[..., Solution], problem: Problem, y: Array, h: float
     share, growth, solved = 0.0, FIRST, 0
     z, slope = np.zeros_like(y), np.zeros_like(y)
     work = np.zeros(3, dtype=np.int64)
-    for _ in range(MOST):
+    for _ in range(CONTINUATION_MAXITER):
         trial = min(share + growth, 1.0)
         guess = z + (trial - share) * slope
         solution = inner(problem, y, trial * h, trial * dW, start=guess)

@@ -24,7 +24,7 @@ from sepv.core.step import Solution
 from sepv.core.step import solve as solve_implicit
 from sepv.errors import Skipped
 from sepv.problem import Array, Problem, each_noise, hamiltonian_field, sample_states
-from sepv.schemes._one_step import EVERY, Solved, no_jacobian, one_step
+from sepv.schemes._one_step import CLAIMS_OF_ALL, Solved, no_jacobian, one_step
 from sepv.schemes._order_claims import Orders
 
 PROBLEMS = ("lotka-volterra", "random-lotka-volterra")
@@ -58,7 +58,7 @@ def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
 scheme = one_step(
     "darboux-lie",
     Solved(solve),
-    EVERY | {"identity", "any-casimir", "poisson-map", "positivity", "symmetry"},
+    CLAIMS_OF_ALL | {"identity", "any-casimir", "poisson-map", "positivity", "symmetry"},
     "the midpoint rule in logarithms (Hong et al. 2021; Liu and Wang 2024)",
     weak_order=1.0,
     mean_square_order=Orders(0.5, commutative=1.0),

@@ -12,7 +12,7 @@ import numpy as np
 
 from sepv.core.formula import Fields, Values
 from sepv.problem import matvec
-from sepv.schemes._one_step import EVERY, drift_and_noise, implicit, one_step
+from sepv.schemes._one_step import CLAIMS_OF_ALL, drift_and_noise, implicit, one_step
 from sepv.schemes._picture_look import Look
 
 
@@ -48,7 +48,7 @@ step = implicit(formula, parts=drift_and_noise)
 scheme = one_step(
     "discrete-gradient",
     step,
-    EVERY | {"identity", "energy", "noise-sum", "rounding"},
+    CLAIMS_OF_ALL | {"identity", "energy", "noise-sum", "rounding"},
     "Cohen and Dujardin (2014), §4",
     look=Look("#B0558A", "#E59AC4", "D", "2 2"),
 )

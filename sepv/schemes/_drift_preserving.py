@@ -20,7 +20,7 @@ import numpy as np
 from sepv.errors import Skipped
 from sepv.problem import Array, HamiltoniansProblem, Problem, Systems, column, noise_field
 from sepv.schemes._energy_preserving import formula, jacobian
-from sepv.schemes._one_step import EVERY, implicit, one_step
+from sepv.schemes._one_step import CLAIMS_OF_ALL, implicit, one_step
 from sepv.schemes._scheme import as_lanes
 
 
@@ -56,7 +56,7 @@ def pushed(problem: Problem, y: Array, dW: Array) -> Array:
 scheme = one_step(
     "drift-preserving",
     step,
-    EVERY | {"symmetry", "energy-drift", "casimir-drift"},
+    CLAIMS_OF_ALL | {"symmetry", "energy-drift", "casimir-drift"},
     "Cohen and Vilmart (2022)",
     weak_order=2.0,
     truncation=None,

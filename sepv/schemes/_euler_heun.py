@@ -6,7 +6,7 @@ S = Σ_j c_j ΔŴ_j, because every noise drives the same field f = B∇H; ΔŴ_j
 from __future__ import annotations
 
 from sepv.core.formula import Fields, Values
-from sepv.schemes._one_step import EVERY, Explicit, drift_and_noise, one_step
+from sepv.schemes._one_step import CLAIMS_OF_ALL, Explicit, drift_and_noise, one_step
 from sepv.schemes._picture_look import Look
 
 
@@ -24,7 +24,7 @@ step = Explicit(formula, drift_and_noise)
 scheme = one_step(
     "euler-heun",
     step,
-    EVERY | {"noise-sum", "equivariance"},
+    CLAIMS_OF_ALL | {"noise-sum", "equivariance"},
     "Cohen and Dujardin (2014), §4",
     look=Look("#C47F00", "#E69F00", "s"),
 )

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from sepv.core.formula import Fields, Values
-from sepv.schemes._one_step import EVERY, Explicit, drift_and_noise, one_step
+from sepv.schemes._one_step import CLAIMS_OF_ALL, Explicit, drift_and_noise, one_step
 from sepv.schemes._picture_look import Look
 
 
@@ -27,7 +27,7 @@ step = Explicit(formula, drift_and_noise)
 scheme = one_step(
     "euler-maruyama",
     step,
-    EVERY | {"equivariance"},
+    CLAIMS_OF_ALL | {"equivariance"},
     "Cohen and Dujardin (2014), §4; on the Itô form",
     mean_square_order=0.5,
     look=Look("#D55E00", "#FF8A3D", "+", "3 2"),

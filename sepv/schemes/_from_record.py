@@ -1,8 +1,9 @@
 """Newton's iteration as straight-line code: z − R(z) and (1 − K)⁻¹(z − R), K = ∂R/∂z, for a formula of R.
 
-The formula is called with symbols that record its operations (`sepv.record`), and the code is made from this record. An
-iteration is then one function, of arrays or of the numbers of a single state; both give the same bits. Recording takes
-as long as a few steps. So only problems given by name are recorded, and not problems drawn at random.
+The formula is called with symbols that record its operations (`sepv.record`), and the code is made from this
+record. An iteration is then one function, of arrays or of the numbers of a single state; both give the same
+bits. Recording takes as long as a few steps. So only problems given by name are recorded, and not problems
+drawn at random.
 """
 
 from __future__ import annotations
@@ -20,8 +21,9 @@ from sepv.record import CannotRecord, NoClosedForm, Source, source
 from sepv.schemes._recorded import Recorded
 
 # The largest d for which Cramer's rule is written out.
-LARGEST = 3
-# The most records in the cache, and the cache. A key has the problem's data, the formula, and its number of inputs.
+CRAMER_MAX_DIMENSION = 3
+# The most records in the cache, and the cache. A key has the problem's data, the formula, and its number of
+# inputs.
 MOST_RECORDS = 128
 _RECORDS: dict[Any, Record | None] = {}
 # Prefixes of modules that define or derive the functions of problems given by name.
@@ -31,7 +33,8 @@ _MODULES = ("sepv.problems.", "sepv.record.", "sepv.problem._derived")
 class Record(NamedTuple):
     """The code of a Newton iteration as a function of (y, z, step), and the evaluations of ∇H and of B in R.
 
-    The function returns z − R(z), Newton's correction, and a test, True where z minus the correction is in the domain.
+    The function returns z − R(z), Newton's correction, and a test, True where z minus the correction is in
+    the domain.
     """
 
     source: Source
@@ -71,10 +74,11 @@ def code(problem: Problem, formula: Formula, y0: Array, step: Array) -> Code | N
 def record(problem: Problem, formula: Formula, count: int) -> Record | None:
     """The recorded Newton iteration of a formula for a problem given by name, from a cache.
 
-    The result is None for other problems, for d > LARGEST, and if the formula cannot be recorded. `count` is how many
-    numbers of a step the formula uses. The keys of the cache hold the data of problems, so that problems can be freed.
+    The result is None for other problems, for d > CRAMER_MAX_DIMENSION, and if the formula cannot be
+    recorded. `count` is how many numbers of a step the formula uses. The keys of the cache hold the data of
+    problems, so that problems can be freed.
     """
-    if not _is_fixed(problem) or problem.dimension > LARGEST:
+    if not _is_fixed(problem) or problem.dimension > CRAMER_MAX_DIMENSION:
         return None
     names = tuple(getattr(f, "__qualname__", "") for f in _functions(problem))
     key = problem.data, names, formula, count

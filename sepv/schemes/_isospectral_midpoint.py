@@ -29,7 +29,7 @@ from sepv.core.step import Solution
 from sepv.core.step import solve as solve_implicit
 from sepv.problem import Array, Problem, Systems, combined_gradient, each_noise
 from sepv.problems import MatrixAlgebra, algebra_of, product
-from sepv.schemes._one_step import EVERY, Solved, no_jacobian, one_step
+from sepv.schemes._one_step import CLAIMS_OF_ALL, Solved, no_jacobian, one_step
 from sepv.schemes._order_claims import Orders
 
 
@@ -71,7 +71,7 @@ def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
 scheme = one_step(
     "isospectral-midpoint",
     Solved(solve),
-    EVERY | {"identity", "casimir", "any-casimir", "poisson-map", "symmetry", "noise-sum"},
+    CLAIMS_OF_ALL | {"identity", "casimir", "any-casimir", "poisson-map", "symmetry", "noise-sum"},
     "Ephrati, Jansson, Lang and Luesink, arXiv 2408.16701",
     weak_order=1.0,
     mean_square_order=Orders(0.5, commutative=1.0),

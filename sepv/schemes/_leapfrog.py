@@ -16,10 +16,10 @@ from dataclasses import dataclass, replace
 from sepv.core.formula import Fields, Values
 from sepv.errors import Skipped, UsageError
 from sepv.problem import Systems, mechanics
-from sepv.schemes._one_step import EVERY, Explicit, one_step
+from sepv.schemes._one_step import CLAIMS_OF_ALL, Explicit, one_step
 from sepv.schemes._scheme import Scheme
 
-CLAIMS = EVERY | {
+CLAIMS = CLAIMS_OF_ALL | {
     "identity", "noise-sum", "random-step", "poisson-map", "symplecticity", "symmetry", "reversibility",
     "volume", "long-time-energy",
 }  # fmt: skip

@@ -9,7 +9,7 @@ y1 = y0 + (f + ½Σc_j² f′f) h + f S + ½ f′f (S² − Σc_j² h) = y0 + f 
 from __future__ import annotations
 
 from sepv.core.formula import Fields, Values
-from sepv.schemes._one_step import EVERY, Explicit, drift_and_noise, one_step
+from sepv.schemes._one_step import CLAIMS_OF_ALL, Explicit, drift_and_noise, one_step
 from sepv.schemes._picture_look import Look
 
 
@@ -27,7 +27,7 @@ step = Explicit(formula, drift_and_noise)
 scheme = one_step(
     "milstein",
     step,
-    EVERY | {"noise-sum", "equivariance"},
+    CLAIMS_OF_ALL | {"noise-sum", "equivariance"},
     "Cohen and Dujardin (2014), §4; on the Itô form",
     look=Look("#6A5ACD", "#B5A8FF", "*", "5 1 1 1"),
 )

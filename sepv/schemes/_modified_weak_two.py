@@ -33,7 +33,7 @@ import numpy as np
 
 from sepv.core.formula import Increment
 from sepv.problem import Array, Problem, average_gradient, dot, matmul, matvec, slope_along, turned_along
-from sepv.schemes._one_step import EVERY, Implicit, one_step
+from sepv.schemes._one_step import CLAIMS_OF_ALL, Implicit, one_step
 
 # Weights of central differences of order six, exact for polynomials of degree 7 at any width.
 SECOND = (270.0, -27.0, 2.0)
@@ -144,7 +144,7 @@ step = Implicit(increment, parts=parts)
 scheme = one_step(
     "modified-weak-2",
     step,
-    EVERY | {"identity", "energy", "casimir", "rounding"},
+    CLAIMS_OF_ALL | {"identity", "energy", "casimir", "rounding"},
     "(2.1) with the structure matrix of a modified equation (§5)",
     weak_order=2.0,
 )

@@ -28,8 +28,8 @@ Parts = Callable[..., Array]
 COUNTS = ("iterations", "gradient_evaluations", "structure_evaluations")
 
 # Laws claimed by all built-in schemes, by methods for y′ = f(y) with step Δ, by symmetric, by energy-preserving ones.
-EVERY = frozenset(("contract", "reproducibility", "truncation"))
-RANDOM_STEP = EVERY | {"identity", "noise-sum", "random-step", "expansion", "equivariance"}
+CLAIMS_OF_ALL = frozenset(("contract", "reproducibility", "truncation"))
+RANDOM_STEP = CLAIMS_OF_ALL | {"identity", "noise-sum", "random-step", "expansion", "equivariance"}
 SYMMETRIC = RANDOM_STEP | {"casimir", "midpoint", "symmetry", "reversibility"}
 ENERGY_PRESERVING = SYMMETRIC | {"energy", "reduction", "reference", "rounding"}
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from sepv.errors import Skipped
 from sepv.problem import Array, Problem
-from sepv.schemes._one_step import EVERY, one_step
+from sepv.schemes._one_step import CLAIMS_OF_ALL, one_step
 from sepv.schemes._picture_look import Look
 from sepv.schemes._scheme import as_lanes
 
@@ -35,7 +35,7 @@ def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return state.reshape(y.shape)
 
 
-CLAIMS = EVERY | {
+CLAIMS = CLAIMS_OF_ALL | {
     "identity", "casimir", "any-casimir", "poisson-map", "symplecticity", "volume", "positivity", "symmetry",
 }  # fmt: skip
 scheme = one_step(

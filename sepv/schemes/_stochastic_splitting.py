@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from sepv.errors import Skipped
 from sepv.problem import Array, HamiltoniansProblem, Problem
-from sepv.schemes._one_step import EVERY, one_step
+from sepv.schemes._one_step import CLAIMS_OF_ALL, one_step
 from sepv.schemes._order_claims import Orders
 from sepv.schemes._scheme import as_lanes
 
@@ -40,7 +40,7 @@ def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 scheme = one_step(
     "stochastic-splitting",
     step,
-    EVERY | {"identity", "casimir", "poisson-map", "symplecticity", "positivity", "symmetry"},
+    CLAIMS_OF_ALL | {"identity", "casimir", "poisson-map", "symplecticity", "positivity", "symmetry"},
     "Bréhier, Cohen and Jahnke (2023), composed as Strang's",
     weak_order=1.0,
     mean_square_order=Orders(0.5, commutative=1.0),

@@ -29,9 +29,9 @@ from sepv.problem import Array
 from sepv.simulate import _wiener as wiener
 
 # Fine steps per step of a scheme that uses areas: with eight, the shape of the fine a_ij's distribution hardly matters.
-MORE = 8
+FINE_STEPS = 8
 # The seed of the areas is the seed of the increments plus this number, and so far from seeds given by hand.
-_SECOND = 2**40
+_SECOND_STREAM = 2**40
 
 
 def points(xi: Array) -> tuple[Array, Array]:
@@ -109,7 +109,7 @@ def drawn(seed: int, *, T: float, steps: int, noises: int, paths: int | range) -
     pairs = list(combinations(range(noises), 2))
     h = T / steps
     more = wiener.increments(
-        seed + _SECOND, T=float(steps), steps=steps, noises=noises + len(pairs), paths=paths
+        seed + _SECOND_STREAM, T=float(steps), steps=steps, noises=noises + len(pairs), paths=paths
     )
     bridges = np.sqrt(h / 12) * more[:, :noises]
     if not pairs:

@@ -107,7 +107,7 @@ def integrate(
     if dW is not None:
         raw = floats("dW", dW)
     elif scheme.asks:
-        fine = areas.drawn(seed, T=h * count, steps=areas.MORE * count, noises=m, paths=1)
+        fine = areas.drawn(seed, T=h * count, steps=areas.FINE_STEPS * count, noises=m, paths=1)
         raw = fine.rows(count, scheme.asks)[:, :, 0]
     else:
         raw = wiener.increments(seed, T=h * count, steps=count, noises=m)[:, :, 0]

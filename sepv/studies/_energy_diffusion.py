@@ -38,7 +38,7 @@ from sepv.properties import gaussian_rule_for as rule_for
 from sepv.schemes import Scheme, ask
 
 # The distance of neighbouring orbits relative to |y|. Central differences have its square, 1e-6, as relative error.
-APART = 1e-3
+ORBIT_DISTANCE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def energy_diffusion(scheme: Scheme, problem: Problem, h: float) -> EnergyDiffus
     steepness = float(np.linalg.norm(slope))
     if not steepness:
         return None
-    apart = APART * float(np.linalg.norm(y0)) / steepness * slope
+    apart = ORBIT_DISTANCE * float(np.linalg.norm(y0)) / steepness * slope
     below, here, above = (closed_orbit(problem, y) for y in (y0 - apart, y0, y0 + apart))
     if below is None or here is None or above is None:
         return None

@@ -27,7 +27,7 @@ from sepv.verification import Case, energy_bound, energy_ulp, step_residual
 # The number of steps in a batch, which are solved together and have the same random h.
 BATCH = 500
 # The kinds of wrong values that a scheme returned as solutions, without reporting a failure.
-UNMARKED = ("not finite", "outside the domain", "beyond the bound", "residual beyond the bound")
+UNMARKED_KINDS = ("not finite", "outside the domain", "beyond the bound", "residual beyond the bound")
 
 
 @dataclass
@@ -35,7 +35,7 @@ class Seen:
     """The results of one scheme on one hard case, collected over batches of steps.
 
     statuses : status -> number of steps, by name of `Status`; REFUSED after StepFailure, CRASH after another error
-    wrong : kind -> number of wrong values that the scheme returned as solutions; the kinds are in UNMARKED
+    wrong : kind -> number of wrong values that the scheme returned as solutions; the kinds are in UNMARKED_KINDS
     defects : (n,), energy defects of the solved steps, in energy ulps
     ratio : the largest quotient of a defect and its bound
     iterations : (n,), Newton iterations of the solved steps, if the scheme reports them

@@ -18,7 +18,7 @@ from sepv.files import read_json
 from sepv.problem import Array, Problem
 
 # The largest file in bytes: a million rows of a large problem.
-LARGEST = 2**28
+TABLE_MAX_BYTES = 2**28
 FEWEST_ROWS = 2
 FORMATS = "rows t, y_1 … y_d, and dW_1 … dW_m if there is noise: .csv, columns of text, .npy, or the JSON of `sepv run`"
 
@@ -96,7 +96,9 @@ def _wrong(path: Any, received: str, remedy: str) -> UsageError:
 def _numbers(path: Path) -> tuple[Array, Array]:
     """The numbers of a file, a row for each time, and half a unit in the last digit of each."""
     if path.suffix == ".json":
-        found = read_json(path, LARGEST, expected=f"{path}: {FORMATS}", remedy="sepv run … --json FILE")
+        found = read_json(
+            path, TABLE_MAX_BYTES, expected=f"{path}: {FORMATS}", remedy="sepv run … --json FILE"
+        )
         times, states = (found.get(key) if isinstance(found, dict) else None for key in ("times", "states"))
         try:
             values = np.column_stack([np.array(times, dtype=np.float64), np.array(states, dtype=np.float64)])
@@ -105,7 +107,7 @@ def _numbers(path: Path) -> tuple[Array, Array]:
                 path, "JSON without times (N,) and states (N, d)", "sepv run … --json FILE"
             ) from error
         return values, np.zeros_like(values)
-    if not path.is_file() or path.stat().st_size > LARGEST:
+    if not path.is_file() or path.stat().st_size > TABLE_MAX_BYTES:
         raise _wrong(path, "no file of at most 256 MiB", "name a file")
     if path.suffix == ".npy":
         try:

@@ -26,7 +26,7 @@ from sepv.verification._profiles import SUITE
 from sepv.verification._verify import measure
 
 # The largest file in bytes: a report of all laws has 30 kB, a witness of 64 dimensions 2 MB; more takes long to check.
-LARGEST = 2**22
+REPORT_MAX_BYTES = 2**22
 # The most numbers in B′ for a witness's batch (2^27 bytes; sepv's have a hundredth), and the largest degree of H.
 _MOST_NUMBERS, _MOST_DEGREE = 2**24, 64
 # The share of the laws that is measured again; at least one law is.
@@ -48,7 +48,7 @@ class Again:
 def read_report(path: str | Path) -> dict[str, Any]:
     """Read a report of ``sepv verify --json``; a UsageError if it contradicts itself or is of another suite version."""
     words = {"expected": "a report of `sepv verify --json`", "remedy": "write it with this version of sepv"}
-    report: dict[str, Any] = read_json(path, LARGEST, **words)
+    report: dict[str, Any] = read_json(path, REPORT_MAX_BYTES, **words)
     require_schema(report, "report", path, **words)
     names, suite = [f["law"] for f in report["laws"]], report["suite"]
     counts = {v.value: sum(f["verdict"] == v.value for f in report["laws"]) for v in Verdict}

@@ -29,7 +29,7 @@ STEPS, FINER = 40, 3
 # The most seconds for all courses of a report. Steps that were made until then are shown.
 SECONDS = 10.0
 # A course ends when a state is larger than the first by this factor, because larger states would flatten the picture.
-FAR = 100.0
+ESCAPE_FACTOR = 100.0
 
 
 def with_courses(report: Report) -> dict[str, Any]:
@@ -70,7 +70,7 @@ def course(scheme: Scheme, finding: Finding, seconds: float = SECONDS) -> dict[s
         with deadline(seconds):
             while len(states) <= STEPS and not ended:
                 states.append(ask(scheme, problem, states[-1], h, dW))
-                if np.abs(states[-1]).max() > FAR * np.abs(y).max() + 1:
+                if np.abs(states[-1]).max() > ESCAPE_FACTOR * np.abs(y).max() + 1:
                     ended = "it runs away"
     except SepvError as error:
         ended = str(error).partition("\n")[0].rstrip(".")

@@ -42,14 +42,14 @@ from sepv.verification._units import units_of
 
 # The step size in the problem's unit of time, and the factor of a second one, which shows powers of h.
 STEP, FINER = 2.0**-12, 2.0**-4
-# A component is not measured from a state where its field is smaller than LEAST of the largest component.
-LEAST = 1e-3
+# A component is not measured from a state where its field is smaller than SMALLEST_SHARE of the largest component.
+SMALLEST_SHARE = 1e-3
 # Shares are right within RIGHT: errors are O(h) = O(STEP). A power of h of at least POWER is named.
 RIGHT, POWER = 0.01, 0.2
 # The number of components that are listed if they differ, and the number of earlier steps of a scheme with memory.
 LISTED, LATER = 8, 7
 # Itô's correction is right within this share: its error is O(h) relative to it, and it is smaller than the drift.
-CORRECTED = 0.05
+CORRECTION_TOLERANCE = 0.05
 
 
 def first_order(scheme: Scheme, problem: Problem) -> list[str]:
@@ -77,7 +77,7 @@ def _wrong(scheme: Scheme, problem: Problem, before: int) -> list[str]:
         shares = [_shares(scheme, problem, j, size * STEP * unit, before) for size in (1.0, FINER)]
         lines.append(_line(problem, j, shares[0], shares[1], STEP * unit))
     correction = np.nan if any(lines[1:]) or before else _correction(scheme, problem, FINER * STEP * unit)
-    if abs(correction - 1) <= CORRECTED:
+    if abs(correction - 1) <= CORRECTION_TOLERANCE:
         lines[0] = ""
     elif not any(lines) and not np.isnan(correction):
         lines.append(
@@ -96,10 +96,10 @@ def _correction(scheme: Scheme, problem: Problem, h: float) -> float:
         with suppress(SepvError, ArithmeticError):
             further = _mean(scheme, problem, y, h) - _field(problem, y, 0)
             s = ito_drift(problem, y) - vector_field(problem, y)
-            if np.max(np.abs(s)) > LEAST * np.max(np.abs(_field(problem, y, 0))):
+            if np.max(np.abs(s)) > SMALLEST_SHARE * np.max(np.abs(_field(problem, y, 0))):
                 share = float(further @ s / (s @ s))
                 # A mean that has another part besides s is no matter of Itô's correction.
-                along = np.linalg.norm(further - share * s) <= CORRECTED * np.linalg.norm(s)
+                along = np.linalg.norm(further - share * s) <= CORRECTION_TOLERANCE * np.linalg.norm(s)
                 found.append(share if along else np.nan)
     return float(np.median(found)) if found else np.nan  # NaN if one is NaN
 
@@ -128,7 +128,7 @@ def _shares(scheme: Scheme, problem: Problem, j: int, h: float, before: int) -> 
         with suppress(SepvError, ArithmeticError):
             y, moved = _moved(scheme, problem, y0, j, h, before)
             field = _field(problem, y, j)
-            known = np.abs(field) > LEAST * np.max(np.abs(field))
+            known = np.abs(field) > SMALLEST_SHARE * np.max(np.abs(field))
             noise = 4 * scheme.solver_tolerance * np.max(np.abs(y)) / (h if j == 0 else math.sqrt(h))
             known &= RIGHT * np.abs(field) > noise
             share[known] = moved[known] / field[known]

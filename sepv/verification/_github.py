@@ -16,7 +16,7 @@ from sepv.verification._outcome import Report
 from sepv.verification._report import law_table, same_error, summary
 
 # The most characters of a message, because a summary may have 1 MiB.
-LONGEST = 4000
+MESSAGE_MAX_CHARACTERS = 4000
 
 
 def step_summary(report: Report) -> str:
@@ -89,4 +89,4 @@ def _cell(text: str) -> str:
 
 
 def _short(text: str) -> str:
-    return text if len(text) <= LONGEST else f"{text[:LONGEST]}…"
+    return text if len(text) <= MESSAGE_MAX_CHARACTERS else f"{text[:MESSAGE_MAX_CHARACTERS]}…"

@@ -16,9 +16,9 @@ SAMPLED = ("mean-square-order", "weak-order", "right-limit", "commutation")
 LOCAL = ("local-mean", "local-mean-square", "local-weak")
 # Laws measured first: they need a second or two, and show most faults. The contract is the very first: if every step
 # sets the same global state, such as a seed, this no longer shows after the steps of another law.
-SOON = ("contract", "identity", "energy", "casimir")
+MEASURED_FIRST = ("contract", "identity", "energy", "casimir")
 # Laws that make more than this number of steps of single states are measured last, the most expensive law at the end.
-DEAR = 2000
+MANY_STEPS = 2000
 
 
 def load_laws(names: Iterable[str] | None = None) -> list[Law]:
@@ -42,7 +42,10 @@ def soonest(laws: Iterable[Law]) -> list[Law]:
     for family in (SAMPLED, LOCAL):
         own = [name for name in family if name in steps]
         steps |= dict.fromkeys(own, max(map(steps.__getitem__, own), default=0))
-    return sorted(asked, key=lambda law: (law.name not in SOON, steps[law.name] * (steps[law.name] > DEAR)))
+    return sorted(
+        asked,
+        key=lambda law: (law.name not in MEASURED_FIRST, steps[law.name] * (steps[law.name] > MANY_STEPS)),
+    )
 
 
 def laws_of(

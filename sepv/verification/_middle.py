@@ -30,7 +30,7 @@ from sepv.verification._law import Measurement, Middle
 Check = Callable[[Scheme, Case], Measurement]
 # The numbers k of steps before the last one: the second, the third and the eighth step of a path. Two and eight steps
 # alone would hide faults that cancel in pairs.
-AFTER = (1, 2, 7)
+STEPS_BEFORE = (1, 2, 7)
 # The increments of the steps of a path are ΔW/N times these numbers in turn, for laws that measure each step alone. A
 # scheme may keep the noise of the step before.
 TURNS = (1.0, -0.5, 0.75)
@@ -83,8 +83,8 @@ def along_paths(question: Question) -> Question:
         return [
             each
             for n, case in enumerate(cases)
-            for each in (case, replace(case, after=AFTER[(n + seed) % len(AFTER)]))
+            for each in (case, replace(case, after=STEPS_BEFORE[(n + seed) % len(STEPS_BEFORE)]))
         ]
 
-    drawn = st.tuples(question.strategy, st.sampled_from((0, *AFTER)))
+    drawn = st.tuples(question.strategy, st.sampled_from((0, *STEPS_BEFORE)))
     return replace(question, design=design, strategy=drawn.map(lambda pair: replace(pair[0], after=pair[1])))

@@ -17,15 +17,16 @@ from sepv.verification._verify import LawProgress
 # Seconds after which a law may be called late, and after which the current case is named.
 LATE, SLOW = 5.0, 2.0
 # A law with this many steps spends most of its time on them, if a step takes more than ten microseconds.
-MANY = 10000
+STEPS_OF_A_LONG_LAW = 10000
 
 
 class Course:
     """The laws that have begun or are done, and an estimate of the remaining seconds.
 
-    A law is expected to take pace · `Law.cost` + step · `Law.steps` seconds. The law "contract" measures `step`, the
-    seconds of a step; laws of at least MANY steps may lower this value, or give it if "contract" did not. `pace` is
-    the median over laws of the other seconds divided by `Law.cost`, so that one slow law does not change it.
+    A law is expected to take pace · `Law.cost` + step · `Law.steps` seconds. The law "contract" measures
+    `step`, the seconds of a step; laws of at least STEPS_OF_A_LONG_LAW steps may lower this value, or give it
+    if "contract" did not. `pace` is the median over laws of the other seconds divided by `Law.cost`, so that
+    one slow law does not change it.
     """
 
     def __init__(self, laws: Sequence[Law]) -> None:
@@ -35,7 +36,10 @@ class Course:
         self.started = time.monotonic()
 
     def heard(self, law: Law, finding: Finding | None) -> None:
-        """Record that a law begins (no `finding`) or ends. Nothing is changed in place: a display thread reads it."""
+        """Record that a law begins (no `finding`) or ends.
+
+        Nothing is changed in place: a display thread reads it.
+        """
         others = {name: since for name, since in self.began.items() if name != law.name}
         if finding is None:
             self.began = {**others, law.name: time.monotonic()}
@@ -54,10 +58,14 @@ class Course:
     def rates(self) -> tuple[float, float]:
         """The pace (measured seconds over `Law.cost`) and the seconds of a step; inapplicable laws are ignored."""
         measured = [(law, f) for law, f in self.found if f.checks or f.verdict is not Verdict.NOT_APPLICABLE]
-        few, many = ([(w, f) for w, f in measured if (w.steps >= MANY) is wanted] for wanted in (False, True))
+        few, many = (
+            [(w, f) for w, f in measured if (w.steps >= STEPS_OF_A_LONG_LAW) is wanted]
+            for wanted in (False, True)
+        )
         timed = [f.step_seconds for _, f in measured if f.step_seconds is not None]
         step = timed[0] if timed else 0.0
-        # One law gives no median, so half a second at pace 1 is added, the pace of the machine that gave `Law.cost`.
+        # One law gives no median, so half a second at pace 1 is added, the pace of the machine that gave
+        # `Law.cost`.
         paces = [(1.0, 0.5), *((max(0.0, f.seconds - step * w.steps) / w.cost, w.cost) for w, f in few)]
         pace = _weighted_median(paces)
         if many:

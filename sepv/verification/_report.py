@@ -39,7 +39,7 @@ _SHOWN = {
 _STYLES = {verdict: style for verdict, (style, _) in _SHOWN.items()}
 MARKS = {verdict: mark for verdict, (_, mark) in _SHOWN.items()}
 # Laws that every scheme claims. If a scheme claims no more, the violation of another law fails a run only with a pin.
-ALWAYS = ("contract",)
+CLAIMED_BY_ALL = ("contract",)
 
 
 def show(report: Report, out: Console, *, debug: bool = False) -> None:
@@ -137,7 +137,7 @@ def _outcome(report: Report) -> Text:
         text.append(f"Ended in an error: {', '.join(errors)}. ", style="bold magenta")
     claims = [f for f in report.findings if f.claimed and f.expected is None]
     claims = [f for f in claims if f.verdict is not Verdict.ERROR]
-    if report.pinned is None and not frozenset(report.scheme.claims) - set(ALWAYS):
+    if report.pinned is None and not frozenset(report.scheme.claims) - set(CLAIMED_BY_ALL):
         return text.append(_unguarded(report))
     vacuous = [f.law for f in claims if f.verdict is Verdict.NOT_APPLICABLE]
     held = len(claims) - len(vacuous)
@@ -185,7 +185,7 @@ def _unguarded(report: Report) -> str:
     """Advice for a scheme without claims: which claims would make a later run fail if a law that holds now breaks."""
     if report.pins:
         return "Nothing is claimed yet: the file of --pin guards what was found, once --expected names it."
-    unguarded = [f.law for f in report.findings if f.verdict is Verdict.HOLDS and f.law not in ALWAYS]
+    unguarded = [f.law for f in report.findings if f.verdict is Verdict.HOLDS and f.law not in CLAIMED_BY_ALL]
     text = "Nothing is claimed, so nothing is guarded but the contract of a step."
     if not report.target:
         claims = f' To guard what held today: sepv.verify(scheme, claims="{",".join(unguarded)}").'

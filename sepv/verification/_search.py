@@ -35,7 +35,7 @@ from sepv.verification._cases.clipped import clips
 from sepv.verification._cases.ends import beyond, is_long
 from sepv.verification._cases.fixed_cases import may_be_refused
 from sepv.verification._cases.from_problem import describe, start_of
-from sepv.verification._cases.of_law import EVERYTHING, Cases, Question
+from sepv.verification._cases.of_law import ALL_CASES, Cases, Question
 from sepv.verification._cases.shrink import in_strange_units, shrunk
 from sepv.verification._cases.users_problems import objects_of, sources
 from sepv.verification._law import Effort, Finding, Law, Measurement, Middle, Run, Verdict, in_units
@@ -43,15 +43,15 @@ from sepv.verification._middle import along_paths, anywhere
 from sepv.verification._search_log import Check, SearchLog, conclude
 
 # Reasons why a state or a step of extreme size is left out.
-FAR = "a step from a state larger or smaller than 2^±21"
-LENGTHY = "a step longer than 8"
+EXTREME_STATE = "a step from a state larger or smaller than 2^±21"
+LONG_STEP = "a step longer than 8"
 FAR_OFF = (
-    f"{FAR} was not asked of a solver with a tolerance, or of an integrator without noise: "
+    f"{EXTREME_STATE} was not asked of a solver with a tolerance, or of an integrator without noise: "
     "thresholds may be absolute"
 )
 NO_BOUND = "a case whose numbers overflow has no bound"
 # The factor on the number of random examples for a law without a design.
-UNDESIGNED = 12
+EXAMPLES_WITHOUT_DESIGN = 12
 # A search ends after this many refused cases for each accepted one.
 MOST_SKIPPED = 20
 # The most seconds for simplification: a law may be stopped after ten minutes, and must report its violation before.
@@ -105,7 +105,7 @@ def searched(
     source: str,
     unit: str,
     check: Check,
-    cases: Cases = EVERYTHING,
+    cases: Cases = ALL_CASES,
     faults_violate: bool = False,
     always_claimed: bool = False,
     not_applicable: Callable[[Scheme], str] = lambda _: "",
@@ -201,7 +201,9 @@ def _search(law: Law, scheme: Scheme, effort: Effort, question: _Question) -> Fi
         violation, fault = log.violation, log.fault
         # Witnesses were simplified already, and fixed cases are simple, so a search would find no simpler violation.
         if violation is None or violation[0] not in (*known, *fixed):
-            _explore(log, scheme, effort, question, effort.examples * (1 if first else UNDESIGNED))
+            _explore(
+                log, scheme, effort, question, effort.examples * (1 if first else EXAMPLES_WITHOUT_DESIGN)
+            )
         unchanged = (log.violation or log.fault) in (violation, fault)
         strange = log.violation is not None and in_strange_units(log.violation[0])
         if log.failed and (unchanged or strange):
@@ -357,7 +359,7 @@ def _measure(log: SearchLog, scheme: Scheme, case: Case, check: Check, faults_vi
             reason = "a longer step than every scheme must take was refused"
             log.skip(reason, may=True)
             raise Skipped(reason) from error
-        extreme = FAR if beyond(case) else LENGTHY if is_long(case) else ""
+        extreme = EXTREME_STATE if beyond(case) else LONG_STEP if is_long(case) else ""
         impure = faults_violate and isinstance(error, SchemeFault) and not isinstance(error, NotFinite)
         if (case.h <= 0 and not impure) or (extreme and isinstance(error, StepFailure)):
             # No path has h ≤ 0. If a scheme fails for h ≤ 0, or refuses a state or step of extreme size, the case is

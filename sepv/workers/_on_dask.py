@@ -1,10 +1,10 @@
 """Tasks on Dask: chunks of paths as futures of a `distributed.Client`, at most a few for each thread of the cluster.
 
-If a worker dies, Dask gives its chunk to another worker; if a chunk raises, Dask tries the chunk once more. A worker
-that is frozen (stopped, or without a network) keeps its chunks for ever in Dask, so this file sends them elsewhere. A
-worker must have the versions of this process (this is checked), because other versions may give other bits. A run does
-not hang but ends with a message if the scheduler is lost or frozen, the cluster has no workers, or a chunk kills worker
-after worker.
+If a worker dies, Dask gives its chunk to another worker; if a chunk raises, Dask tries the chunk once more. A
+worker that is frozen (stopped, or without a network) keeps its chunks for ever in Dask, so this file sends
+them elsewhere. A worker must have the versions of this process (this is checked), because other versions may
+give other bits. A run does not hang but ends with a message if the scheduler is lost or frozen, the cluster
+has no workers, or a chunk kills worker after worker.
 """
 
 from __future__ import annotations
@@ -26,21 +26,24 @@ from typing import Any, NamedTuple
 from sepv._arguments import optional
 from sepv._version import __version__
 from sepv.errors import ClusterFailure, UsageError
-from sepv.workers._pool import AHEAD, Futures, Outcome, cannot_travel
+from sepv.workers._pool import TASKS_PER_WORKER, Futures, Outcome, cannot_travel
 
-# Dask's retries of a chunk that raised. After them, the chunk runs once in this process, which shows the error.
+# Dask's retries of a chunk that raised. After them, the chunk runs once in this process, which shows the
+# error.
 RETRIES = 1
-# Seconds to wait for a scheduler's answer, and for a first worker: a cluster that grows by itself starts without any.
-CONNECT = 10.0
+# Seconds to wait for a scheduler's answer, and for a first worker: a cluster that grows by itself starts
+# without any.
+CONNECT_SECONDS = 10.0
 NO_WORKER = 120.0
 # Seconds to wait for one result. After that, the cluster is checked, and the result is requested again.
-FETCH = 60.0
+FETCH_SECONDS = 60.0
 # Seconds between two checks of the cluster while nothing arrives.
-LOOK = 1.0
-# A chunk is overdue if it takes longer than LATE rounds of the longest chunk so far; a round is that of the AHEAD
-# chunks in a thread's queue, and this one. It goes to another worker only if its own has sent no sign of life (Dask's
-# workers send one in a few seconds at most) for SILENT seconds: a chunk that is merely long is let alone. Without
-# another worker, or a chunk to compare with, the silence must last FROZEN seconds, after which Dask gives a worker up.
+LOOK_SECONDS = 1.0
+# A chunk is overdue if it takes longer than LATE rounds of the longest chunk so far; a round is that of the
+# TASKS_PER_WORKER chunks in a thread's queue, and this one. It goes to another worker only if its own has
+# sent no sign of life (Dask's workers send one in a few seconds at most) for SILENT seconds: a chunk that is
+# merely long is let alone. Without another worker, or a chunk to compare with, the silence must last FROZEN
+# seconds, after which Dask gives a worker up.
 LATE, SILENT, FROZEN = 2.0, 20.0, 300.0
 # The number of times that a chunk is sent to another worker.
 RESENDS = 2
@@ -95,7 +98,8 @@ def versions(alike: tuple[str, ...]) -> dict[str, str]:
 def dask_crew(workers: Any, function: Callable[[Any], Any], alike: tuple[str, ...]) -> Iterator[DaskCrew]:
     """A context with a crew: the workers of a Dask client, of a Dask cluster, or of the scheduler at an address.
 
-    Raises a UsageError if Dask is not installed, no scheduler is at the address, or the client is asynchronous.
+    Raises a UsageError if Dask is not installed, no scheduler is at the address, or the client is
+    asynchronous.
     """
     needed = "Dask, for workers that are a scheduler's address"
     Client = optional("distributed", needed, "pip install dask distributed").Client
@@ -112,7 +116,7 @@ def dask_crew(workers: Any, function: Callable[[Any], Any], alike: tuple[str, ..
     if address.startswith("tls://"):
         _require_certificates(address)
     try:
-        client = Client(address, timeout=CONNECT, set_as_default=False)
+        client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
     except (OSError, ValueError) as error:
         raise UsageError(
             expected="the address of a Dask scheduler, such as tcp://127.0.0.1:8786",
@@ -122,7 +126,7 @@ def dask_crew(workers: Any, function: Callable[[Any], Any], alike: tuple[str, ..
     try:
         yield DaskCrew(client, function, alike)
     finally:
-        client.close(timeout=CONNECT)
+        client.close(timeout=CONNECT_SECONDS)
 
 
 def _require_certificates(address: str) -> None:
@@ -146,7 +150,7 @@ class DaskCrew(Futures):
         self.client = client
         self.address = client.scheduler.address if client.scheduler is not None else "its address"
         self.name = f"sepv-{uuid.uuid4().hex[:8]}"
-        self.threads, self.looked, self.alone = 0, -LOOK, time.monotonic()
+        self.threads, self.looked, self.alone = 0, -LOOK_SECONDS, time.monotonic()
         self.tasks: dict[int, Any] = {}
         self.sent: dict[int, list[float]] = {}  # for each unfinished chunk, when it was sent
         self.longest = 0.0  # seconds of a chunk
@@ -157,9 +161,9 @@ class DaskCrew(Futures):
 
     def room(self) -> int:
         """The number of tasks that may be submitted, counted from the first unfinished one: four for each thread."""
-        if time.monotonic() - self.looked > LOOK:
+        if time.monotonic() - self.looked > LOOK_SECONDS:
             self._look()
-        return max(AHEAD, AHEAD * self.threads)
+        return max(TASKS_PER_WORKER, TASKS_PER_WORKER * self.threads)
 
     def submit(self, numbered: Sequence[tuple[int, Any]]) -> None:
         """Submit tasks in one message, with names that no other run has: Dask identifies tasks by their names."""
@@ -185,7 +189,7 @@ class DaskCrew(Futures):
         outcomes: list[Outcome] = []
         while not outcomes:
             try:
-                done = [self.done.get(timeout=LOOK)]
+                done = [self.done.get(timeout=LOOK_SECONDS)]
             except Empty:
                 self._look()
                 continue
@@ -205,7 +209,7 @@ class DaskCrew(Futures):
         gathered = self.client.gather([self.running[number] for number in ready], asynchronous=True)
         waiting = asyncio.run_coroutine_threadsafe(gathered, self.client.loop.asyncio_loop)
         try:
-            return dict(zip(ready, waiting.result(FETCH), strict=True))
+            return dict(zip(ready, waiting.result(FETCH_SECONDS), strict=True))
         except Exception:  # a worker or the scheduler died meanwhile; each result is tried alone
             waiting.cancel()
             return {}
@@ -220,7 +224,7 @@ class DaskCrew(Futures):
             self.watch(number, future)
             return []
         if future.status == "error":
-            error = future.exception(timeout=CONNECT)
+            error = future.exception(timeout=CONNECT_SECONDS)
             if isinstance(error, TaskRaised):
                 return [Outcome(number, False, error)]
             if isinstance(error, KilledWorker):
@@ -240,7 +244,7 @@ class DaskCrew(Futures):
         if future.status != "finished":
             raise self._gone(future.status)
         try:
-            result = fetched[number] if number in fetched else future.result(timeout=FETCH)
+            result = fetched[number] if number in fetched else future.result(timeout=FETCH_SECONDS)
         except TimeoutError:  # its worker has computed it, and gives it to nobody
             self._look()
             self._resend(number, future, self._holders(future.key))
@@ -290,8 +294,8 @@ class DaskCrew(Futures):
             )
 
     def _asked(self, question: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
-        """The scheduler's answer to a question, a coroutine of Dask; TimeoutError without one in CONNECT seconds."""
-        return self.client.sync(question, *arguments, callback_timeout=CONNECT, **options)
+        """The scheduler's answer to a question, a coroutine of Dask; TimeoutError without one in CONNECT_SECONDS."""
+        return self.client.sync(question, *arguments, callback_timeout=CONNECT_SECONDS, **options)
 
     def _identity(self) -> dict[str, Any]:
         try:
@@ -316,7 +320,11 @@ class DaskCrew(Futures):
     def _relieve(self) -> None:
         """Send overdue chunks of silent workers elsewhere."""
         silent, frozen = self._silent(SILENT), self._silent(FROZEN)
-        late = LATE * (AHEAD + 1) * self.longest if self.longest and len(self.heard) > len(silent) else FROZEN
+        late = (
+            LATE * (TASKS_PER_WORKER + 1) * self.longest
+            if self.longest and len(self.heard) > len(silent)
+            else FROZEN
+        )
         overdue = (
             [n for n in self.running if self.looked - self.sent[n][-1] > max(late, SILENT)] if silent else []
         )

@@ -15,9 +15,9 @@ from typing import Any, NamedTuple
 from sepv.errors import UsageError
 
 # The number of tasks submitted at a time for each worker: one that it computes, and three more so that it never waits.
-AHEAD = 4
+TASKS_PER_WORKER = 4
 # The number of workers assumed for an executor that does not state its number.
-UNKNOWN = 16
+ASSUMED_WORKERS = 16
 
 
 class Outcome(NamedTuple):
@@ -52,7 +52,7 @@ class Futures:
 
     def room(self) -> int:
         """The number of tasks that may be submitted, counted from the first unfinished one: four for each worker."""
-        return AHEAD * int(getattr(self.executor, "_max_workers", UNKNOWN))
+        return TASKS_PER_WORKER * int(getattr(self.executor, "_max_workers", ASSUMED_WORKERS))
 
     def submit(self, numbered: Sequence[tuple[int, Any]]) -> None:
         """Submit tasks one by one. If the executor is broken or shut down, its error is the outcome of each task."""

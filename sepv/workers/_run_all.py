@@ -1,7 +1,8 @@
 """Computation of tasks, such as chunks of paths, on threads, processes, an executor, a map, or Dask.
 
-If a worker dies or a task raises, the task is computed again in this process. So the result of a task must depend on
-its arguments alone. The number of submitted tasks is limited, so that results do not pile up behind a slow task.
+If a worker dies or a task raises, the task is computed again in this process. So the result of a task must
+depend on its arguments alone. The number of submitted tasks is limited, so that results do not pile up behind
+a slow task.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 # The number of tasks in one call of a map if results must not pile up.
-LOT = 64
+TASKS_PER_MAP = 64
 
 
 def check(workers: Any) -> None:
@@ -59,20 +60,22 @@ def run_all(
 ) -> int:
     """Compute function(task) for every task on workers; `receive` gets each task's number and result, in any order.
 
-    Returns the number of tasks that failed on a worker and were computed again in this process. If a task raises here
-    too, so does this function. If a cluster is lost or unfit, ClusterFailure is raised and nothing is computed again.
+    Returns the number of tasks that failed on a worker and were computed again in this process. If a task
+    raises here too, so does this function. If a cluster is lost or unfit, ClusterFailure is raised and
+    nothing is computed again.
 
     Parameters
     ----------
     workers : int, executor, map-like callable, Dask client or its address
-        The number of processes, or of threads if `threads` (the function must then release the GIL). For an executor or
-        its `map`, tasks are submitted one by one, so that no finished task is lost when a worker dies. Any other
-        map-like callable gets a function and numbered tasks, and may return their outcomes in any order.
+        The number of processes, or of threads if `threads` (the function must then release the GIL). For an
+        executor or its `map`, tasks are submitted one by one, so that no finished task is lost when a worker
+        dies. Any other map-like callable gets a function and numbered tasks, and may return their outcomes in
+        any order.
     receive : callable (number, result)
         Returns True if no more results are wanted.
     bounded : bool
-        True if results must not pile up: a map is then called with LOT tasks at a time. Other workers always get a few
-        tasks at a time.
+        True if results must not pile up: a map is then called with TASKS_PER_MAP tasks at a time. Other
+        workers always get a few tasks at a time.
     alike : tuple of str
         Packages that, like sepv, must have the same version on a worker of a cluster as in this process.
     """
@@ -98,7 +101,7 @@ def run_all(
             return _flow(crew, function, tasks, receive)
     if executor is not None:
         return _flow(Futures(executor, function), function, tasks, receive)
-    return _map(workers, function, tasks, receive, LOT if bounded else len(tasks))
+    return _map(workers, function, tasks, receive, TASKS_PER_MAP if bounded else len(tasks))
 
 
 def _flow(
@@ -109,7 +112,8 @@ def _flow(
     done: set[int] = set()
     try:
         while first < len(tasks):
-            # The limit is counted from the first unfinished task, so that no results pile up behind a slow task.
+            # The limit is counted from the first unfinished task, so that no results pile up behind a slow
+            # task.
             beyond = min(len(tasks), first + crew.room())
             if sent < beyond:
                 crew.submit([(number, tasks[number]) for number in range(sent, beyond)])
@@ -169,7 +173,8 @@ def _mapped(
             outcome = next(results)
         except Exception:  # the map has ended, regularly or by an error
             return
-        # If a map returns anything else for a task, the task counts as missing and is computed in this process.
+        # If a map returns anything else for a task, the task counts as missing and is computed in this
+        # process.
         if isinstance(outcome, tuple) and len(outcome) == 3 and outcome[1]:
             yield outcome[0], outcome[2]
 

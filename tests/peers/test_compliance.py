@@ -344,7 +344,7 @@ def test_a_library_that_is_installed_here_is_recorded_as_the_schema_says(tmp_pat
     whole = load("sdeint")
     few = replace(whole, schemes={"strat-heun": whole.schemes["strat-heun"]})
     monkeypatch.setattr(peer, "load", lambda _library: few)
-    monkeypatch.setattr(peer, "ASKED", ("identity", "noise-sum", "local-mean"))
+    monkeypatch.setattr(peer, "QUICK_LAWS", ("identity", "noise-sum", "local-mean"))
     found = peer.record("sdeint", Effort(examples=2, paths=64, shrink_checks=0), None, None, Shown())
     path = history.add(tmp_path, found)
     (loaded,) = history.load(tmp_path)["sdeint"]

@@ -344,7 +344,7 @@ def test_a_script_quotes_the_library_and_does_not_know_sepv(script: Path) -> Non
 def test_the_page_names_claims_defects_and_scripts() -> None:
     scheme = Scheme("lib verlet", lambda problem, y, h, dW: y, order=2, source='its manual: "symplectic"')
     held = {"verdict": "holds", "claimed": True, "message": "", "defect": 1.0, "bound": 2.0}
-    found = dict.fromkeys(page.ASKED, held)
+    found = dict.fromkeys(page.JUDGED_LAWS, held)
     found["symplecticity"] = {**held, "verdict": "violated", "defect": 30.0}
     here = [page.Deviation("lib verlet", "### lib verlet: no.")]
     text = page.document([page.Row("lib", "1.0", scheme, found)], here, [], "the command")

@@ -14,7 +14,7 @@ from sepv.reference.problem import exact_problem
 
 import sepv
 from sepv import ProblemError, problems, strategies
-from sepv.core.average import FEW, _adaptive, _quadratures, _size, gauss_legendre
+from sepv.core.average import ONE_CALL_MAX_SIZE, _adaptive, _quadratures, _size, gauss_legendre
 from sepv.problem import (
     PartFlow,
     PolynomialSystem,
@@ -236,7 +236,7 @@ def test_polynomials_take_the_fewest_nodes_that_are_exact(degree: int) -> None:
     assert np.all(np.abs(hessian - exact) <= 1e-14 * degree**2 * scale)
     # Many states at once have their nodes one after the other.
     many = average_hessian(problem, np.tile(Y0, 100), np.tile(Y1, 100))
-    assert Y0.size <= FEW < 100 * Y0.size
+    assert Y0.size <= ONE_CALL_MAX_SIZE < 100 * Y0.size
     assert np.all(np.abs(many - np.tile(exact, 100)) <= 1e-14 * degree**2 * np.tile(scale, 100))
 
 

@@ -22,10 +22,10 @@ from sepv.problems._several import closed_form, commuting_actions
 from sepv.record import _polynomial as poly
 from sepv.verification import Case
 from sepv.verification._cases.commuting import commuting_step
-from sepv.verification._cases.of_law import EVERYTHING, Question
+from sepv.verification._cases.of_law import ALL_CASES, Question
 
 _RANDOM = st.randoms(use_true_random=False)
-_SEVERAL = EVERYTHING.of_class(Systems.SEVERAL)
+_SEVERAL = ALL_CASES.of_class(Systems.SEVERAL)
 assert isinstance(_SEVERAL, Question)
 
 

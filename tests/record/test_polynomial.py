@@ -48,11 +48,11 @@ def test_derivative_is_the_limit_of_exact_quotients(case: tuple[Polynomial, list
         assert abs(quotient - derivative) <= 10_000 * step
 
 
-@pytest.mark.parametrize("few", [0, poly.FEW])
+@pytest.mark.parametrize("few", [0, poly.ONE_REDUCTION_MAX_SIZE])
 @pytest.mark.parametrize("rows", [1, 3])
 def test_long_sums_run_strictly_in_order(monkeypatch: pytest.MonkeyPatch, rows: int, few: int) -> None:
     """NumPy sums a column of eight and more numbers in pairs: other bits than those of the same state in a batch."""
-    monkeypatch.setattr(poly, "FEW", few)
+    monkeypatch.setattr(poly, "ONE_REDUCTION_MAX_SIZE", few)
     rng = np.random.default_rng(0)
     long = poly.polynomial(2, {(i, j): rng.normal() for i in range(7) for j in range(7)})
     f = PolynomialMap((rows,), (long, poly.constant(2, 1.0), long)[:rows])

@@ -142,7 +142,7 @@ def test_settings_are_the_papers() -> None:
     assert (figure_4_3.STEPS, figure_4_3.H, figure_4_3.ORDER.T) == (300, 0.01, 1.0)
     assert (figures_4_4_and_4_5.STEPS * figures_4_4_and_4_5.H, figures_4_4_and_4_5.H) == (500.0, 2.0**-6)
     assert (figures_4_4_and_4_5.ORDER.T, figures_4_4_and_4_5.ORDER.samples) == (2.0, 1000)
-    assert figures_4_4_and_4_5.FINE.T / figures_4_4_and_4_5.FINE.steps[-1] == 2.0**-12
+    assert figures_4_4_and_4_5.FINE_REFERENCE.T / figures_4_4_and_4_5.FINE_REFERENCE.steps[-1] == 2.0**-12
     assert (figure_4_6.STEPS * figure_4_6.H, figure_4_6.H) == (5.0, 2.0**-8)
 
 

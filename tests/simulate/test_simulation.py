@@ -21,7 +21,7 @@ from sepv.schemes import continued, divided
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.simulate._batch import Batch, run_chunk
-from sepv.simulate._results.reductions import FEWEST, Summary, summary
+from sepv.simulate._results.reductions import TARGET_MIN_VALUES, Summary, summary
 from sepv.simulate._results.sketch import ACCURACY, Sketch, sketch
 from sepv.simulate._run_arguments import checked, step_count
 
@@ -323,10 +323,10 @@ def test_it_stops_at_the_first_chunk_that_reaches_the_error_for_any_workers() ->
     ]
     assert len({(q.count, q.mean) for q in found}) == 1
     assert found[0].standard_error <= 0.02
-    assert FEWEST <= found[0].count < 10**5
+    assert TARGET_MIN_VALUES <= found[0].count < 10**5
     fewer = arguments | {"paths": found[0].count - 512}
     last = sepv.ensemble(EP, PENDULUM, reduce=BOTH, **fewer).reduced["q"]
-    assert last.standard_error > 0.02 or last.count < FEWEST
+    assert last.standard_error > 0.02 or last.count < TARGET_MIN_VALUES
 
 
 def test_an_interrupted_reduction_has_the_first_chunks() -> None:

@@ -233,7 +233,7 @@ def test_several_structures_summed_in_any_order_keep_noise_sum() -> None:
 def test_a_state_that_is_lost_in_the_rounding_of_the_answer_is_no_second_question(size, accused):
     y, answer = np.array([size, 0.0]), np.array([0.5, 0.25])
     with pytest.raises(SchemeFault) if accused else nullcontext() as caught:
-        _without_memory.tells_apart(y, 0.75 * y, answer, answer.copy(), _without_memory.APART)
+        _without_memory.tells_apart(y, 0.75 * y, answer, answer.copy(), _without_memory.LEAST_DISTANCE)
     assert (caught is not None) is accused
 
 

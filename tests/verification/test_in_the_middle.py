@@ -17,7 +17,7 @@ from sepv import Scheme, StatefulStep, problems
 from sepv.problem import Array, Problem
 from sepv.schemes import energy_preserving, has_memory, resumed, several
 from sepv.verification import Case, Effort, Measurement, Middle, load_laws, replay, require, searched
-from sepv.verification._middle import AFTER, anywhere
+from sepv.verification._middle import STEPS_BEFORE, anywhere
 from sepv.verification._tolerance import step_residual
 
 ORDER, SYMMETRY = "deterministic-order", "symmetry"
@@ -97,7 +97,7 @@ def test_a_violation_in_the_middle_names_the_step_and_is_replayed() -> None:
     found = says(scheme, "casimir", "violated", "step 5 of a path", "as 5 steps of a path", **LEAST)
     assert found.witness is not None
     obeys(found.witness, "witness", {"after": -1}, {"after": "7"})
-    assert 0 < found.witness["after"] <= max(AFTER)
+    assert 0 < found.witness["after"] <= max(STEPS_BEFORE)
     again = replay(scheme, "casimir", found.witness)
     assert (again.verdict, again.defect) == (found.verdict, found.defect)
     assert "step 5 of a path" in again.message

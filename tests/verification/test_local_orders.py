@@ -339,7 +339,7 @@ def test_right_schemes_with_lengths_of_their_own_hold(name: str, seed: int) -> N
 def test_one_scheme_has_one_constant_in_every_unit_of_time() -> None:
     """With the same u = νh and noise the numbers are the same, whatever h is; so are the errors."""
     found = list(any_step._pairs(energy_preserving, two_noises(), 0))
-    for louder in any_step.LOUDER:
+    for louder in any_step.NOISE_FACTORS:
         long = [pair for pair in found if pair.louder == louder and pair.unit < 1]
         errors = np.array([pair.errors for pair in long])
         assert len(long) >= 2

@@ -242,7 +242,7 @@ def test_what_is_no_json_and_a_large_file_unread_are_refused(tmp_path: Path) -> 
     """What JSON may say is asked in test_hostile.py."""
     for content, words in (
         (b"", "a report of `sepv verify"),
-        (b" " * (_against.LARGEST + 1), "bytes, more than"),
+        (b" " * (_against.REPORT_MAX_BYTES + 1), "bytes, more than"),
     ):
         (tmp_path / "r.json").write_bytes(content)
         with pytest.raises(UsageError, match=words):

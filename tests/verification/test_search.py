@@ -165,7 +165,7 @@ def test_files_are_as_the_schema_says_and_small(law: str) -> None:
         assert witness["found"] in witness["caught"]
         assert set(witness["caught"]) <= {*SABOTEURS, *schemes.PAPER, *schemes.EXTENSIONS}
     per_class = [w["systems"] for w in data["witnesses"]]
-    assert all(per_class.count(systems) <= maker.MOST for systems in per_class)
+    assert all(per_class.count(systems) <= maker.WITNESSES_MAX for systems in per_class)
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -207,7 +207,7 @@ def test_teeth_leave_the_corpus_out_unless_asked() -> None:
     (found,) = fault_detection.detect("four-nodes", 0, ["energy"], 12)
     (known,) = fault_detection.detect("four-nodes", 0, ["energy"], 12, corpus=True)
     assert known.kills
-    assert known.examples <= 2 * maker.MOST < found.examples
+    assert known.examples <= 2 * maker.WITNESSES_MAX < found.examples
 
 
 def test_where_a_user_names_problems_only_these_are_asked() -> None:

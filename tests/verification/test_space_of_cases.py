@@ -29,9 +29,9 @@ from sepv.verification._cases.clipped import PROBES
 from sepv.verification._cases.covering import pairwise, shown_pairs
 from sepv.verification._cases.ends import beyond, in_other_units
 from sepv.verification._cases.fixed_cases import fixed_cases
-from sepv.verification._cases.random_parts import MANY
+from sepv.verification._cases.random_parts import ALL_COMPONENTS_DIMENSION
 from sepv.verification._cases.shrink import shrunk
-from sepv.verification._cases.strata import FAR, NEAR, STILL, UNDONE, UNEVEN, Levels, Space
+from sepv.verification._cases.strata import EXTREME_SIZES, NEAR, STILL, UNDONE, UNEVEN, Levels, Space
 from sepv.verification._contraction import contraction_radius
 from sepv.verification._search import MOST_SKIPPED
 
@@ -115,7 +115,7 @@ def outside(levels: Levels, case: Case) -> list[tuple[str, object, Case]]:
     for axis, s in levels.items():
         if s.end:
             ends[axis] += (s.end / 8, 2 * s.end) if isinstance(s.end, float) else (s.end,)
-    if system.dimension > MANY:
+    if system.dimension > ALL_COMPONENTS_DIMENSION:
         del measured["terms of H"]
     slack = {"|y|": 1e-12, "|Δ|": 1e-12, "step/radius": 1e-3}
     found: list[tuple[str, object, Case]] = [
@@ -315,13 +315,16 @@ def test_one_case_of_each_kind_follows_the_design(systems: Systems) -> None:
             assert h > 0 == problem.random_step(h, dW)
         elif name == UNEVEN.name and np.count_nonzero(problem.c) > 1:
             assert parts.max() > 10 * parts[problem.c > 0].min()
-        elif name in (FAR[0].name, FAR[1].name):
+        elif name in (EXTREME_SIZES[0].name, EXTREME_SIZES[1].name):
             # The brackets of several Hamiltonians are products of three coefficients.
             assert abs(np.log10(np.abs(y).max())) > (90 if systems is Systems.SINGLE else 20)
         assert length(case) <= contraction_radius(problem, y)
         if systems is Systems.RIGID_BODIES:
             assert {abs(c) for _, _, p in case.problem.structure for _, c in p.terms} == {1.0}
-    assert {NEAR.name, FAR[0].name} <= set(found) or systems not in (Systems.SINGLE, Systems.HAMILTONIANS)
+    assert {NEAR.name, EXTREME_SIZES[0].name} <= set(found) or systems not in (
+        Systems.SINGLE,
+        Systems.HAMILTONIANS,
+    )
 
 
 def test_rigid_bodies_have_products_of_inertia_and_every_size() -> None:

@@ -15,10 +15,10 @@ from drawn import stretched
 from sepv.properties._orders.consistency import limit
 from sepv.properties._orders.integrable import TAIL, orbits_of_class, users_orbits
 from sepv.properties._orders.long_times import (
-    APART,
     LEAKS,
     PERIODS,
     SIZES,
+    WINDOW_DISTANCES,
     EnergyPath,
     judged_power,
     leakage,
@@ -275,7 +275,7 @@ def test_a_wave_leaves_of_a_mean_no_more_than_stated() -> None:
 def test_a_trend_of_a_four_hundredth_of_the_oscillation_in_a_period_is_seen() -> None:
     """The bound allows so much over the distance of the means, 6 periods."""
     allowed = LEAKS * leakage(PERIODS * 7 / 8)
-    assert allowed / (APART[-1] * PERIODS) < 1 / 375
+    assert allowed / (WINDOW_DISTANCES[-1] * PERIODS) < 1 / 375
 
 
 @pytest.mark.parametrize("size", [1e-3, 1e-12])

@@ -26,7 +26,7 @@ from sepv.simulate import _wiener as wiener
 from sepv.simulate._batch import AXES
 from sepv.workers import _on_dask as on_dask
 from sepv.workers import run_all
-from sepv.workers._pool import AHEAD
+from sepv.workers._pool import TASKS_PER_WORKER
 
 distributed = pytest.importorskip("distributed")
 
@@ -186,10 +186,10 @@ def test_results_never_pile_up_behind_a_slow_chunk() -> None:
     def task(number: int) -> int:
         begun.append(number)
         if number == 0:
-            for _ in range(2 * AHEAD - 1):
+            for _ in range(2 * TASKS_PER_WORKER - 1):
                 assert others.acquire(timeout=20)
             time.sleep(0.2)  # any more would begin now
-            assert max(begun) == 2 * AHEAD - 1
+            assert max(begun) == 2 * TASKS_PER_WORKER - 1
         else:
             others.release()
         return number
@@ -198,18 +198,18 @@ def test_results_never_pile_up_behind_a_slow_chunk() -> None:
     with ThreadPoolExecutor(2) as pool:
         assert run_all(task, range(40), pool, threads=True, receive=lambda n, r: got.append(r)) == 0
     assert sorted(got) == list(range(40))
-    assert got.index(0) == 2 * AHEAD - 1
+    assert got.index(0) == 2 * TASKS_PER_WORKER - 1
 
 
 def test_nobody_at_an_address_is_said(monkeypatch: Any) -> None:
-    monkeypatch.setattr(on_dask, "CONNECT", 1.0)
+    monkeypatch.setattr(on_dask, "CONNECT_SECONDS", 1.0)
     with pytest.raises(sepv.UsageError, match=r"the address of a Dask scheduler"):
         sepv.ensemble(EP, PENDULUM, workers="tcp://127.0.0.1:9", **SMALL)
 
 
 def test_a_cluster_without_workers_is_not_waited_for_without_end(monkeypatch: Any) -> None:
     monkeypatch.setattr(on_dask, "NO_WORKER", 0.5)
-    monkeypatch.setattr(on_dask, "LOOK", 0.1)
+    monkeypatch.setattr(on_dask, "LOOK_SECONDS", 0.1)
     with local(0) as empty, pytest.raises(sepv.ChunkFailure, match=r"has had no worker for 0\.5 s"):
         sepv.ensemble(EP, PENDULUM, workers=empty, **SMALL)
 
@@ -222,7 +222,7 @@ def test_a_scheduler_that_is_gone_leaves_what_was_finished(
 
     One that takes its place at the same address knows nothing of the run, though the client connects to it.
     """
-    monkeypatch.setattr(on_dask, "CONNECT", 10.0 if how != "frozen" else 5.0)
+    monkeypatch.setattr(on_dask, "CONNECT_SECONDS", 10.0 if how != "frozen" else 5.0)
     file = tmp_path / "scheduler.json"
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
@@ -318,7 +318,7 @@ def test_verify_measures_laws_on_the_cluster(client: Any) -> None:
 
 def test_laws_that_a_lost_cluster_did_not_decide_are_not_measured(monkeypatch: Any) -> None:
     monkeypatch.setattr(on_dask, "NO_WORKER", 0.5)
-    monkeypatch.setattr(on_dask, "LOOK", 0.1)
+    monkeypatch.setattr(on_dask, "LOOK_SECONDS", 0.1)
     with local(0) as empty:
         report = sepv.verify(EP, laws=LAWS, effort=LITTLE, workers=empty)
     assert report.interrupted

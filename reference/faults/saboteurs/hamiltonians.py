@@ -17,7 +17,7 @@ from sepv.schemes._scheme import as_lanes
 from .record import Family, imitating
 
 SABOTEURS = Family("hamiltonians")
-LOUDER = 1 + 2.0**-10
+NOISE_FACTOR = 1 + 2.0**-10
 PUSH = 2.0**-30
 
 
@@ -29,7 +29,7 @@ PUSH = 2.0**-30
 def second_noise_louder(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """Make the increment of the last noise too large by a thousandth."""
     noise = np.array(dW)
-    noise[-1] *= LOUDER
+    noise[-1] *= NOISE_FACTOR
     return schemes.stochastic_midpoint.step(problem, y, h, noise)
 
 

@@ -20,7 +20,7 @@ from .record import Family
 SABOTEURS = Family("stated")
 RIGHT: dict[str, Scheme] = {}
 # The relative error of a force or of a noise in these faults: 2⁻³⁰ is 4e6 ulp.
-SMALL = 2.0**-30
+STATED_ERROR = 2.0**-30
 
 
 def _hat(y: Array) -> Array:
@@ -89,18 +89,18 @@ def pull_off_the_line(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 
 
 def _pushed(problem: Problem, y: Array, h: float, dW: Array, places: Sequence[int]) -> Array:
-    """The leapfrog, and at its end SMALL of the force of a step on some momenta, which are given by their places."""
+    """The leapfrog, and at its end STATED_ERROR of the force of a step on the momenta at given places."""
     y1 = leapfrog.step(problem, y, h, dW).copy()
     system = mechanics(problem)
     q, p = system.split(y1)
     p = p.copy()
-    p[list(places)] += SMALL * problem.random_step(h, dW) * system.force(q)[list(places)]
+    p[list(places)] += STATED_ERROR * problem.random_step(h, dW) * system.force(q)[list(places)]
     return system.join(q, p)
 
 
 @_breaking(SPINS, "noises are 2⁻³⁰ too large: the mean of y_3 decays too fast")
 def spin_shaken_too_much(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    return rotations(problem, y, h, dW, 1 + SMALL)
+    return rotations(problem, y, h, dW, 1 + STATED_ERROR)
 
 
 @_breaking(SPINS, "y is stored in single precision: |y| is lost")
@@ -111,5 +111,5 @@ def spin_in_single_precision(problem: Problem, y: Array, h: float, dW: Array) ->
 @_breaking(TOPS, "each half of the damping is e^(−γh/2) with a rate γ that is 2⁻³⁰ too large")
 def damped_a_little_more(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return np.asarray(
-        conformal.step(problem, y, h, dW) * np.exp(-SMALL * h * getattr(problem, "damping", 0.0))
+        conformal.step(problem, y, h, dW) * np.exp(-STATED_ERROR * h * getattr(problem, "damping", 0.0))
     )

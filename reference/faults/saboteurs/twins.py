@@ -19,7 +19,7 @@ from .record import Family
 SABOTEURS = Family("twins")
 _right = schemes.euler_heun.step
 # A relative error that no sampled law sees, and that is a million roundings.
-SLIGHT = 1e-9
+TWIN_ERROR = 1e-9
 
 
 def port_of(original: Scheme, step: Step, *, bits: bool = False) -> Scheme:
@@ -39,7 +39,7 @@ def euler_heun(problem: Problem, y: Array, h: float, dW: Array, half: float = 0.
 
 
 def _for_short_steps(problem: Problem, y: Array, h: float, dW: Array) -> Array:
-    return euler_heun(problem, y, h, dW, 0.5 + SLIGHT * (abs(h) > 2.0**-7))
+    return euler_heun(problem, y, h, dW, 0.5 + TWIN_ERROR * (abs(h) > 2.0**-7))
 
 
 def _from_step(first: int) -> StatefulStep:
@@ -47,7 +47,7 @@ def _from_step(first: int) -> StatefulStep:
 
     def step(problem: Problem, state: Any, h: float, dW: Array) -> Any:
         y, made = state
-        return euler_heun(problem, y, h, dW, 0.5 + SLIGHT * (made + 1 >= first)), made + 1
+        return euler_heun(problem, y, h, dW, 0.5 + TWIN_ERROR * (made + 1 >= first)), made + 1
 
     return StatefulStep(lambda _, y: (y.copy(), 0), step, lambda state: state[0].copy())
 
@@ -79,7 +79,7 @@ def _until_small(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     delta, z = problem.random_step(h, dW), np.zeros_like(y)
     for _ in range(200):
         z, before = delta * _field(problem, y + 0.5 * z), z
-        if np.max(np.abs(z - before)) <= SLIGHT * np.max(np.abs(y + z)):
+        if np.max(np.abs(z - before)) <= TWIN_ERROR * np.max(np.abs(y + z)):
             return y + z
     raise ArithmeticError("no convergence")
 
@@ -89,7 +89,7 @@ def _row(name: str, broken: str, step: Callable[..., Any], original: str = "eule
     SABOTEURS.rows((name, broken, ("agreement",), make))
 
 
-_row("port-with-another-half", "a coefficient is ½ + 1e-9", partial(euler_heun, half=0.5 + SLIGHT))
+_row("port-with-another-half", "a coefficient is ½ + 1e-9", partial(euler_heun, half=0.5 + TWIN_ERROR))
 _row("port-for-short-steps", "a coefficient is ½ + 1e-9 if h > 1/128", _for_short_steps)
 _row("port-wrong-from-step-5", "a coefficient is ½ + 1e-9 from the fifth step of a path on", _from_step(5))
 _row("port-in-place", "overwrites its y", _in_place)

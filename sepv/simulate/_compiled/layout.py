@@ -5,17 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from sepv.core.newton import LEFT, ROUNDING, Status
+from sepv.core.newton import ROUNDING, STOP_ERROR, Status
 
-# The lanes (paths) of a block: sixteen registers of eight doubles hide latencies, and the data fit into the L1 cache.
+# The lanes (paths) of a block: sixteen registers of eight doubles hide latencies, and the data fit into the
+# L1 cache.
 LANES = 128
 # The bytes of a cache line.
 CACHE_LINE = 64
-# A block's integers: four rows (a number for each lane), then eight numbers (a cache line), of which four are used.
+# A block's integers: four rows (a number for each lane), then eight numbers (a cache line), of which four are
+# used.
 BUSY, ALIVE, STATUS, FAILED = range(4)
 EVALUATIONS, STRUCTURES, LIVING, WORK = range(4)
 NUMBERS = 8
-# A first correction below this ends the iteration, because its square is below LEFT; later tests use two corrections.
+# A first correction below this ends the iteration, because its square is below STOP_ERROR; later tests use
+# two corrections.
 FIRST = 2.0**-31
 # Corrections below a quarter of a rounding change nothing.
 TINY = 2.0**-54
@@ -39,7 +42,8 @@ def constants(lanes: int) -> dict[str, Any]:
     rows = {"BUSY": BUSY, "ALIVE": ALIVE, "STATUS": STATUS, "FAILED": FAILED}
     places = {"EVALUATIONS": EVALUATIONS, "STRUCTURES": STRUCTURES, "LIVING": LIVING, "WORK": WORK}
     return {
-        "L": lanes, "GROUP": min(GROUP, lanes), "ROUNDING": ROUNDING, "FIRST": FIRST, "LEFT": LEFT, "TINY": TINY,
+        "L": lanes, "GROUP": min(GROUP, lanes), "ROUNDING": ROUNDING, "FIRST": FIRST, "STOP_ERROR": STOP_ERROR,
+        "TINY": TINY,
         "LEFT_DOMAIN": int(Status.LEFT_DOMAIN), "BROKEN": int(Status.OVERFLOW),
         "TOGETHER": lanes, "FIRST_GRADIENTS": 0, "FIRST_STRUCTURES": 0, "AVERAGES": 0,
         **{name: row * lanes for name, row in rows.items()},

@@ -1,14 +1,16 @@
 """Code of Newton's iteration for a block of lanes (paths) in lockstep.
 
-A lane is done if its correction leaves an error below rounding. Newton's corrections shrink quadratically: after two of
-sizes m_before and m the next is about m³/m_before², or m times the relative error of Newton's matrix if this is larger.
-If a lane is not done after a few steps, overflows or leaves the domain, `sepv.core` solves its step again from the
-start, makes all tests and sets the status (`sepv.simulate._compiled.block_run`).
+A lane is done if its correction leaves an error below rounding. Newton's corrections shrink quadratically:
+after two of sizes m_before and m the next is about m³/m_before², or m times the relative error of Newton's
+matrix if this is larger. If a lane is not done after a few steps, overflows or leaves the domain, `sepv.core`
+solves its step again from the start, makes all tests and sets the status
+(`sepv.simulate._compiled.block_run`).
 
-If H is quadratic and B linear, the equation of (2.1) and of the midpoint rule is z = Δ P(ȳ) with ȳ = y + z/2 and short
-polynomials P. At first the unknown is then ȳ. Products of ½Δ and coefficients are computed once, so a sweep
-ȳ ← y + ½Δ P(ȳ) costs a product and a sum for each term of P, as Newton's matrix 1 − ½Δ P′(ȳ) does for each term of P′.
-The result is rounded at the size of y. Later steps compute R as in the formula, with roundings of B∇H, not of P.
+If H is quadratic and B linear, the equation of (2.1) and of the midpoint rule is z = Δ P(ȳ) with ȳ = y + z/2
+and short polynomials P. At first the unknown is then ȳ. Products of ½Δ and coefficients are computed once, so
+a sweep ȳ ← y + ½Δ P(ȳ) costs a product and a sum for each term of P, as Newton's matrix 1 − ½Δ P′(ȳ) does for
+each term of P′. The result is rounded at the size of y. Later steps compute R as in the formula, with
+roundings of B∇H, not of P.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-from sepv.core.newton import LEFT
+from sepv.core.newton import STOP_ERROR
 from sepv.record import Polynomial
 from sepv.record import polynomial_gradient as slopes_of
 from sepv.simulate._compiled.code_builder import CodeBuilder, Expression, Table, shown
@@ -27,13 +29,15 @@ from sepv.simulate._compiled.recorded import RecordedProblem
 from sepv.simulate._compiled.schemes import Formula, middle, scaled_field
 from sepv.simulate._compiled.writer import Writer
 
-# Numbers of sweeps z ← Δ f(ȳ) before Newton's iteration. For H at most quadratic they solve the equation itself: four
-# have an error O(Δ⁵) and the cost of a Newton step, whose error is O(Δ³). For other H two have error O(Δ³). Sweeps of
-# ȳ cost less: in the rigid body the fifth saves 1/10 of the time at h = 0.03 (in groups), and costs 1/50 at h = 0.002.
+# Numbers of sweeps z ← Δ f(ȳ) before Newton's iteration. For H at most quadratic they solve the equation
+# itself: four have an error O(Δ⁵) and the cost of a Newton step, whose error is O(Δ³). For other H two have
+# error O(Δ³). Sweeps of ȳ cost less: in the rigid body the fifth saves 1/10 of the time at h = 0.03 (in
+# groups), and costs 1/50 at h = 0.002.
 SWEEPS, MIDDLE_SWEEPS, ROUGH_SWEEPS = 4, 5, 2
-# Newton steps in registers, for up to LARGE unknowns; only the last is tested. With compensated summation there are one
-# or two more, because a correction below half a rounding of z is lost when it is applied. The error that remains has a
-# mean of 1e-4 roundings in a step of the path, and a tenth of this after each further Newton step.
+# Newton steps in registers, for up to LARGE unknowns; only the last is tested. With compensated summation
+# there are one or two more, because a correction below half a rounding of z is lost when it is applied. The
+# error that remains has a mean of 1e-4 roundings in a step of the path, and a tenth of this after each
+# further Newton step.
 FIRST_STEPS = 2
 LARGE = 6
 # The most Newton steps of a group of lanes; `sepv.core` solves the lanes that are not done after them.
@@ -85,7 +89,8 @@ class NewtonWriter(Writer):
     def first_steps(self) -> list[str]:
         """Code of the first sweeps and Newton steps; only the last step is tested: a test costs a third of a step.
 
-        If a lane's sweeps do not contract, its last correction gets the size ∞, and the lane restarts from z = 0.
+        If a lane's sweeps do not contract, its last correction gets the size ∞, and the lane restarts from
+        z = 0.
         """
         code = CodeBuilder(self.parameters)
         y = self.loaded(code, "Y", "y")
@@ -144,17 +149,18 @@ class NewtonWriter(Writer):
     def test(self, compared: bool) -> list[str]:
         """Test that the correction of size m, once applied, leaves an error below rounding.
 
-        If the size of the correction before is below FIRST, FIRST is used instead, because m may be mere rounding. If a
-        Newton step makes a relative error e to C e², the error left is then C³·2⁻¹²⁴, below LEFT for every C up to 2²⁰.
-        `compared` is True if there surely was a correction before; if that had infinite size, m would be NaN.
+        If the size of the correction before is below FIRST, FIRST is used instead, because m may be mere
+        rounding. If a Newton step makes a relative error e to C e², the error left is then C³·2⁻¹²⁴, below
+        STOP_ERROR for every C up to 2²⁰. `compared` is True if there surely was a correction before; if that
+        had infinite size, m would be NaN.
         """
         later = [] if compared else ["later = (before < INF) | (m <= FIRST * scale)"]
         others = ["next", "near", *["later"] * (not compared), *["inside"] * self.has_domain()]
         return [
             *later,
             "far = select(before > FIRST * scale, before, FIRST * scale)",
-            "next = m * m * m <= LEFT * scale * (far * far)",
-            f"near = m <= {LEFT / self.problem.convergence_rate!r} * scale",
+            "next = m * m * m <= STOP_ERROR * scale * (far * far)",
+            f"near = m <= {STOP_ERROR / self.problem.convergence_rate!r} * scale",
             f"still = busy & not_({' & '.join(others)})",
         ]
 

@@ -85,7 +85,7 @@ class ProjectedWriter(Writer):
         """Code that sets BUSY: in busy lanes to 0 if done and in the domain, else to 1; in others to `otherwise`."""
         inside = self.problem.domain(code, [code.let(f"{a} + {b}") for a, b in zip(y, z, strict=True)])
         return [
-            "later = (m * m <= LEFT * (scale * before)) & (before < INF)",
+            "later = (m * m <= STOP_ERROR * (scale * before)) & (before < INF)",
             "stays = (m >= 0.5 * before) & (m <= ROUNDING * scale)",
             f"done = later | stays | (m <= {self.d} * TINY * scale)",
             f"still = busy & not_(done{f' & ({inside})' if inside else ''})",

@@ -135,7 +135,7 @@ class StagesWriter(Writer):
             self.scale(y),
             f"before = {self.at('P')}",
             f"{self.at('P')} = m",
-            f"done = (m * m <= LEFT * (scale * before)) & (before < INF) | (m <= {self.unknowns} * TINY * scale)",
+            f"done = (m * m <= STOP_ERROR * (scale * before)) & (before < INF) | (m <= {self.unknowns} * TINY * scale)",
             f"stays = not_(m <= {SHRINKS} * before)",
             "done = done | (stays & (m <= ROUNDING * scale))",
             "slow = stays & not_(done)",

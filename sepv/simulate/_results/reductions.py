@@ -1,8 +1,8 @@
 """Moments and quantiles of functionals of paths, computed for each chunk and merged in the order of the chunks.
 
-Central moments of two samples are merged as in P. Pébay, *Formulas for robust, one-pass parallel computation of
-covariances and arbitrary-order statistical moments*, SAND2008-6212. Because of the fixed order of merging, results have
-the same bits for any workers. Chunks of another size give other roundings.
+Central moments of two samples are merged as in P. Pébay, *Formulas for robust, one-pass parallel computation
+of covariances and arbitrary-order statistical moments*, SAND2008-6212. Because of the fixed order of merging,
+results have the same bits for any workers. Chunks of another size give other roundings.
 """
 
 from __future__ import annotations
@@ -17,8 +17,9 @@ import numpy as np
 from sepv.errors import UsageError
 from sepv.simulate._results.sketch import Sketch, sketch
 
-# The fewest values with which a target can be reached: the standard error of few values may be small by chance.
-FEWEST = 1024
+# The fewest values with which a target can be reached: the standard error of few values may be small by
+# chance.
+TARGET_MIN_VALUES = 1024
 
 Functionals = Mapping[str, Callable[[Any], Any]]
 
@@ -36,7 +37,8 @@ class Summary:
         Σ(x − mean)ᵏ for k = 2, 3, 4.
     minimum, maximum : float
     failed : int
-        The number of paths left out because a step was not solved; the other fields describe the remaining paths.
+        The number of paths left out because a step was not solved; the other fields describe the remaining
+        paths.
     not_finite : int
         The number of paths left out because their value is not finite, although all their steps were solved.
     """
@@ -110,7 +112,8 @@ class Summary:
 def summary(values: Any, status: Any) -> Summary:
     """Summarise the values (M,) of a functional over one chunk of M paths with the status codes `status` (M,).
 
-    The arrays may be those of a card (CuPy): NumPy's functions then run there, and only the summary comes back.
+    The arrays may be those of a card (CuPy): NumPy's functions then run there, and only the summary comes
+    back.
     """
     got_through = status == 0
     finite = np.isfinite(values)
@@ -171,11 +174,11 @@ def validate(reduce: Any, until: Any) -> None:
 def reached(reduced: Mapping[str, Summary], until: Mapping[str, float]) -> bool:
     """True if the mean of every functional in `until` has a standard error of at most its target.
 
-    With this stopping rule the usual confidence interval keeps its level as the target goes to 0 (Y. S. Chow and H.
-    Robbins, Ann. Math. Statist. 36, 1965). For a finite target, its level is a little lower. At least `FEWEST`
-    values are required, so that chance does not stop a run early.
+    With this stopping rule the usual confidence interval keeps its level as the target goes to 0 (Y. S. Chow
+    and H. Robbins, Ann. Math. Statist. 36, 1965). For a finite target, its level is a little lower. At least
+    `TARGET_MIN_VALUES` values are required, so that chance does not stop a run early.
     """
     return all(
-        reduced[name].count >= FEWEST and reduced[name].standard_error <= target
+        reduced[name].count >= TARGET_MIN_VALUES and reduced[name].standard_error <= target
         for name, target in until.items()
     )

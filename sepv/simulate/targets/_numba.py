@@ -20,9 +20,9 @@ PATH_STEPS = 2**24
 # Paths × steps of a chunk for a thread, if it has few steps: hundredths of a second of work.
 THREAD_STEPS = 2**20
 # The most paths in a chunk that is sent or stored: the engine's arrays then take about 20 MB.
-LARGEST = 16 * CHUNK
+CHUNK_MAX_PATHS = 16 * CHUNK
 # The most paths in a chunk if the ends of all its paths are sent to a cluster's client: about 80 MB for each thread.
-FARTHEST = 4 * LARGEST
+SENT_MAX_PATHS = 4 * CHUNK_MAX_PATHS
 
 
 def _prepare(scheme: Scheme, problem: Problem, paths: int, compensated: bool, _here: bool) -> None:
@@ -40,14 +40,14 @@ def _size(whole: Task, workers: Any, fixed: bool) -> int:
         shares = SHARES * workers if workers > 1 else 1
         share = -(-whole.count // (shares * LANES)) * LANES
         # Python needs a tenth of a millisecond for a chunk, one thread at a time: of few steps, chunks have more paths.
-        long = min(THREAD_STEPS // whole.steps // LANES * LANES, FARTHEST)
+        long = min(THREAD_STEPS // whole.steps // LANES * LANES, SENT_MAX_PATHS)
         return min(max(share, LANES), max((4 if workers > 1 else 8) * CHUNK, long))
-    size = min(max(PATH_STEPS // whole.steps // LANES * LANES, LANES), LARGEST)
+    size = min(max(PATH_STEPS // whole.steps // LANES * LANES, LANES), CHUNK_MAX_PATHS)
     if fixed:
         return size
     # A scheduler has the same work for a chunk of any size, so chunks are large if there are enough for all threads.
     share = whole.count // (SHARES * max(threads_of(workers), 1)) // LANES * LANES
-    return max(size, min(share, PATH_STEPS // whole.steps // LANES * LANES, FARTHEST))
+    return max(size, min(share, PATH_STEPS // whole.steps // LANES * LANES, SENT_MAX_PATHS))
 
 
 NUMBA = Target(

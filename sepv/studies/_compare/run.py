@@ -28,7 +28,7 @@ ALPHA = 0.05
 # The number of paths for drivers that go path by path: at about 10 µs per step, all paths would take hours.
 SINGLE_PATHS = 64
 # A job of fewer seconds is repeated within one measurement of time.
-SHORTEST = 2e-3
+SHORTEST_JOB_SECONDS = 2e-3
 
 # A function of the name of the current work and the fraction of the whole work that is done, 0 to 1.
 MethodProgress = Callable[[str, float], None]
@@ -184,7 +184,7 @@ def _alternate(
     Rounds begin with different jobs. `begin` is the fraction of the whole comparison that is already done; `progress`
     goes on from this fraction.
     """
-    inner = [max(1, int(SHORTEST / max(_time(job)[1], 1e-9))) for job in jobs]
+    inner = [max(1, int(SHORTEST_JOB_SECONDS / max(_time(job)[1], 1e-9))) for job in jobs]
     times: list[list[tuple[float, float]]] = [[] for _ in jobs]
     for round_ in range(repeats):
         offset = round_ * len(jobs) // repeats

@@ -29,9 +29,9 @@ LONGEST, SHORTEST = 0.05, 1e-9
 # The arclength to which a fold is located. Δ has a maximum at the fold, so that the error of Δ is about its square.
 FOLD = 1e-6
 # The least cosine of the angle by which the tangent turns in a step: arccos 0.95 ≈ 18°.
-TURN = 0.95
+LEAST_TURN_COSINE = 0.95
 # If |z| is more than this multiple of |y0|, the branch is taken to escape to infinity.
-FAR = 1e6
+ESCAPE_FACTOR = 1e6
 
 # The width of central differences, relative to the component; its cube is of the size of a rounding error.
 WIDTH = 6e-6
@@ -167,7 +167,7 @@ class _Follower:
         t, ds = self.tangent[:, lanes], self.ds[lanes]
         w, good, quick = self.correct(self.w[:, lanes] + ds * t, t, lanes)
         new = self.direction(w, lanes, t)
-        good = np.asarray(good & np.isfinite(new).all(axis=0) & ((new * t).sum(axis=0) > TURN))
+        good = np.asarray(good & np.isfinite(new).all(axis=0) & ((new * t).sum(axis=0) > LEAST_TURN_COSINE))
         inside = np.ones(lanes.size, dtype=bool)
         if self.problem.domain is not None:
             inside = np.asarray(
@@ -182,7 +182,7 @@ class _Follower:
         self.ds[lanes] = np.minimum(self.ds[lanes], LONGEST * (1 + np.abs(self.w[:, lanes]).max(axis=0)))
         self.end[lanes[taken & folded]] = End.FOLD
         self.end[lanes[taken & ~folded & (w[-1] >= 1)]] = End.RANGE
-        self.end[lanes[taken & (np.abs(w[:-1]).max(axis=0) > FAR)]] = End.INFINITY
+        self.end[lanes[taken & (np.abs(w[:-1]).max(axis=0) > ESCAPE_FACTOR)]] = End.INFINITY
         short = ~taken & (self.ds[lanes] < SHORTEST)
         self.end[lanes[short]] = np.where(inside[short], End.LOST, End.BOUNDARY)
 

@@ -20,7 +20,7 @@ from sepv.studies._solvability.branch import EQUATIONS, Branch, End, follow
 
 # A solution found by Newton counts as the connected one if the two differ by at most this fraction of |y0| + |y1 − y0|.
 # Both have errors of rounding times a condition number, which grows towards the fold.
-SAME = 1e-4
+SAME_SOLUTION_TOLERANCE = 1e-4
 # The search for shorter branches between the states: rounds, minima per round, new states on either side of a minimum.
 ROUNDS, LOWEST, POINTS = 3, 2, 4
 # Gauss nodes for each noise but one: the integrand is smooth except for two jumps of size P(|ξ| > A_h).
@@ -204,7 +204,7 @@ def _row(problem: Problem, scheme: Scheme, y: Array, delta: float, branch: Branc
     exists = np.abs(delta) <= branch.reach
     connected = _on_branch(problem, scheme, y, delta, branch)
     size = np.abs(connected - y).max(axis=0) + np.abs(y).max(axis=0)
-    same = np.abs(solution.value - connected).max(axis=0) <= SAME * size
+    same = np.abs(solution.value - connected).max(axis=0) <= SAME_SOLUTION_TOLERANCE * size
     endings = np.select(
         [exists & solved & same, exists & ~solved, solved],
         [Ending.FOUND, Ending.MISSED, Ending.ANOTHER],

@@ -24,7 +24,7 @@ from sepv.simulate import ensemble
 # The steps of the first horizon (the time to which paths are followed); each next horizon is twice as far.
 FIRST = 256
 # The next horizon is started if this factor times its expected seconds (twice those of the last one) are left.
-SPARE = 1.5
+TIME_RESERVE = 1.5
 # The confidence level of the bound on the probability that a path fails.
 CONFIDENCE = 0.95
 
@@ -124,7 +124,7 @@ def follow_paths(
             # The seconds of the first horizon are not used, because compilation takes most of them.
             last = 0.0 if count == FIRST else time.monotonic() - started
             spent = time.monotonic() - begin
-            if count == most or exits.failed == paths or spent + SPARE * 2 * last > share:
+            if count == most or exits.failed == paths or spent + TIME_RESERVE * 2 * last > share:
                 break
             count = min(2 * count, most)
         followed.append(exits)

@@ -61,7 +61,7 @@ def _space(make: strata.Make, *axes: Axis, **left: Strata) -> Space:
 
 # Kinds of steps for several fields. Such systems have no Δ, so no noise cancels h. _OF_PATHS omits h = 0 with ΔW ≠ 0:
 # no path has such a step, and schemes for several fields use areas or other increments, whose size h determines.
-_OF_PATHS = tuple(kind.name for kind in (strata.UNEVEN, strata.NEAR, *strata.FAR, *strata.ONE_SIGN))
+_OF_PATHS = tuple(kind.name for kind in (strata.UNEVEN, strata.NEAR, *strata.EXTREME_SIZES, *strata.ONE_SIGN))
 _OF_STRUCTURES = (strata.STILL.name, *_OF_PATHS)
 _NOISY = ("1", "2", "3–4", "5–20")
 _MIDDLE = ("2", "3", "4–6", "7–9")

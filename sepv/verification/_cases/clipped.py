@@ -19,7 +19,7 @@ from sepv.verification._cases.ends import in_other_units
 from sepv.verification._units import units_of
 
 # A probe's h, relative to ΔW²: its increments are 10⁶ √h, beyond √h A_h for every k that a scheme could state.
-BEYOND = 2.0**-40
+PROBE_STEP_RATIO = 2.0**-40
 # The number of cases that are probed for a response.
 PROBES = 3
 _CLIPPING: WeakKeyDictionary[Scheme, bool] = WeakKeyDictionary()
@@ -77,7 +77,7 @@ def clips(scheme: Scheme, cases: Iterable[Case] = ()) -> bool:
     acting = (case for case in cases if np.any(case.build()[0].c * np.array(case.dW)))
     for case, _ in zip(acting, range(PROBES), strict=False):
         problem, y, _, dW = case.build()
-        h = min(BEYOND * float(np.min(dW[problem.c * dW != 0] ** 2)), BEYOND)
+        h = min(PROBE_STEP_RATIO * float(np.min(dW[problem.c * dW != 0] ** 2)), PROBE_STEP_RATIO)
         with suppress(SepvError):
             whole, half = ask(scheme, problem, y, h, dW), ask(scheme, problem, y, h, dW / 2)
             if not np.array_equal(whole, y):

@@ -1,8 +1,9 @@
 """Pairwise covering designs for test inputs, whose properties (factors) each have a few values (levels).
 
-A row has one level of each factor. A design is a short list of rows in which every possible pair of levels occurs. It
-shows each fault that depends on the levels of at most two factors. The construction is greedy, with constraints, like
-that of Cohen, Dalal, Fredman and Patton (IEEE Trans. Softw. Eng. 23, 1997). The smallest of several designs is kept.
+A row has one level of each factor. A design is a short list of rows in which every possible pair of levels
+occurs. It shows each fault that depends on the levels of at most two factors. The construction is greedy,
+with constraints, like that of Cohen, Dalal, Fredman and Patton (IEEE Trans. Softw. Eng. 23, 1997). The
+smallest of several designs is kept.
 """
 
 from __future__ import annotations
@@ -18,8 +19,9 @@ Level = tuple[int, int]  # a factor and its level
 Pair = tuple[Level, Level]
 # The number of ways in which ties are broken.
 ATTEMPTS = 4
-# An offered row is taken only if it covers at least this many new pairs; otherwise a newly made row covers more.
-LEAST = 4
+# An offered row is taken only if it covers at least this many new pairs; otherwise a newly made row covers
+# more.
+LEAST_NEW_PAIRS = 4
 
 
 @dataclass(frozen=True)
@@ -38,10 +40,10 @@ def pairwise(
 ) -> Design:
     """Find few rows in which all possible pairs of levels occur; factor f has levels[f] levels.
 
-    `allowed` tests a partial row, with None for each level not chosen yet. If it refuses a row, it must refuse every
-    completion of this row. A level in `hiding` may hide faults of other factors: in a row with such a level, pairs
-    without this level count as not covered, unless no other row can have them. The rows `offered`, which must be
-    allowed, cost less than new rows, so those that cover many pairs are taken first.
+    `allowed` tests a partial row, with None for each level not chosen yet. If it refuses a row, it must
+    refuse every completion of this row. A level in `hiding` may hide faults of other factors: in a row with
+    such a level, pairs without this level count as not covered, unless no other row can have them. The rows
+    `offered`, which must be allowed, cost less than new rows, so those that cover many pairs are taken first.
     """
     taken = _Greedy(levels, allowed, hiding, 0).taken(offered)
     designs = [_Greedy(levels, allowed, hiding, shift).design(taken) for shift in range(ATTEMPTS)]
@@ -88,12 +90,12 @@ class _Greedy:
         return Design(tuple(rows), frozenset(impossible))
 
     def taken(self, offered: Sequence[Row]) -> list[Row]:
-        """Choose rows of `offered`, each time the row with the most new pairs, until no row has LEAST new pairs."""
+        """Choose rows of `offered`, each time the row with the most new pairs, while one has LEAST_NEW_PAIRS."""
         rows: list[Row] = []
         known = {row: self._partners(row) for row in offered}
         while known:
             best = max(known, key=lambda row: self._gain(known[row]))
-            if self._gain(known.pop(best)) < LEAST:
+            if self._gain(known.pop(best)) < LEAST_NEW_PAIRS:
                 break
             rows.append(best)
             self._meet(best)

@@ -12,7 +12,7 @@ from dataclasses import replace
 from sepv.problem import PolynomialSystem, Structure
 from sepv.record import Polynomial, poly
 from sepv.verification._cases.case import Case
-from sepv.verification._cases.strata import FAR, SIZE, STEP, Levels, Stratum
+from sepv.verification._cases.strata import EXTREME_SIZES, SIZE, STEP, Levels, Stratum
 
 # The largest |exponent of 2| of coefficients and of powers of y. So none of them overflows, and an underflow, whose
 # error is 2⁻¹⁰⁷⁴, changes even the smallest of them by a relative error below 2⁻⁵³.
@@ -22,7 +22,7 @@ EXPONENTS = 960
 USUAL, LARGEST = (2.0**-21, 2.0**21), 333
 
 # A scheme may refuse a step whose |h| + Σ|c_j ΔW_j| is larger than this.
-LONG = 8.0
+LONGEST_STEP = 8.0
 
 
 def is_usual(size: float) -> bool:
@@ -38,20 +38,22 @@ def beyond(case: Case) -> bool:
 
 def is_long(case: Case) -> bool:
     """True if |h| + Σ|c_j ΔW_j| is so large that a scheme may refuse the step, although it is usual in other units."""
-    return isinstance(case.problem, PolynomialSystem) and _length(case) > LONG
+    return isinstance(case.problem, PolynomialSystem) and _length(case) > LONGEST_STEP
 
 
 def usual(levels: Levels) -> Levels:
     """Replace extreme ranges of |y| and |Δ| by usual ones. A case is drawn in these, then rescaled by `at_the_end`."""
     ranges = {a.name: {s.name: s._replace(end=0.0) for s in a.strata} for a in (SIZE, STEP)}
-    found = {a: ranges[a].get(s.name, s) if a in ranges else s for a, s in levels.items() if s not in FAR}
-    far = next((s for s in levels.values() if s in FAR), None)
+    found = {
+        a: ranges[a].get(s.name, s) if a in ranges else s for a, s in levels.items() if s not in EXTREME_SIZES
+    }
+    far = next((s for s in levels.values() if s in EXTREME_SIZES), None)
     return {**found, SIZE.name: SIZE.strata[0]} if far else found
 
 
 def at_the_end(case: Case, levels: Levels) -> Case:
     """Rescale the units of a case drawn in usual ranges, so that |y| and |Δ| come into the ranges in `levels`."""
-    size = next((s for s in levels.values() if s in FAR), levels[SIZE.name])
+    size = next((s for s in levels.values() if s in EXTREME_SIZES), levels[SIZE.name])
     length = levels[STEP.name]
     ordinary = usual(levels)
     power = _power(size, ordinary[SIZE.name], max(map(abs, case.y)))

@@ -19,7 +19,7 @@ from sepv.verification._cases.case import Case
 from sepv.verification._contraction import contraction_radius
 
 # A state of the pendulum from which the angle moves by 1.5 in a step of ½.
-FAST = (3.0, 1.0)
+FAST_PENDULUM_STATE = (3.0, 1.0)
 
 
 @cache
@@ -80,7 +80,7 @@ def _papers() -> list[Case]:
     # A fast pendulum, whose angle moves by 1.5: H is no polynomial, and a quadrature with four nodes is not enough.
     fast = problems.by_name("pendulum").data
     assert isinstance(fast, NamedProblem)
-    found += [split(fast, FAST, 0.5, sign) for sign in (1.0, -1.0)]
+    found += [split(fast, FAST_PENDULUM_STATE, 0.5, sign) for sign in (1.0, -1.0)]
     return found
 
 

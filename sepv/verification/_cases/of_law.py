@@ -242,7 +242,7 @@ def _adapted_within(adapt: Adapt, k: int, case: Case) -> Case | None:
     return found if found is None or within(found, k) == found else None
 
 
-EVERYTHING = Cases(damped=True)
+ALL_CASES = Cases(damped=True)
 
 
 def class_of(description: Description | Problem) -> Systems:

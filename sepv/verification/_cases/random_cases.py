@@ -94,9 +94,9 @@ class Parts:
             self.y = tuple(small * v if i in self.zero else v for i, v in enumerate(self.y))
             return self._weighted(kept)
         H = self.with_slope(some.hamiltonian(d, n, self.terms, self.unit, random))
-        if d > some.MANY:
+        if d > some.ALL_COMPONENTS_DIMENSION:
             H = poly.add(H, poly.linear([some.coefficient(random) / self.unit for _ in range(d)]))
-        return some.with_constant(H, self.y, random) if random.random() < some.SOMETIMES else H
+        return some.with_constant(H, self.y, random) if random.random() < some.SPECIAL_PART_PROBABILITY else H
 
     def further(self) -> Polynomial:
         """Draw the H_j of a noise, with at most H's degree and number of terms. If ∇H is made to vanish, so is ∇H_j."""

@@ -20,14 +20,14 @@ from sepv.record import Exponents, Polynomial, poly
 from sepv.verification._cases.strata import Levels, Stratum, monomials
 
 # If there are at most this many monomials, monomials are drawn from a table of them.
-FEW = 300
+TABLE_MAX_MONOMIALS = 300
 # The most entries of B above the diagonal for large d, because the derivatives of B are d³ polynomials.
 MOST_ENTRIES = 8
 # If d is larger than this, H gets a linear form of all components, and B an entry in the last row. Otherwise few terms
 # would leave most components at rest, and a component that a scheme forgets would not show.
-MANY = 12
+ALL_COMPONENTS_DIMENSION = 12
 # The probability of special parts: components of a state near zero, an H with a constant, a B with one nonzero block.
-SOMETIMES = 1 / 8
+SPECIAL_PART_PROBABILITY = 1 / 8
 
 
 def integer(stratum: Stratum, random: Random) -> int:
@@ -59,7 +59,7 @@ def state(d: int, size: Stratum, random: Random) -> tuple[tuple[float, ...], flo
     scale = number(size, random)
     y = [random.choice([1.0, -1.0]) * scale * random.uniform(0.25, 1) for _ in range(d)]
     for k in range(d):
-        if random.random() < SOMETIMES:
+        if random.random() < SPECIAL_PART_PROBABILITY:
             y[k] = random.choice([0.0, y[k] / 1024])
     y[random.randrange(d)] = random.choice([1.0, -1.0]) * scale
     return tuple(y), 2.0 ** round(math.log2(scale)) if random.random() < 0.75 else 1.0
@@ -74,7 +74,7 @@ def some_monomials(d: int, n: int, count: int, random: Random, *, least: int = 1
     """Draw `count` different monomials of degree `least` to n: the first has degree n, others often have it too."""
     total = monomials(d, n) - monomials(d, least - 1)
     count = min(count, total)
-    if total <= FEW:
+    if total <= TABLE_MAX_MONOMIALS:
         products = (combinations_with_replacement(range(d), k) for k in range(least, n + 1))
         every = [exponents_of(d, chosen) for own in products for chosen in own]
         top = random.choice([e for e in every if sum(e) == n])
@@ -165,7 +165,7 @@ def skew(d: int, degree: Stratum, unit: float, random: Random) -> Structure:
     """A random skew B of this degree; half of the constant B are canonical, some B are 0 outside one diagonal block."""
     if degree.high == 0 and random.random() < 0.5:
         return planes(d)
-    some = random.random() < SOMETIMES and d <= MANY
+    some = random.random() < SPECIAL_PART_PROBABILITY and d <= ALL_COMPONENTS_DIMENSION
     moved = random.sample(range(d), random.randint(2, d)) if some else range(d)
     pairs = list(combinations(sorted(moved), 2))
     count = random.randint(min(d - 1, len(pairs)), min(len(pairs), max(d - 1, MOST_ENTRIES)))
@@ -321,7 +321,7 @@ def contracted(d: int, forms: list[list[Polynomial]], random: Random) -> Structu
     entries: dict[tuple[int, int], list[Polynomial]] = {}
     for n in range(random.randint(1, 3) if d > rank else 1):
         indices = sorted(random.sample(range(d), rank))
-        if d > MANY and not n:
+        if d > ALL_COMPONENTS_DIMENSION and not n:
             indices[-1] = d - 1
         weight = random.choice([1.0, -1.0, 2.0])
         for place, product in tensor_terms(d, indices, weight, forms):

@@ -15,7 +15,7 @@ from sepv.verification._tolerance import casimir_bound, energy_bound, step_resid
 # SHOWN is the least ratio of a fault's effect to the law's bound. `benchmarks.power` measures the effect of both.
 MOTION, SHOWN = 1e7, 64.0
 # In steps longer than this share of the contraction radius, errors of the size of a power of h exceed rounding.
-LONG = 0.5
+LONG_STEP_SHARE = 0.5
 
 
 def shows_faults(case: Case, levels: Levels) -> bool:
@@ -26,7 +26,7 @@ def shows_faults(case: Case, levels: Levels) -> bool:
     change y1 and every quadratic Casimir. Each change must exceed SHOWN times the bound of rounding. These changes are
     not tested for short steps, quadratic H or constant B, because then the faults change nothing.
     """
-    if levels["step/radius"].high < LONG:
+    if levels["step/radius"].high < LONG_STEP_SHARE:
         return True
     problem, y, h, dW = case.build()
     parts = np.array([h, *(problem.c * dW)])

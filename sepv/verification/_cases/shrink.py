@@ -21,8 +21,8 @@ from sepv.verification._cases.case import Case
 from sepv.verification._cases.ends import in_other_units
 from sepv.verification._contraction import contraction_radius
 
-# States and steps beyond STRANGE or below 1/STRANGE are shown in other units, if the law is violated there too.
-STRANGE = 2.0**16
+# States and steps beyond UNITS_LIMIT or below 1/UNITS_LIMIT are shown in other units, if the law is violated there too.
+UNITS_LIMIT = 2.0**16
 
 
 def shrunk(case: Case, fails: Callable[[Case], bool | None]) -> Case:
@@ -89,7 +89,7 @@ def in_strange_units(case: Case) -> bool:
     if not isinstance(case.problem, PolynomialSystem):
         return False
     sizes = [v for v in (abs(case.h), max(map(abs, case.y), default=0.0)) if v]
-    return any(not 1 / STRANGE <= size <= STRANGE for size in sizes)
+    return any(not 1 / UNITS_LIMIT <= size <= UNITS_LIMIT for size in sizes)
 
 
 def _put(entries: tuple[Any, ...], n: int, *new: Any) -> tuple[Any, ...]:

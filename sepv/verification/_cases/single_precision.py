@@ -13,7 +13,7 @@ from sepv.verification._tolerance import gradient_majorant, structure_majorant
 
 # The largest error of B and ∇H in single precision, relative to the sum of their terms: a few thousand roundings. A
 # larger error means that powers overflow or underflow, which no order of summation avoids.
-LOST = 2.0**-12
+SINGLE_PRECISION_MAX_ERROR = 2.0**-12
 # The range in which single precision represents coefficients with all digits, and in which their sums do not overflow.
 LEAST, MOST = 2.0**-126, 2.0**120
 
@@ -44,6 +44,6 @@ def in_range(case: Case) -> bool:
                 (problem.structure, structure_majorant),
             ):
                 exact, found = function(state), np.float32(function(given))
-                if not np.all(np.abs(found - exact) <= LOST * size(problem, state)):
+                if not np.all(np.abs(found - exact) <= SINGLE_PRECISION_MAX_ERROR * size(problem, state)):
                     return False
     return True

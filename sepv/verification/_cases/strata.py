@@ -54,7 +54,7 @@ class Axis:
 Levels = dict[str, Stratum]
 # Names of strata.
 Strata = tuple[str, ...]
-NOTHING: Mapping[str, Strata] = MappingProxyType({})
+NO_STRATA: Mapping[str, Strata] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -105,12 +105,12 @@ KIND = "kind of step"
 # Kinds of steps in which little moves, or in which one part of Δ is nearly all of Δ. Most faults do not show in them.
 # So the design has no strata for them; one case of each kind follows the design.
 UNEVEN, STILL, UNDONE, NEAR = map(Stratum, ("noises 1e-4–1e4 of h", "h = 0", "Δ = 0", "near ∇H = 0"))
-FAR = Stratum("|y| = 1e-100", 1e-100, 1e-100), Stratum("|y| = 1e100", 1e100, 1e100)
+EXTREME_SIZES = Stratum("|y| = 1e-100", 1e-100, 1e-100), Stratum("|y| = 1e100", 1e100, 1e100)
 # States with components of one sign. In many dimensions random signs hardly ever agree.
 ONE_SIGN = Stratum("all y > 0", 1, 1), Stratum("all y < 0", -1, -1)
-KINDS = (UNEVEN, STILL, UNDONE, NEAR, *FAR, *ONE_SIGN)
+KINDS = (UNEVEN, STILL, UNDONE, NEAR, *EXTREME_SIZES, *ONE_SIGN)
 # The largest degree of polynomials in cases in which |y| is 1e±100.
-LOW = 2
+EXTREME_SIZE_MAX_DEGREE = 2
 FACTOR = _axis("degree of g", ("0", 0, 0), ("1–2", 1, 2), ("3–4", 3, 4))
 
 
@@ -143,7 +143,7 @@ RULES = (
          and degree.high > {"500–2000": 4, "4097–9000": 2}.get(batch.name, 10),
          "cost: quadrature and Jacobian by many evaluations for thousands of states take seconds"),
 )  # fmt: skip
-HIDING = ("step/radius", "2⁻¹⁰")
+SHORT_STEP = ("step/radius", "2⁻¹⁰")
 # In principal axes no product of inertia shows.
 IN_AXES = ("inertia", "principal axes")
 
@@ -187,11 +187,11 @@ class Space:
     axes: tuple[Axis, ...]
     make: Make
     rules: tuple[Rule, ...] = RULES
-    beside: frozenset[tuple[str, str]] = frozenset({HIDING, IN_AXES})
+    beside: frozenset[tuple[str, str]] = frozenset({SHORT_STEP, IN_AXES})
     pool: Space | None = None  # a space whose rows the design reuses, as their cases are made already
     kinds: tuple[Stratum, ...] = ()  # kinds of steps: one case of each kind follows the design
 
-    def part(self, where: Mapping[str, Strata] = NOTHING, blind: Mapping[str, Strata] = NOTHING) -> Space:
+    def part(self, where: Mapping[str, Strata] = NO_STRATA, blind: Mapping[str, Strata] = NO_STRATA) -> Space:
         """The part of the space with the strata that `where` lists for an axis, and the usual strata of all other axes.
 
         `blind` lists strata in which no violation of the law can show. Axes that the space does not have are ignored,
@@ -302,12 +302,13 @@ def _fits(kind: Stratum, levels: Levels) -> bool:
     noises it must have a noise (or two), and for an extreme |y| low degrees, so that powers of y do not overflow.
     """
     usual = (
-        levels[STATE.name].name == STATE.strata[0].name and (SHARE.name, levels[SHARE.name].name) != HIDING
+        levels[STATE.name].name == STATE.strata[0].name
+        and (SHARE.name, levels[SHARE.name].name) != SHORT_STEP
     )
-    least = dict.fromkeys((NEAR, *FAR, *ONE_SIGN), 0) | {UNEVEN: 2}
+    least = dict.fromkeys((NEAR, *EXTREME_SIZES, *ONE_SIGN), 0) | {UNEVEN: 2}
     noisy = levels[NOISES.name].low >= least.get(kind, 1)
     of_degree = [levels[a.name].high for a in (DEGREE, STRUCTURE, CASIMIR_DEGREE, FACTOR) if a.name in levels]
-    return usual and noisy and (kind not in FAR or max(of_degree) <= LOW)
+    return usual and noisy and (kind not in EXTREME_SIZES or max(of_degree) <= EXTREME_SIZE_MAX_DEGREE)
 
 
 def _without_batch(levels: Iterable[tuple[str, Stratum]]) -> tuple[tuple[str, Stratum], ...]:

@@ -8,7 +8,7 @@
    Most of an iteration is not its tests: until corrections are small, only their size is kept. One exit is earlier than
    the core's, as in `sepv.simulate._compiled.newton`: Newton's corrections shrink quadratically, so that after two of
    the relative sizes s' and s the next is s³/s'², or s times the relative error of the matrix if this is larger. EARLY is
-   the largest s for which the second is below LEFT; it is 0 for an iteration that is not Newton's. */
+   the largest s for which the second is below STOP_ERROR; it is 0 for an iteration that is not Newton's. */
 DEVICE i64 converged(const double *y, const double *step, double *z, int *iterations) {
   double F[D], c[D], q[DIRECTIONS + 1], last_size = INF, last_move = INF, last_scale = 1.0;
   int before = 0;
@@ -32,13 +32,13 @@ DEVICE i64 converged(const double *y, const double *step, double *z, int *iterat
         residual = fmax(residual, fabs(F[i]));
         size = fmax(size, fabs(c[i]) * roughly(fabs(y[i]) + fabs(z[i]) + EPS * scale + TINY));
       }
-      if (residual <= QUANTA) return ends(y, z);
+      if (residual <= ROUNDING_STEP) return ends(y, z);
       const double far = fmax(last_size, FIRST);
-      const int early = size <= EARLY && (last_size < INF || size <= FIRST) && size * size * size <= LEFT * (far * far);
-      const int shrinks = last_size < INF && size * size <= LEFT * last_size;
+      const int early = size <= EARLY && (last_size < INF || size <= FIRST) && size * size * size <= STOP_ERROR * (far * far);
+      const int shrinks = last_size < INF && size * size <= STOP_ERROR * last_size;
       const int last = size <= 0.5 * EPS || (shrinks && residual <= EPS * scale);
       const int stuck = size >= 0.5 * last_size && move >= 0.5 * last_move;
-      const int near = move <= STAGNATION * scale && residual <= ROUNDING * scale + QUANTA;
+      const int near = move <= STAGNATION * scale && residual <= ROUNDING * scale + ROUNDING_STEP;
       if (early || (near && (last || stuck))) {
         UNROLLED for (int i = 0; i < D; i++) z[i] -= c[i];
         return ends(y, z);

@@ -61,7 +61,7 @@ DEVICE i64 solve(const double *y, const double *step, double *change, i64 *work)
       work[0]++, work[1] += STRAIGHT ? STAGES : FIRSTS[2 * rule + 1] - FIRSTS[2 * rule], work[2] += STAGES;
       const double m = change_of(R, z);
       const int stays = !(m <= SHRINKS * before);
-      done = (before < INF && m * m <= LEFT * (scale * before)) || m <= STAGES * D * SMALLEST * scale ||
+      done = (before < INF && m * m <= STOP_ERROR * (scale * before)) || m <= STAGES * D * NEGLIGIBLE_CORRECTION * scale ||
              (stays && m <= ROUNDING * scale);
       if (stays && !done) return -1;
       before = m;
@@ -76,7 +76,7 @@ DEVICE i64 solve(const double *y, const double *step, double *change, i64 *work)
         for (int i = 0; i < STAGES * D; i++) size += fabs(z[i]);
         sweep(y, z, step[0], g, R);
         const double m = change_of(R, z);
-        fine = m <= 0x1p-48 * size || m <= STAGES * D * SMALLEST * scale;
+        fine = m <= 0x1p-48 * size || m <= STAGES * D * NEGLIGIBLE_CORRECTION * scale;
       }
     }
     if (!within) return -1;

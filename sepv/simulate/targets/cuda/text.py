@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from sepv.core.newton import LEFT, QUANTA, ROUNDING, STAGNATION, Status
+from sepv.core.newton import ROUNDING, ROUNDING_STEP, STAGNATION, STOP_ERROR, Status
 from sepv.problem import Problem, cramer, dot
 from sepv.record import EPS, TINY, CannotRecord, NoClosedForm
 from sepv.schemes import MAX_NODES, Scheme, drift_and_noise, gauss_tableau, moments, random_step
@@ -30,8 +30,9 @@ NEWTON_MAXITER, PROJECTION_MAXITER = 7, 40
 # Sweeps of an s-stage method before the first test, with ∇H at the stages.
 BLIND_SWEEPS = 8
 # Corrections below a quarter of a rounding change nothing.
-SMALLEST = 2.0**-54
-# The largest relative error of Newton's matrix: that of recorded derivatives, and that of the slopes in `functions.c`.
+NEGLIGIBLE_CORRECTION = 2.0**-54
+# The largest relative error of Newton's matrix: that of recorded derivatives, and that of the slopes in
+# `functions.c`.
 EXACT_MATRIX, WITH_SLOPES = 2.0**-40, 2.0**-30
 # Levels of Lévy's construction that are halved in registers.
 IN_REGISTERS = 3
@@ -47,7 +48,10 @@ class Text:
 
 @lru_cache(maxsize=256)
 def kernel_text(scheme: Scheme, problem: Problem, compensated: bool) -> Text:
-    """Print the kernel of a scheme and a problem. Raise CannotCompile, with the reason, if it cannot be printed."""
+    """Print the kernel of a scheme and a problem.
+
+    Raise CannotCompile, with the reason, if it cannot be printed.
+    """
     formula, code = taken(scheme, problem), code_of(problem)
     if formula.implicit and formula.stages * problem.dimension > LARGEST_SYSTEM:
         raise CannotCompile(
@@ -74,8 +78,9 @@ def _written(code: RecordedProblem, formula: Formula, compensated: bool) -> str:
         "D": code.dimension, "NOISES": code.problem.noises, "NUMBERS": len(formula.names(code.problem.noises)),
         "INVARIANTS": len(invariants), "COMPENSATED": int(compensated), "HAS_DOMAIN": int(code.inside is not None),
         "LEFT_DOMAIN": int(Status.LEFT_DOMAIN),
-        "OVERFLOW_": int(Status.OVERFLOW), "EPS": EPS, "TINY": TINY, "QUANTA": QUANTA, "STAGNATION": STAGNATION,
-        "ROUNDING": ROUNDING, "LEFT": LEFT, "DIRECTIONS": 0, "FIRST_GRADIENTS": 0, "FIRST_STRUCTURES": 0,
+        "OVERFLOW_": int(Status.OVERFLOW), "EPS": EPS, "TINY": TINY, "ROUNDING_STEP": ROUNDING_STEP,
+        "STAGNATION": STAGNATION, "ROUNDING": ROUNDING, "STOP_ERROR": STOP_ERROR, "DIRECTIONS": 0,
+        "FIRST_GRADIENTS": 0, "FIRST_STRUCTURES": 0,
         "FIRST": FIRST, "EARLY": 0.0, **constants,
     }  # fmt: skip
     parts = [
@@ -175,7 +180,7 @@ def _implicit(code: RecordedProblem, formula: Formula) -> _Parts:
         "STRUCTURES": equation.structures,
     }
     slopes = any(line.name.endswith("_slope") for line in tape.lines)
-    costs["EARLY"] = LEFT / (WITH_SLOPES if slopes else EXACT_MATRIX)
+    costs["EARLY"] = STOP_ERROR / (WITH_SLOPES if slopes else EXACT_MATRIX)
     return costs, functions, ["newton"]
 
 
@@ -234,6 +239,6 @@ def _stages(code: RecordedProblem, formula: Formula) -> _Parts:
     ]  # fmt: skip
     constants = {
         "STAGES": s, "RULES": len(ladder), "EXACT": int(writer.exact), "STRAIGHT": int(writer.straight),
-        "BLIND": BLIND_SWEEPS, "TESTED": TESTED, "SHRINKS": SHRINKS, "SMALLEST": SMALLEST,
+        "BLIND": BLIND_SWEEPS, "TESTED": TESTED, "SHRINKS": SHRINKS, "NEGLIGIBLE_CORRECTION": NEGLIGIBLE_CORRECTION,
     }  # fmt: skip
     return constants, functions, ["stages"]
