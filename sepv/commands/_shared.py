@@ -95,7 +95,7 @@ def listed(_context: click.Context, _parameter: click.Parameter, values: Names) 
     return names
 
 
-class Numbers(click.ParamType):
+class Numbers(click.ParamType):  # type: ignore[type-arg]  # generic in the newest click alone
     """The type of an option that takes several numbers separated by commas, and returns them as a tuple."""
 
     name = "N,N,…"
@@ -160,7 +160,7 @@ def candidates(
         yield loaded
 
 
-class Workers(click.ParamType):
+class Workers(click.ParamType):  # type: ignore[type-arg]  # generic in the newest click alone
     """The type of the option --workers: a number of workers, or the address of a Dask scheduler."""
 
     name = "N or ADDRESS"

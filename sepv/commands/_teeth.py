@@ -45,12 +45,13 @@ def teeth(
     with showing(quiet) as shown:
 
         def counted(known: bool) -> list[fault_detection.Detection]:
-            return fault_detection.run(
+            found: list[fault_detection.Detection] = fault_detection.run(
                 names or None,
                 range(seeds),
                 lambda done, total, _: shown.update(f"{done} of {total}", done / total),
                 laws=laws or None, first=first or bare or known, effort=Effort(corpus=known), workers=workers,
             )  # fmt: skip
+            return found
 
         detections, with_known = counted(False), counted(True) if corpus else None
     cli.save_json(json_file, "teeth", {"detections": [b.to_json() for b in detections]})

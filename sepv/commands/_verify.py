@@ -304,7 +304,7 @@ def _write(report: Any, files: dict[str, str | None], named: str) -> None:
         except KeyboardInterrupt as error:  # what was measured is written, without pictures
             data, stopped = report.to_json(), [error]
         cli.save_json(files["json"], "report", data)
-    texts = {
+    texts: dict[str, Any] = {
         "html": lambda _: _page(data),
         "junit": junit_xml,
         "badge": badge_json,

@@ -30,7 +30,7 @@ class Shown:
         self._done = 0.0
         # A source of better estimates: the seconds left, None if unknown, and the current work.
         self.expected: Callable[[], float | None] | None = None
-        self.doing = lambda: self.text
+        self.doing: Callable[[], str] = lambda: self.text
         self.found: list[str] = []  # messages to print once, as soon as a line or a bar is shown
 
     def update(self, text: str | None = None, share: float | None = None) -> None:

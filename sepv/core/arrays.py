@@ -53,7 +53,7 @@ def matvec(A: Array, v: Array) -> Array:
     """
     if _is_small(A, A.size):
         return summed(A * v.reshape(len(v), *(1,) * (A.ndim - 1 - v.ndim), *v.shape[1:]))
-    total = A[:, 0] * v[0]
+    total: Array = A[:, 0] * v[0]
     for j in range(1, A.shape[1]):
         total = total + A[:, j] * v[j]
     return total
@@ -63,7 +63,7 @@ def matmul(A: Array, B: Array) -> Array:
     """The product A B of matrices of shapes (n, d, ...) and (d, p, ...)."""
     if _is_small(A, A.size * B.shape[1]):
         return summed(A[:, :, None] * B)
-    total = A[:, 0, None] * B[0]
+    total: Array = A[:, 0, None] * B[0]
     for j in range(1, A.shape[1]):
         total = total + A[:, j, None] * B[j]
     return total

@@ -146,7 +146,8 @@ class CountedFields(Fields):
         return self._means(starts, ends)[range(d), range(d)]
 
     def factor(self, y: Array) -> Array:
-        return self.problem.nambu.factor(y)
+        factor: Array = self.problem.nambu.factor(y)
+        return factor
 
     def mean_casimir_gradient(self, y: Array, z: Array) -> Array:  # noqa: ARG002 - as for H
         """The average of ∇C along the segment from y0 to y1, counted as evaluations of a structure."""

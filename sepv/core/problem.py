@@ -132,7 +132,7 @@ def combined(problem: System, y: Array, parts: Array) -> Array:
     """The structure h B(y) + Σ_j c_j ΔW_j G_j(y) of a step, (d, d, M); `parts` (1 + m, M) holds h and the c_j ΔW_j."""
     require_undamped(problem)
     drift, *noises = problem.structures
-    total = parts[0] * drift(y)
+    total: Array = parts[0] * drift(y)
     for part, G in zip(parts[1:], noises, strict=True):
         # A noise with increment zero does not use its structure, which may be undefined (NaN) at y.
         total = total + np.where(part != 0, part * G(y), 0.0)

@@ -12,7 +12,8 @@ def dot(u: Array, v: Array) -> Array:
 
     `np.sum` would add eight or more components of a single state in another order than those of a batch.
     """
-    return matvec(u[None], v)[0]
+    product: Array = matvec(u[None], v)[0]
+    return product
 
 
 def turned_along(D: Array, w: Array) -> Array:

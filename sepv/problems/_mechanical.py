@@ -64,7 +64,8 @@ def pendulum_chain(links: float = 3, coupling: float = 0.5, noise: ArrayLike = 1
     def hamiltonian(y: Array) -> Array:
         q, p = y[:n], y[n:]
         bent = sum((q[k + 1] - q[k]) ** 2 for k in range(n - 1))
-        return 0.5 * dot(p, p) - sum(np.cos(q[k]) for k in range(n)) + 0.5 * coupling * bent
+        total: Array = 0.5 * dot(p, p) - sum(np.cos(q[k]) for k in range(n)) + 0.5 * coupling * bent
+        return total
 
     return _mechanical(
         hamiltonian, "pendulum-chain", noise, {"links": (n,), "coupling": (coupling,)},

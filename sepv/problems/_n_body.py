@@ -89,7 +89,8 @@ def _bodies(
 
     def hamiltonian(y: Array) -> Array:
         kinetic = 0.5 * sum(w * p * p for w, p in zip(inverse, y[2 * n :], strict=True))
-        return kinetic - sum(weight / distance(y, i, j) for i, j, weight in pairs)
+        total: Array = kinetic - sum(weight / distance(y, i, j) for i, j, weight in pairs)
+        return total
 
     def mean_gradient(y0: Array, y1: Array) -> Array:
         pulls = np.zeros_like(y0[: 2 * n] + y1[: 2 * n])

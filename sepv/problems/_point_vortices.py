@@ -26,7 +26,7 @@ def point_vortices(
         return skew(y, ((2 * k, 2 * k + 1, 1 / g) for k, g in enumerate(G)))
 
     def hamiltonian(y: Array) -> Array:
-        total = 0 * y[0]
+        total: Array = 0 * y[0]
         for k in range(n):
             for m in range(k + 1, n):
                 square = (y[2 * k] - y[2 * m]) ** 2 + (y[2 * k + 1] - y[2 * m + 1]) ** 2

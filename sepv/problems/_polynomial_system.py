@@ -80,7 +80,7 @@ def polynomial_problem(data: PolynomialSystem) -> Problem:
     return _with_more_noise(problem, data) if more else problem
 
 
-def started(data: PolynomialSystem, name: str, initial: Sequence[float], **more: Any) -> Any:
+def started(data: PolynomialSystem, name: str, initial: Sequence[float], **more: Any) -> Problem:
     """The problem of polynomial data with this name and initial state; `more` sets other attributes of the problem."""
     return replace(polynomial_problem(data), name=name, initial=tuple(initial), check=False, **more)
 

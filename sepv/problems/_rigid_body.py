@@ -45,7 +45,8 @@ def rigid_body(inertia: ArrayLike = (0.345, 0.653, 1.0), noise: ArrayLike = 1.0)
 
 def _about_axis(k: int, moment: float, y: Array) -> Array:
     """The part H_k = y_k²/(2I_k) of H, whose flow is a rotation about axis k by the angle t y_k/I_k."""
-    return 0.5 * y[k] * y[k] / moment
+    energy: Array = 0.5 * y[k] * y[k] / moment
+    return energy
 
 
 # The structure as B(y)v = y × v = −(v × ∇C) with C = ½|y|².

@@ -24,6 +24,15 @@ from sepv.record import Polynomial, PolynomialMap, poly
 _IN_PLANES = (0.8, 0.3, 0.2, 0.5)
 
 
+def _started(
+    data: PolynomialSystem, name: str, initial: Sequence[float], closed_form: ClosedForm | None = None
+) -> StructuresProblem:
+    more = {} if closed_form is None else {"closed_form": closed_form}
+    problem = started(data, name, initial, **more)
+    assert isinstance(problem, StructuresProblem)
+    return problem
+
+
 def action(dimension: int, k: int) -> Polynomial:
     """The action ½(y_{2k+1}² + y_{2k+2}²) of plane k = 0, 1, … as a polynomial."""
     return poly.squares([int(i // 2 == k) for i in range(dimension)])
@@ -107,7 +116,7 @@ def commuting_rotations() -> StructuresProblem:
     rates = [[poly.multiply(a, s) for a, s in zip(row, slopes, strict=True)] for row in alpha]
     c = (1.0, 0.5)
     data, exact = rotating_planes(H, alpha, c), closed_form(H, c, rates)
-    return started(data, "commuting-rotations", _IN_PLANES, closed_form=exact)
+    return _started(data, "commuting-rotations", _IN_PLANES, closed_form=exact)
 
 
 def commuting_oscillators() -> StructuresProblem:
@@ -117,7 +126,7 @@ def commuting_oscillators() -> StructuresProblem:
     c = (1.0, 0.5)
     exact = closed_form(H, c, [list(poly.gradient(p)) for p in others])
     data = commuting_actions(H, others, c)
-    return started(data, "commuting-oscillators", _IN_PLANES, closed_form=exact)
+    return _started(data, "commuting-oscillators", _IN_PLANES, closed_form=exact)
 
 
 def kubo_oscillator(a: float = 2.0, sigma: float = 0.5) -> Problem:
@@ -130,7 +139,7 @@ def kubo_oscillator(a: float = 2.0, sigma: float = 0.5) -> Problem:
     H, one = poly.scale(a, poly.variable(1, 0)), poly.variable(1, 0)
     exact = closed_form(H, (sigma,), [list(poly.gradient(one))])
     data = commuting_actions(H, [one], (sigma,))
-    return started(data, "kubo-oscillator", (1.0, 0.0), closed_form=exact)
+    return _started(data, "kubo-oscillator", (1.0, 0.0), closed_form=exact)
 
 
 @lru_cache(maxsize=1)
@@ -152,7 +161,7 @@ def noncommuting_tops() -> StructuresProblem:
     H = poly.squares((1, 2, 3))
     B, G2, G1 = (((i, j, poly.constant(3, sign)),) for i, j, _, sign in HAT)
     system = PolynomialSystem(3, H, B, (0.5, 0.5), noise_structures=(G1, G2))
-    return started(system, "noncommuting-tops", (0.6, 0.5, 0.4))
+    return _started(system, "noncommuting-tops", (0.6, 0.5, 0.4))
 
 
 def noncommuting_drift() -> StructuresProblem:
@@ -164,4 +173,4 @@ def noncommuting_drift() -> StructuresProblem:
     assert isinstance(base, PolynomialSystem)
     B = (*base.structure, (0, 2, poly.constant(4, -0.7)))
     system = replace(base, structure=B, casimirs=(), linear_casimirs=())
-    return started(system, "noncommuting-drift", _IN_PLANES)
+    return _started(system, "noncommuting-drift", _IN_PLANES)

@@ -42,7 +42,7 @@ def magnitudes(outputs: Iterable[Symbol], inputs: Iterable[Symbol], low: Array, 
     with np.errstate(all="ignore"):
         found = replay(outputs, boxes, _function, lambda v: Interval(v, v), _power, _OPERATIONS)
         sizes = [np.maximum(np.abs(a), np.abs(b)) + np.zeros(low.shape[1:]) for a, b in found]
-    return np.nan_to_num(np.array(sizes), nan=np.inf, posinf=np.inf)
+    return np.asarray(np.nan_to_num(np.array(sizes), nan=np.inf, posinf=np.inf))
 
 
 def _hull(*values: Any) -> Interval:

@@ -288,6 +288,7 @@ class Symbol(Element):
     """A symbol stands for the result of one recorded operation, and takes part in arithmetic like a number."""
 
     __slots__ = ("index", "tape")
+    tape: Tape
 
     def __init__(self, tape: Tape, index: int) -> None:
         self.tape, self.index = tape, index

@@ -51,7 +51,7 @@ def points(xi: Array) -> tuple[Array, Array]:
 def bridges(noises: int) -> Array:
     """The space-time Lévy areas H_i (m, Q) of a step h = 1 at the Q nodes of `points`, for m = `noises` ≥ 2."""
     n = noises + noises * (noises - 1) // 2
-    return np.sqrt(n / 12) * np.concatenate([np.eye(noises, n), -np.eye(noises, n)], axis=1)
+    return np.asarray(np.sqrt(n / 12) * np.concatenate([np.eye(noises, n), -np.eye(noises, n)], axis=1))
 
 
 def _from_normals(dW: Array, normals: Array, pairs: list[tuple[int, int]], h: float) -> Array:

@@ -92,7 +92,7 @@ def grid(steps: int, refine: int | None = None) -> Grid:
 def spreads(T: float, grid: Grid) -> Array:
     """Standard deviations of the draws by level: √h₀ for level 0 (coarse steps h₀), then ½√h for halving steps h."""
     h = T / grid.base * 0.5 ** np.maximum(np.arange(grid.halvings + 1) - 1.0, 0.0)
-    factors = 0.5 * np.sqrt(h)
+    factors: Array = 0.5 * np.sqrt(h)
     factors[0] *= 2
     return factors
 
@@ -189,7 +189,8 @@ def coarsen(dW: Array, factor: int) -> Array:
             received=f"{dW.shape[0]} steps",
             remedy="coarsen by a divisor of the number of steps",
         )
-    return np.asarray(dW).reshape(dW.shape[0] // factor, factor, *dW.shape[1:]).sum(axis=1)
+    sums: Array = np.asarray(dW).reshape(dW.shape[0] // factor, factor, *dW.shape[1:]).sum(axis=1)
+    return sums
 
 
 def validate(seed: int, T: float, steps: int, noises: int, paths: range) -> None:

@@ -251,7 +251,8 @@ def _tilt(case: HardCase, scheme: Scheme, y0: Array, y1: Array, h: float, dW: Ar
     S = problem.structure(y0)
     tilt: Array = np.sum(g * matvec(0.5 * np.abs(S + np.swapaxes(S, 0, 1)), g), axis=0)
     # The mean of |∇H| is below its largest value, which 9 points may miss by a little: hence the factor 1.1.
-    return 1.1 * amplification(scheme.stages) ** 2 * np.abs(problem.random_step(h, dW)) * tilt
+    allowed: Array = 1.1 * amplification(scheme.stages) ** 2 * np.abs(problem.random_step(h, dW)) * tilt
+    return allowed
 
 
 def _as_case(case: HardCase, sample: Sample, lane: int) -> Case | None:

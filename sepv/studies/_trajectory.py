@@ -67,7 +67,7 @@ class Drift:
             return "rounding"
         if np.all(np.abs(self.errors) <= self.digits + self.rounding):
             return "digits"
-        kind = kind_of(*self.exponent)
+        kind: str = kind_of(*self.exponent)
         return {"open": "inconclusive", "linear": TREND, "faster than linear": TREND}.get(kind, kind)
 
     def sentence(self) -> str:
@@ -134,7 +134,8 @@ def _exponent(t: Array, errors: Array) -> tuple[float, float]:
     since = errors[starts + lags[:, None]] - errors[starts]
     if not np.all(np.any(since != 0, axis=1)):
         return 0.0, np.inf
-    return exponent(t[lags] - t[0], since)
+    value, half = exponent(t[lags] - t[0], since)
+    return float(value), float(half)
 
 
 def first_mismatch(rows: Rows, problem: Problem, scheme: Scheme) -> Mismatch | None:

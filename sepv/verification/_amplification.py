@@ -26,4 +26,4 @@ def amplification(scheme: Scheme, case: Case) -> float:
         return float(1 + np.sqrt(problem.dimension) * factor / (1 - factor))
     method = equation_for(scheme.systems, scheme.stages)
     rows = step_condition(method, case.problem, case.y, case.h, case.dW, CONTRACTION)
-    return max(sum(row) for row in rows)
+    return float(max(sum(row) for row in rows))

@@ -154,7 +154,7 @@ class Report:
     def _own(self, finding: Finding) -> bool:
         """True if the target itself brings the problem of a witness, as one of `Scheme(…, problems=[…])`."""
         name = (finding.witness or {}).get("problem", {}).get("object")
-        return sum(problem.name == name for problem in objects_of(self.scheme)) == 1
+        return [problem.name for problem in objects_of(self.scheme)].count(name) == 1
 
     def __str__(self) -> str:
         """The table of the laws, the counterexamples and the last line, as `sepv verify` prints them."""
@@ -235,4 +235,7 @@ _TOLD = (
 def _finding_json(finding: Finding) -> dict[str, Any]:
     fields = {key: getattr(finding, key) for key in _TOLD}
     # A defect or an interval's end that is not finite becomes null: the message describes it.
-    return finite(fields | {"verdict": finding.verdict.value, "seconds": round(finding.seconds, 3)})
+    told: dict[str, Any] = finite(
+        fields | {"verdict": finding.verdict.value, "seconds": round(finding.seconds, 3)}
+    )
+    return told

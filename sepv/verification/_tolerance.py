@@ -154,7 +154,10 @@ def step_residual(
     count, least = operations(problem, stages), TINY
     if eps > EPS:
         count, least = count + INPUTS, LEAST_SINGLE
-    return accumulated(scheme) * (0.5 * eps * count * (scale + length * flow) + tolerance * scale + least)
+    residual: Array = accumulated(scheme) * (
+        0.5 * eps * count * (scale + length * flow) + tolerance * scale + least
+    )
+    return residual
 
 
 # With the contraction factor 1/4, every scheme that evaluates B and ∇H between y0 and y1 has a unique solution near y0.
@@ -237,7 +240,10 @@ def _any_gradient(problem: Problem, y0: Array, y1: Array, beyond: Any) -> Array:
     none = (None,) * problem.noises
     hessians, potentials = problem.noise_hessians or none, problem.noise_hamiltonians or none
     alike = zip(problem.noise_gradients, hessians, potentials, strict=True)
-    return np.max([stated, *(majorant_over(g, H, (y0, y1), beyond, V) for g, H, V in alike)], axis=0)
+    largest: Array = np.max(
+        [stated, *(majorant_over(g, H, (y0, y1), beyond, V) for g, H, V in alike)], axis=0
+    )
+    return largest
 
 
 def energy_bound(problem: Problem, y0: Array, y1: Array, residual: Array) -> Any:

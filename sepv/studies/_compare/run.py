@@ -171,7 +171,8 @@ def _follow(watched: tuple[Any, ...]) -> Followed | str:
     """Run `follow` as `_Cell.watched` says; return its results, or the message if the method raises an error."""
     follow, *arguments = watched
     try:
-        return follow(*arguments)
+        followed: Followed = follow(*arguments)
+        return followed
     except SepvError as error:
         return str(error)
 

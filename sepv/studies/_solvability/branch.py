@@ -134,7 +134,7 @@ class _Follower:
     @staticmethod
     def scale_of(y: Array) -> Array:
         """The scale of each state: the absolute value of its largest component."""
-        return np.maximum(np.abs(y).max(axis=0), TINY)
+        return np.asarray(np.maximum(np.abs(y).max(axis=0), TINY))
 
     def run(self) -> Branch:
         d, M = self.y0.shape
@@ -160,7 +160,7 @@ class _Follower:
         side = np.zeros_like(w)
         side[-1] = 1.0
         t = linear_solve(np.concatenate([J, before[None]]), side)
-        return t / np.sqrt((t * t).sum(axis=0))
+        return np.asarray(t / np.sqrt((t * t).sum(axis=0)))
 
     def advance(self, lanes: np.ndarray) -> None:
         """Try a step on each branch of `lanes`: keep it if Newton converges and the tangent turns little; note ends."""
