@@ -23,13 +23,12 @@ from benchmarks import over, start
 from benchmarks.orders import build
 from sepv import schemes
 from sepv.exact import clipping_error, exact_flow
+from sepv.pictures import Axis, content, figure, frame, line
 from sepv.problem import Array, Problem
 from sepv.schemes import Look, Scheme
 from sepv.schemes._explicit_tableaux import TABLEAUX
 from sepv.simulate import run_chunk, wiener
 from sepv.simulate import truncation as bounded
-from sepv.studies import Axis, content, figure
-from sepv.studies._picture import frame, line
 
 # (end time, numbers of steps): the coarsest first; powers of two, so that all have the same Wiener path.
 GRIDS = {

@@ -22,8 +22,8 @@ from scipy.special import ndtri
 import sepv
 from benchmarks import over, start
 from sepv import problems
+from sepv.pictures import Axis, Series, content, draw_curves, figure, looks
 from sepv.problem import Problem
-from sepv.studies import Axis, Series, content, draw_curves, figure, looks
 
 T = 1.0
 STEPS = (4, 8, 16, 32, 64, 128, 256)

@@ -11,8 +11,7 @@ import numpy as np
 
 import sepv
 from sepv.errors import SepvError
-from sepv.studies import Axis, content, figure
-from sepv.studies._picture import frame
+from sepv.pictures import Axis, content, figure, frame
 
 # Steps in a unit of time of the paths of problems and of schemes.
 FINE, COARSE = 64, 32

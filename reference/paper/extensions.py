@@ -6,11 +6,11 @@ import numpy as np
 from sepv.properties import heun, local_errors
 
 from sepv import problems, schemes
+from sepv.pictures import Axis
 from sepv.problem import Array
 from sepv.record import EPS
 from sepv.schemes import weakly
 from sepv.simulate import wiener
-from sepv.studies import Axis
 from sepv.verification import Run
 
 from . import judge

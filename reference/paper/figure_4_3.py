@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from sepv import problems
+from sepv.pictures import Axis
 from sepv.record import EPS
-from sepv.studies import Axis
 
 from . import judge, order, record, runs
 from .record import TIME, Job, Panel, Results, Size, Statement

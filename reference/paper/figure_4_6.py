@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from sepv import problems, schemes
-from sepv.studies import Axis
+from sepv.pictures import Axis
 
 from . import judge, order, record, runs
 from .record import TIME, Job, Panel, Results, Size, Statement

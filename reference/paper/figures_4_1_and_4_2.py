@@ -8,11 +8,11 @@ import numpy as np
 
 from sepv import problems, schemes
 from sepv.exact import exact_flow
+from sepv.pictures import Axis
 from sepv.problem import Array
 from sepv.record import EPS
 from sepv.simulate import truncation as bounded
 from sepv.simulate import wiener
-from sepv.studies import Axis
 
 from . import judge, order, runs
 from .record import SENTENCE, TIME, Job, Panel, Results, Size, Statement, series

@@ -9,7 +9,8 @@ from sepv.properties import GROWTH_LEVEL as LEVEL
 from sepv.properties import growth_exponent as exponent
 
 from sepv import problems, schemes
-from sepv.studies import DOUBLINGS, Axis, Growth, growth
+from sepv.pictures import Axis
+from sepv.studies import DOUBLINGS, Growth, growth
 
 from . import judge, order, runs
 from .record import TIME, Job, Panel, Results, Size, Statement, points, series

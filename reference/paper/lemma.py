@@ -20,9 +20,9 @@ import numpy as np
 from sepv.properties import gaussian_rule as rule
 
 from sepv import problems, schemes
+from sepv.pictures import Axis
 from sepv.problem import Array, NamedProblem, Problem, derivative_along, matvec, slope_along, vector_field
 from sepv.schemes import structure_curvature, structure_slope
-from sepv.studies import Axis
 
 from . import judge
 from .record import Job, Panel, Results, Size, Statement, points

@@ -11,7 +11,7 @@ from sepv.properties import gaussian_rule as rule
 from sepv.properties import local_errors
 
 from sepv import problems, schemes
-from sepv.studies import Axis
+from sepv.pictures import Axis
 from sepv.verification import Run
 
 from . import judge

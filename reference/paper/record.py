@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from sepv.console import counted
 from sepv.files import finite
-from sepv.studies import Axis, Series, content, draw_curves, figure, looks
+from sepv.pictures import Axis, Series, content, draw_curves, figure, looks
 
 from .judge import Verdict
 

@@ -12,13 +12,13 @@ from sepv.properties import mean_square_slope as slope
 from sepv import problems
 from sepv.core.newton import Status
 from sepv.exact import exact_flow
+from sepv.pictures import Axis
 from sepv.problem import Array, Problem
 from sepv.problems import structure
 from sepv.record import EPS
 from sepv.schemes import continued
 from sepv.schemes import energy_preserving as SCHEME
 from sepv.simulate import Ensemble, ensemble, truncate, wiener
-from sepv.studies import Axis
 from sepv.verification import Run
 
 from . import judge

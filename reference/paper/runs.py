@@ -15,6 +15,7 @@ from sepv.properties import energy_rounding_walk as rounding_walk
 
 from sepv import problems, schemes
 from sepv.exact import exact_flow
+from sepv.pictures import Series
 from sepv.problem import Array, Problem
 from sepv.record import EPS
 from sepv.schemes import Scheme
@@ -22,7 +23,6 @@ from sepv.simulate import Task, ensemble, wiener
 from sepv.simulate import choose_engine as choose
 from sepv.simulate import run_task as run
 from sepv.simulate import truncation as bounded
-from sepv.studies import Series
 
 from .judge import decide
 from .record import Job, Results, Size, Statement, sentence, series, stated_in

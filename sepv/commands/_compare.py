@@ -73,11 +73,11 @@ def compare(
     end. The exit code is 3 in both cases.
     """
     from sepv.console import showing
+    from sepv.pictures import content, require_picture
     from sepv.schemes import load_problem
     from sepv.studies import compare as run
-    from sepv.studies import comparison_picture as drawing
     from sepv.studies import comparison_table as table
-    from sepv.studies import from_scheme, one_core, require_picture
+    from sepv.studies import from_scheme, one_core
     from sepv.verification import quiet_problem
 
     require_picture(picture)
@@ -113,7 +113,7 @@ def compare(
     if options["csv_file"]:
         write_atomically(options["csv_file"], table.to_csv(comparison))
     if picture:
-        write_atomically(picture, drawing.draw(comparison, Path(picture).suffix))
+        write_atomically(picture, content(comparison.plot(), Path(picture).suffix))
     _show(comparison, alone=alone, quiet=options["quiet"])
     for name, text in comparison.failed.items():
         cli.say(f"sepv: {name} failed and is left out: {text}")

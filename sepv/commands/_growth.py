@@ -50,10 +50,10 @@ def growth(
 
     from sepv import schemes
     from sepv.console import console, print_sentence, showing
+    from sepv.pictures import require_picture
     from sepv.schemes import load_problem
     from sepv.studies import energy_growth as study
     from sepv.studies import energy_without_noise as without_noise
-    from sepv.studies import require_picture
 
     require_picture(out)
     system = load_problem(problem)

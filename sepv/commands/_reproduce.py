@@ -92,7 +92,7 @@ def _folder(out: str | None, *, draws: bool) -> Path | None:
     if out is None:
         return None
     if draws:
-        from sepv.studies import require_matplotlib
+        from sepv.pictures import require_matplotlib
 
         require_matplotlib("or --no-figures: numbers and verdicts need none")
     folder = Path(out)

@@ -78,8 +78,9 @@ def solvability(
     import numpy as np
 
     from sepv.console import console, showing
+    from sepv.pictures import require_picture
     from sepv.schemes import load_problem, load_scheme
-    from sepv.studies import Exits, follow_paths, require_picture, solvability_map
+    from sepv.studies import Exits, follow_paths, solvability_map
 
     require_picture(picture)
     chosen = load_problem(problem)

@@ -37,8 +37,8 @@ def trajectory(
 
     from sepv.console import Table, columns, console, print_table
     from sepv.files import write_atomically
+    from sepv.pictures import Axis, Series, content, draw_curves, figure, looks, require_picture
     from sepv.schemes import load_problem, load_scheme
-    from sepv.studies import Axis, Series, content, draw_curves, figure, looks, require_picture
     from sepv.studies import trajectory as study
 
     require_picture(out)

@@ -10,7 +10,18 @@ from typing import TYPE_CHECKING
 
 from sepv._lazy import lazily
 from sepv.console._progress import Shown, showing
-from sepv.console._tables import Column, Table, columns, fits, kept, longest, markdown, print_table
+from sepv.console._tables import (
+    Column,
+    Table,
+    columns,
+    facts,
+    fits,
+    html,
+    kept,
+    longest,
+    markdown,
+    print_table,
+)
 from sepv.console._text import (
     ascii_cell,
     ascii_text,

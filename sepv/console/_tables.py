@@ -1,4 +1,4 @@
-"""Tables on a terminal and in Markdown.
+"""Tables on a terminal, in Markdown and in HTML.
 
 If a table is too wide for its terminal, columns are left out, the least important first. Digits are never cut.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from html import escape
 from typing import TYPE_CHECKING, Any
 
 from sepv.console._text import ascii_cell, cannot_show, printable_cell
@@ -177,6 +178,37 @@ def markdown(headings: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """The lines of a table of Markdown."""
     head, *body = ("| " + " | ".join(line) + " |" for line in (headings, *rows))
     return "\n".join([head, "|" + "---|" * len(headings), *body])
+
+
+def html(*tables: Table) -> str:
+    """Tables with equal headings as one table of HTML for a notebook, with a line for the title of each.
+
+    All texts are escaped, and so are characters that are invisible or change the direction of writing.
+    """
+
+    def cells(tag: str, row: Sequence[Cell]) -> str:
+        sides = ("right" if c.right else "left" for c in tables[0].columns)
+        return "".join(
+            f'<{tag} style="text-align:{side}">{_inert(cell)}</{tag}>'
+            for side, cell in zip(sides, row, strict=True)
+        )
+
+    lines = [f"<tr>{cells('th', [c.heading for c in tables[0].columns])}</tr>"] if tables[0].headed else []
+    for table in tables:
+        if table.title:
+            span = f'colspan="{len(table.columns)}" style="text-align:left"'
+            lines.append(f"<tr><th {span}>{_inert(table.title)}</th></tr>")
+        lines += [f"<tr>{cells('td', row)}</tr>" for row in table.rows]
+    return f"<table>{''.join(lines)}</table>"
+
+
+def facts(title: str, rows: Iterable[tuple[str, str]]) -> Table:
+    """A table of names and values, without headings."""
+    return Table((Column("name"), Column("value", words=True)), list(rows), title, headed=False)
+
+
+def _inert(cell: Cell) -> str:
+    return escape(_plain(printable_cell(cell)))
 
 
 def longest(texts: Iterable[str]) -> int:

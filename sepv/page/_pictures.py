@@ -15,10 +15,10 @@ from xml.etree import ElementTree
 
 from markupsafe import Markup
 
+from sepv import pictures as drawing
 from sepv.page._text import name
+from sepv.pictures import GRID, GUIDE, SOFT, TEXT, Axis, Series
 from sepv.schemes import Look
-from sepv.studies import GRID, GUIDE, SOFT, TEXT, Axis, Series
-from sepv.studies import picture as drawing
 
 # The size of a drawing, its margins, and the size of a sample in its legend, in points (1/72 inch).
 WIDTH, HEIGHT = 520, 330
@@ -68,7 +68,7 @@ class Pictures:
         return Markup("".join(named))
 
     def draw(self, series: Sequence[Series], x: Axis, y: Axis, **more: Any) -> Picture:
-        """Draw curves in a picture; `more` are further arguments of `sepv.studies._picture.draw_curves`."""
+        """Draw curves in a picture; `more` are further arguments of `sepv.pictures.draw_curves`."""
         drawing.require_matplotlib("a page of verdicts and counters alone needs none")
         with drawing.figure(WIDTH / 72, HEIGHT / 72, _STYLE) as drawn, warnings.catch_warnings():
             # If matplotlib's font lacks a sign, the reader's fonts draw it.

@@ -14,8 +14,8 @@ from sepv.console import counted
 from sepv.errors import UsageError
 from sepv.page._text import name, number, plain
 from sepv.page._views import View, again, cell, words_of
-from sepv.studies import power
-from sepv.verification import ALL_LAWS, Verdict, has_words, load_laws, same_error, verdict_text
+from sepv.pictures import power
+from sepv.verification import ALL_LAWS, Verdict, has_words, load_laws, same_error, to_bound, verdict_text
 
 # The largest number of characters of all counterexamples on a page; ROOMY on a page of at most FEW schemes, which has
 # pictures of them too. The JSON files have all counterexamples.
@@ -107,18 +107,9 @@ def _scale(laws: list[View]) -> tuple[Any, list[tuple[str, str]]]:
 
 
 def _ratio(law: View) -> float | None:
-    """Return a law's defect/bound, or bound/defect for a lower bound. The law is violated if this ratio is above 1.
-
-    The ratio is None if nothing was measured, and ∞ if the defect is not finite or a bound 0 is exceeded.
-    """
-    defect, bound = law["defect"], law["bound"]
-    if bound is None or (defect is None and law["verdict"] != "violated"):
-        return None
-    if defect is None:
-        return math.inf
-    if law["at_least"]:
-        return max(bound, 0.0) / defect if defect > 0 else math.inf
-    return abs(defect) / bound if bound > 0 else math.inf if defect else 0.0
+    """Return the defect of a law in units of its bound."""
+    violated = law["verdict"] == "violated"
+    return to_bound(law["defect"], law["bound"], at_least=law["at_least"], violated=violated)
 
 
 def shown_verdict(law: View) -> str:

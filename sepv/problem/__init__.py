@@ -62,7 +62,7 @@ from sepv.problem._nambu import cross
 from sepv.problem._poisson import derivative_of_structure
 from sepv.problem._poisson import jacobi_defect as jacobi_defect
 from sepv.problem._problem import Description as Description
-from sepv.problem._problem import Flow, Matrix, Structure, coefficients
+from sepv.problem._problem import Flow, Matrix, Structure, coefficients, few
 from sepv.problem._problem import GivenProblem as GivenProblem
 from sepv.problem._problem import NamedProblem as NamedProblem
 from sepv.problem._problem import PolynomialSystem as PolynomialSystem

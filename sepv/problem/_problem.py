@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sepv._arguments import floats, is_number, is_whole
+from sepv.console import facts, html
 from sepv.core.arrays import Array
 from sepv.core.problem import Function, System
 from sepv.errors import ProblemError, UsageError
@@ -281,22 +282,35 @@ class Problem(System):
         """The derivative f′(y)v of the field f = B∇H, (d, ...): analytic, else by differences of high order."""
         return derivative_along(self, y, v)
 
+    def _repr_html_(self) -> str:
+        """A table for a notebook: the name, the dimension, the noise, the initial state, the known parts."""
+        rows = [
+            ("dimension", str(self.dimension)),
+            ("noise c_j", few(self.c)),
+            ("initial state", "none" if self.initial is None else few(np.asarray(self.initial))),
+            ("Casimirs", f"{len(self.casimirs)} quadratic, {len(self.linear_casimirs)} linear"),
+            ("known", ", ".join(k.replace("_", " ") for k in self._known_parts()) or "B, H and ∇H alone"),
+        ]
+        return html(facts(f"{type(self).__name__} {self.name[:80]}", rows))
+
+    def _known_parts(self) -> list[str]:
+        names = ("hessian", "structure_derivative", "mean_gradient", "domain")
+        return [name for name in names if getattr(self, name)]
+
     def __repr__(self) -> str:
         """One line: the name, the dimension, the noise, the initial state, and which parts are known."""
-        start = "" if self.initial is None else f", initial {_few(np.asarray(self.initial))}"
+        start = "" if self.initial is None else f", initial {few(np.asarray(self.initial))}"
         casimirs = len(self.casimirs) + len(self.linear_casimirs)
-        known = [
-            k for k in ("hessian", "structure_derivative", "mean_gradient", "domain") if getattr(self, k)
-        ]
+        known = self._known_parts()
         return (
-            f"<{type(self).__name__} {self.name[:80]}: d = {self.dimension}, c = {_few(self.c)}{start}"
+            f"<{type(self).__name__} {self.name[:80]}: d = {self.dimension}, c = {few(self.c)}{start}"
             + (f", {casimirs} Casimir{'s' * (casimirs > 1)}" if casimirs else "")
             + (f", {', '.join(known)}" if known else "")
             + ">"
         )
 
 
-def _few(values: Array) -> str:
+def few(values: Array) -> str:
     """The first six numbers of a vector in parentheses."""
     return f"({', '.join(f'{v:.6g}' for v in values[:6])}{', …' if values.size > 6 else ''})"
 

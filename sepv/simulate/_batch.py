@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from sepv._arguments import optional
+from sepv.console import Column, Table, facts, html
 from sepv.core.newton import Status
 from sepv.errors import UsageError
 from sepv.problem import Array, Problem, invariants
@@ -103,20 +104,69 @@ class Ensemble:
 
     def energy(self) -> Array:
         """H along the paths in binary64, (K, M) at `times`, or (M,) at T if no times were chosen."""
-        return np.asarray(self._invariants()[0])
+        return np.asarray(known_invariants(self.problem, self._kept())[0])
 
     def casimirs(self) -> Array:
         """The n quadratic and linear Casimirs, in the order of the problem: (n, K, M) at `times`, or (n, M) at T."""
-        return np.asarray(self._invariants()[1:])
+        return np.asarray(known_invariants(self.problem, self._kept())[1:])
 
-    def _invariants(self) -> Array:
-        if self.problem is None:
+    def _kept(self) -> Array:
+        """The states at `times`, (d, K, M), or the ends (d, M) if no times were chosen, read from a store if any."""
+        return np.asarray(self.states[...] if len(self.times) else self.y[...])
+
+    def _require_paths(self) -> None:
+        """Raise UsageError for an ensemble that has only summaries of its paths."""
+        if self.reduced and not self.y.shape[-1]:
             raise UsageError(
-                expected="an ensemble that knows its problem",
-                received="one that was made by hand or with reduce= alone",
-                remedy="take it from sepv.ensemble, or evaluate problem.hamiltonian(states) yourself",
-            )
-        return invariants(self.problem, np.asarray(self.states[...] if len(self.times) else self.y[...]))
+                expected="an ensemble with its paths", received="one that was reduced: its paths are gone",
+                remedy="Ensemble.reduced has its summaries; store= keeps the paths",
+            )  # fmt: skip
+
+    def _repr_html_(self) -> str:
+        """Tables for a notebook: the paths and their defects, and the summaries of `reduce=`."""
+        M, status = self.y.shape[1], np.asarray(self.status)
+        rows = [(key, str(self.about[key])) for key in ("scheme", "problem") if key in self.about]
+        if M:
+            rows.append(("paths", f"{M:,}, {np.count_nonzero(status):,} failed"))
+            for name, defects in (("H", self.energy_defect), ("a Casimir", self.casimir_defect)):
+                rows.append((f"largest change of {name}", f"{np.max(np.asarray(defects)):.3g}"))
+        if K := len(self.times):
+            rows.append(("states", f"at {K:,} times from t = {self.times[0]:g} to {self.times[-1]:g}"))
+        rows.append(("engine", self.engine + (f" ({self.reason})" if self.reason else "")))
+        if not self.reduced:
+            return html(facts("Ensemble", rows))
+        numbers = ("mean", "standard_error", "minimum", "maximum")
+        heads = (
+            Column("functional"),
+            *(Column(n.replace("_", " "), right=True) for n in ("count", *numbers)),
+        )
+        lines = [
+            (name, f"{s.count:,}", *(f"{getattr(s, n):.6g}" for n in numbers))
+            for name, s in self.reduced.items()
+        ]
+        return html(facts("Ensemble", rows)) + html(Table(heads, lines))
+
+    def plot(self) -> Any:
+        """Draw the states, and the share of paths by the largest change of H and of a Casimir.
+
+        At chosen times, a component is drawn by its median and the band between its quantiles of 5 % and 95 %, of at
+        most six components. Without times, the ends of at most 2,000 paths are drawn, y2 against y1. Failed paths are
+        left out.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A notebook shows it; `savefig` writes it to a file.
+
+        Raises
+        ------
+        UsageError
+            If matplotlib, the extra ``plots``, is not installed, or if the ensemble has only summaries of its paths.
+        """
+        from sepv.simulate._drawn import ensemble_figure
+
+        self._require_paths()
+        return ensemble_figure(self)
 
     def to_xarray(self) -> Any:
         """Return an `xarray.Dataset` with the dimensions path, time, component and noise, and with `about` as `attrs`.
@@ -127,11 +177,7 @@ class Ensemble:
         Raise UsageError if xarray (extra `store`) is not installed, or if the ensemble has only summaries of its paths.
         """
         xarray = optional("xarray", "xarray, for to_xarray()", "pip install xarray")
-        if self.reduced and not self.y.shape[-1]:
-            raise UsageError(
-                expected="an ensemble with its paths", received="one that was reduced: its paths are gone",
-                remedy="Ensemble.reduced has its summaries; store= keeps the paths",
-            )  # fmt: skip
+        self._require_paths()
         attrs = {k: v for k, v in self.about.items() if isinstance(v, (str, int, float))}
         if hasattr(self.y, "store_path"):
             # The arrays stay on disk; indexing reads them.
@@ -152,6 +198,24 @@ class Ensemble:
             data.pop("states", None)
             return xarray.Dataset(data, attrs=attrs)
         return xarray.Dataset(data, coords={"time": ("time", self.times)}, attrs=attrs)
+
+
+def known_invariants(problem: Problem | None, y: Array) -> Array:
+    """The rows H and the Casimirs at y (d, ...). UsageError without a problem."""
+    if problem is None:
+        raise UsageError(
+            expected="paths that know their problem",
+            received="ones that were made by hand or with reduce= alone",
+            remedy="take them from sepv.integrate or sepv.ensemble, or evaluate problem.hamiltonian(states) yourself",
+        )
+    return invariants(problem, y)
+
+
+def changes_of_invariants(problem: Problem, y: Array) -> dict[str, Array]:
+    """The changes of H and of the Casimirs C1, C2, … along one path y (d, N + 1) from its first state, by name."""
+    with np.errstate(all="ignore"):
+        rows = invariants(problem, y)
+        return {f"C{n}" if n else "H": row - row[0] for n, row in enumerate(rows)}
 
 
 def run_chunk(

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, field
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from sepv._arguments import floats
+from sepv.console import facts, html
 from sepv.errors import UsageError
-from sepv.problem import Array, Problem
+from sepv.problem import Array, Problem, few
 from sepv.schemes import PointLaw, Scheme, Step, ask_next, further_rows, require_converged
 from sepv.simulate import _areas as areas
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
+from sepv.simulate._batch import changes_of_invariants, known_invariants
 from sepv.simulate._run_arguments import checked
 
 
@@ -31,6 +33,8 @@ class Trajectory:
     gradient_evaluations, divisions, continuations : int
         The numbers of evaluations of ∇H, of divided steps (`sepv.schemes.divided`), and of fractions of steps that
         were solved by continuation (`sepv.schemes.continued`).
+    problem : Problem, optional
+        The problem of the path, for `energy` and `casimirs`.
     """
 
     t: Array
@@ -39,12 +43,53 @@ class Trajectory:
     gradient_evaluations: int
     divisions: int = 0
     continuations: int = 0
+    problem: Problem | None = field(default=None, repr=False)
 
     def __repr__(self) -> str:
         """One line: the steps, the times and the first and last state; the arrays are not printed."""
         d, count = self.y.shape[0], self.y.shape[1] - 1
         first, last = (", ".join(f"{v:.6g}" for v in self.y[:6, n]) + ", …" * (d > 6) for n in (0, -1))
         return f"<Trajectory of {count} steps to t = {self.t[-1]:g}, d = {d}: ({first}) → ({last})>"
+
+    def _repr_html_(self) -> str:
+        """A table for a notebook: steps, times, both ends, changes of the invariants, counts of work."""
+        rows = [
+            ("problem", self.problem.name if self.problem else "not known"),
+            ("steps", f"{self.y.shape[1] - 1:,} from t = {self.t[0]:g} to {self.t[-1]:g}"),
+            *((f"y at t = {self.t[n]:g}", few(self.y[:, n])) for n in (0, -1)),
+        ]
+        if self.problem is not None:
+            changes = changes_of_invariants(self.problem, self.y)
+            rows += [(f"largest change of {name}", f"{abs(v).max():.3g}") for name, v in changes.items()]
+        for name in ("gradient_evaluations", "divisions", "continuations"):
+            if count := getattr(self, name):
+                rows.append((name.replace("_", " "), f"{count:,}"))
+        return html(facts("Trajectory", rows))
+
+    def energy(self) -> Array:
+        """H along the path in binary64, (N + 1,). UsageError for a path made by hand, without its problem."""
+        return np.asarray(known_invariants(self.problem, self.y)[0])
+
+    def casimirs(self) -> Array:
+        """The n quadratic and linear Casimirs along the path, (n, N + 1), in the order of the problem."""
+        return np.asarray(known_invariants(self.problem, self.y)[1:])
+
+    def plot(self) -> Any:
+        """Draw the components of y, and the changes of H and of the Casimirs, against time.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A notebook shows it; `savefig` writes it to a file. At most six components and Casimirs are drawn.
+
+        Raises
+        ------
+        UsageError
+            If matplotlib, the extra ``plots``, is not installed.
+        """
+        from sepv.simulate._drawn import path_figure
+
+        return path_figure(self)
 
 
 def integrate(
@@ -138,5 +183,5 @@ def _walk(scheme: Scheme, problem: Problem, y0: Array, h: float, dW: Array) -> T
         continuations += 0 if solution.continuations is None else int(solution.continuations[0])
         y[:, n + 1] = require_converged(problem, y[:, n : n + 1], h, dW[n][:, None], solution)[:, 0]
     return Trajectory(
-        np.arange(count + 1, dtype=np.float64) * h, y, dW, evaluations, divisions, continuations
+        np.arange(count + 1, dtype=np.float64) * h, y, dW, evaluations, divisions, continuations, problem
     )

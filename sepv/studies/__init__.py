@@ -2,7 +2,7 @@
 
 The studies do not depend on each other. Each has a command and is loaded on demand: `_compare` (error against cost),
 `_bench` (counts of evaluations, times of two versions in pairs), `_hard_cases`, `_energy_growth`,
-`_solvability`. `_evaluation_count` counts the evaluations of a scheme, and `_picture` draws all pictures. The paper's
+`_solvability`. `_evaluation_count` counts the evaluations of a scheme. The paper's
 own experiments are in `sepv.reference.paper`.
 """
 
@@ -15,38 +15,21 @@ from sepv._lazy import lazily
 if TYPE_CHECKING:
     from sepv.studies import _energy_growth as energy_growth
     from sepv.studies import _energy_without_noise as energy_without_noise
-    from sepv.studies import _picture as picture
     from sepv.studies import _trajectory as trajectory
     from sepv.studies._bench import cases as bench_cases
     from sepv.studies._bench import pairs as bench_pairs
     from sepv.studies._bench import store as bench_store
     from sepv.studies._bench.gate import check as check_bench
-    from sepv.studies._compare import picture as comparison_picture
     from sepv.studies._compare import table as comparison_table
     from sepv.studies._compare.method import Method as Method
-    from sepv.studies._compare.method import from_scheme, from_states, load_method
-    from sepv.studies._compare.record import Comparison
+    from sepv.studies._compare.method import from_scheme as from_scheme
+    from sepv.studies._compare.method import from_states, load_method
+    from sepv.studies._compare.record import Comparison as Comparison
     from sepv.studies._compare.run import compare as compare
     from sepv.studies._compare.run import one_core
     from sepv.studies._energy_growth import DOUBLINGS, Growth, growth
     from sepv.studies._hard_cases import Seen, long_steps
     from sepv.studies._hard_cases import run as run_hard_cases
-    from sepv.studies._picture import (
-        FLOOR,
-        GRID,
-        GUIDE,
-        SOFT,
-        TEXT,
-        Axis,
-        Series,
-        content,
-        draw_curves,
-        figure,
-        looks,
-        power,
-        require_matplotlib,
-        require_picture,
-    )
     from sepv.studies._solvability.branch import End
     from sepv.studies._solvability.map import Map
     from sepv.studies._solvability.map import solvability_map as solvability_map
@@ -61,15 +44,12 @@ __getattr__, __dir__ = lazily(
         "_bench.pairs": "*bench_pairs",
         "_bench.store": "*bench_store",
         "_compare.method": "Method from_scheme from_states load_method",
-        "_compare.picture": "*comparison_picture",
         "_compare.record": "Comparison",
         "_compare.run": "compare one_core",
         "_compare.table": "*comparison_table",
         "_energy_growth": "*energy_growth DOUBLINGS Growth growth",
         "_energy_without_noise": "*energy_without_noise",
         "_hard_cases": "Seen long_steps run_hard_cases=run",
-        "_picture": "*picture Axis FLOOR GRID GUIDE SOFT Series TEXT content draw_curves figure looks power "
-        "require_matplotlib require_picture",
         "_solvability.branch": "End",
         "_solvability.map": "Map solvability_map",
         "_solvability.paths": "Exits follow_paths",

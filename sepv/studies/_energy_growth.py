@@ -24,6 +24,7 @@ import numpy as np
 
 from sepv.errors import UsageError
 from sepv.files import finite
+from sepv.pictures import Axis, Series, content, draw_curves, figure, looks
 from sepv.problem import Array, Problem
 from sepv.properties import GROWTH_LEVEL as LEVEL
 from sepv.properties import energy_rounding_walk as rounding_walk
@@ -33,7 +34,6 @@ from sepv.schemes import Look, Scheme
 from sepv.simulate import ensemble
 from sepv.statistics import students_t
 from sepv.studies._energy_diffusion import EnergyDiffusion, energy_diffusion
-from sepv.studies._picture import Axis, Series, content, draw_curves, figure, looks
 
 # A bounded error oscillates. If its size doubles between two times, the slope is 1 over one doubling of t, but at most
 # 1/4 over four. The period of the oscillation has to be below T/2^DOUBLINGS.

@@ -69,6 +69,20 @@ class Measurement:
         return 0.0 if self.defect == 0 else float("inf")
 
 
+def to_bound(defect: float | None, bound: float | None, *, at_least: bool, violated: bool) -> float | None:
+    """The ratio defect/bound of a law, or bound/defect for a lower bound; a law whose ratio is above 1 is violated.
+
+    The ratio is None if nothing was measured, and ∞ if the defect is not finite or a bound 0 is exceeded.
+    """
+    if bound is None or (defect is None and not violated):
+        return None
+    if defect is None:
+        return math.inf
+    if at_least:
+        return max(bound, 0.0) / defect if defect > 0 else math.inf
+    return abs(defect) / bound if bound > 0 else math.inf if defect else 0.0
+
+
 @dataclass(frozen=True)
 class Finding:
     """The result of measuring a law on a scheme.
@@ -137,6 +151,13 @@ class Finding:
     def verdict_text(self) -> str:
         """The verdict in words; "expected" for a law that is violated as expected."""
         return "expected" if self.waived else verdict_text(self.verdict, self.share, self.afresh)
+
+    @property
+    def ratio(self) -> float | None:
+        """The defect in units of the bound, as `to_bound` gives it."""
+        return to_bound(
+            self.defect, self.bound, at_least=self.at_least, violated=self.verdict is Verdict.VIOLATED
+        )
 
     @property
     def words(self) -> str:

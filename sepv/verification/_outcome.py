@@ -182,6 +182,23 @@ class Report:
 
         return in_notebook(self)
 
+    def plot(self) -> Any:
+        """Draw the measured laws on one scale: the defect of each in units of its bound, 1 and less if it holds.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+            A notebook shows it; `savefig` writes it to a file. Names of claimed laws are bold.
+
+        Raises
+        ------
+        UsageError
+            If matplotlib, the extra ``plots``, is not installed, or if no law was measured against a bound.
+        """
+        from sepv.verification._picture import report_figure
+
+        return report_figure(self)
+
     def to_json(self) -> dict[str, Any]:
         """The report as a JSON object: suite, scheme, profiles, counts, laws."""
         scheme, effort, profiles = self.scheme, self.effort, self.profiles

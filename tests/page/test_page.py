@@ -42,8 +42,8 @@ from sepv.page._pictures import Pictures
 from sepv.page._render import fingerprint
 from sepv.page._verdicts import _scale
 from sepv.page._views import priced, step_size
+from sepv.pictures import Axis, Series, looks
 from sepv.schemes import EXTENSIONS, PAPER, Look
-from sepv.studies._picture import Axis, Series, looks
 from sepv.verification._course import FINER, STEPS, course, with_courses
 
 

@@ -18,11 +18,12 @@ from sepv.properties._orders.convergence import strong_errors
 
 import sepv
 from sepv import problems, schemes
+from sepv.pictures import content
 from sepv.problem import Array, Problem
 from sepv.simulate import _wiener as wiener
 from sepv.statistics import Estimate
 from sepv.studies._compare import method as methods_of
-from sepv.studies._compare import picture, table
+from sepv.studies._compare import table
 from sepv.studies._compare.method import Ends, Followed, Method, exact_time_change, from_scheme
 from sepv.studies._compare.record import Comparison, Point, Seconds, time_to_error
 from sepv.studies._compare.run import compare, one_core
@@ -121,12 +122,12 @@ def test_equal_comparisons_give_the_same_errors_counts_and_picture(found: Compar
     for ours, theirs in zip(again.points, found.of("energy-preserving"), strict=True):
         assert replace(ours, seconds=theirs.seconds) == theirs
     pytest.importorskip("matplotlib")
-    drawn = picture.draw(found, ".svg")
-    assert drawn == picture.draw(found, ".svg")
+    drawn = content(found.plot(), ".svg")
+    assert drawn == content(found.plot(), ".svg")
     words = " ".join(ElementTree.fromstring(drawn).itertext())
     for word in (*found.sources, "strong error at T", "processor time of one path"):
         assert word in words
-    assert picture.draw(found, ".png").startswith(b"\x89PNG")
+    assert content(found.plot(), ".png").startswith(b"\x89PNG")
 
 
 def point(steps: int, error: float, microseconds: float, failures: int = 0) -> Point:

@@ -6,18 +6,20 @@ Needs the extra ``plots``.
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from sepv.pictures import FLOOR, Axis, figure, frame, line, looks
 from sepv.schemes import Look
-from sepv.studies._compare.record import Comparison, Point
-from sepv.studies._picture import FLOOR, Axis, content, figure, frame, line, looks
+
+if TYPE_CHECKING:
+    from sepv.studies._compare.record import Comparison, Point
 
 # The size of markers, in points.
 SIZE = 5
 
 
-def draw(comparison: Comparison, suffix: str) -> bytes:
-    """The picture of a comparison as the content of a file; `suffix` is one of .svg, .png and .pdf."""
+def comparison_figure(comparison: Comparison) -> Any:
+    """The picture of a comparison as a figure of matplotlib."""
     rows = math.ceil(len(comparison.sources) / 4)
     look_of = looks(comparison.sources, comparison.looks)
     with figure(9.5, 4.2 + 0.22 * rows, layout="constrained") as drawn:
@@ -33,7 +35,7 @@ def draw(comparison: Comparison, suffix: str) -> bytes:
         drawn.suptitle(f"{comparison.problem}, T = {comparison.T:g}")
         handles = [error.plot([], [], **_filled(look_of[name]))[0] for name in comparison.sources]
         drawn.legend(handles, list(comparison.sources), loc="outside lower center", ncols=4, fontsize=8)
-        return content(drawn, suffix)
+        return drawn
 
 
 def _error_curve(axes: Any, points: list[Point], look: Look) -> None:

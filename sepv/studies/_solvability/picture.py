@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from sepv.pictures import REFERENCE, Axis, content, figure, frame, line, looks, power
 from sepv.schemes import Look
-from sepv.studies._picture import REFERENCE, Axis, content, figure, frame, line, looks, power
 from sepv.studies._solvability.map import Ending, Map
 from sepv.studies._solvability.paths import Exits
 

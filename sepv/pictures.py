@@ -97,7 +97,7 @@ def looks_of(series: Sequence[Series], look_of: Mapping[str, Look]) -> list[Look
     If some curves have a scheme, the curves without one all look alike. If no curve has a scheme, all look different.
     """
     if not any(s.scheme for s in series):
-        return [_free(n) for n in range(len(series))] if len(series) > 1 else [REFERENCE] * len(series)
+        return [_free(n) for n in range(len(series))]
     used = []
     for number, s in enumerate(series):
         again = sum(s.scheme == other.scheme for other in series[:number]) if s.scheme else 0
@@ -141,18 +141,37 @@ def require_matplotlib(otherwise: str) -> None:
 def figure(width: float, height: float, style: Mapping[str, Any] | None = None, **more: Any) -> Iterator[Any]:
     """A matplotlib figure of a size in inches; `style` adds to the rc settings STYLE, `more` is passed to `Figure`."""
     import matplotlib as mpl
+
+    settings = {**STYLE, **(style or {})}
+    with mpl.rc_context(settings):
+        drawn = _figure_class()(figsize=(width, height), **more)
+        drawn.settings = settings
+        yield drawn
+
+
+@cache
+def _figure_class() -> Any:
+    """Matplotlib's `Figure` with its rc settings, which a notebook shows even if it has not loaded pyplot."""
     from matplotlib.figure import Figure
 
-    with mpl.rc_context({**STYLE, **(style or {})}):
-        yield Figure(figsize=(width, height), **more)
+    class NotebookFigure(Figure):
+        settings: Mapping[str, Any] = STYLE
+
+        def _repr_png_(self) -> bytes:
+            return content(self, ".png", dpi=110)
+
+    return NotebookFigure
 
 
 def content(drawn: Any, suffix: str, *, title: str | None = None, dpi: int = 160) -> bytes:
     """The content of a file with the figure `drawn`, without a date; `suffix` is one of `SUFFIXES`."""
     kind = suffix.lower().lstrip(".")
     nameless: dict[str, Any] = {{"svg": "Date", "pdf": "CreationDate", "png": "Software"}[kind]: None}
+    import matplotlib as mpl
+
     out = io.BytesIO()
-    drawn.savefig(out, format=kind, dpi=dpi, metadata=nameless | ({"Title": title} if title else {}))
+    with mpl.rc_context(drawn.settings):  # some are read when the file is written
+        drawn.savefig(out, format=kind, dpi=dpi, metadata=nameless | ({"Title": title} if title else {}))
     return out.getvalue()
 
 
