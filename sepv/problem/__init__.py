@@ -36,8 +36,8 @@ from sepv.problem._directions import Directions, directions, projections
 from sepv.problem._enclosures import over_box as over_box
 from sepv.problem._enclosures import recorded as recorded
 from sepv.problem._fields import casimir_gradients as casimir_gradients
+from sepv.problem._fields import changes_of_invariants, invariants, known_invariants, slope_along
 from sepv.problem._fields import energy_change as energy_change
-from sepv.problem._fields import invariants, slope_along
 from sepv.problem._hamiltonians import HamiltoniansProblem as HamiltoniansProblem
 from sepv.problem._hamiltonians import (
     bracket,

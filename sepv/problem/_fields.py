@@ -9,6 +9,7 @@ import numpy as np
 
 from sepv.core.arrays import Array, matvec
 from sepv.core.average import average_gradient
+from sepv.errors import UsageError
 from sepv.problem._problem import Problem
 
 
@@ -24,6 +25,24 @@ def invariants(problem: Problem, y: Array) -> Array:
     for b in problem.linear_casimirs:
         rows.append(sum((b[i] * y[i] for i in range(len(b))), start=none))
     return np.stack(rows)
+
+
+def known_invariants(problem: Problem | None, y: Array) -> Array:
+    """The rows H and the Casimirs at y (d, ...). UsageError without a problem."""
+    if problem is None:
+        raise UsageError(
+            expected="paths that know their problem",
+            received="ones that were made by hand or with reduce= alone",
+            remedy="take them from sepv.integrate or sepv.ensemble, or evaluate problem.hamiltonian(states) yourself",
+        )
+    return invariants(problem, y)
+
+
+def changes_of_invariants(problem: Problem, y: Array) -> dict[str, Array]:
+    """The changes of H and of the Casimirs C1, C2, … along one path y (d, N + 1) from its first state, by name."""
+    with np.errstate(all="ignore"):
+        rows = invariants(problem, y)
+        return {f"C{n}" if n else "H": row - row[0] for n, row in enumerate(rows)}
 
 
 def casimir_gradients(quadratic: Sequence[Any], linear: Sequence[Any], ends: Array) -> list[Array]:

@@ -12,7 +12,7 @@ from sepv._arguments import optional
 from sepv.console import Column, Table, facts, html
 from sepv.core.newton import Status
 from sepv.errors import UsageError
-from sepv.problem import Array, Problem, invariants
+from sepv.problem import Array, Problem, invariants, known_invariants
 from sepv.schemes import REFUSALS, PathSolver, Scheme, StatefulStep, carry, joined_lanes, lanes
 from sepv.simulate import _truncation as bounded
 from sepv.simulate._results.reductions import Summary
@@ -198,24 +198,6 @@ class Ensemble:
             data.pop("states", None)
             return xarray.Dataset(data, attrs=attrs)
         return xarray.Dataset(data, coords={"time": ("time", self.times)}, attrs=attrs)
-
-
-def known_invariants(problem: Problem | None, y: Array) -> Array:
-    """The rows H and the Casimirs at y (d, ...). UsageError without a problem."""
-    if problem is None:
-        raise UsageError(
-            expected="paths that know their problem",
-            received="ones that were made by hand or with reduce= alone",
-            remedy="take them from sepv.integrate or sepv.ensemble, or evaluate problem.hamiltonian(states) yourself",
-        )
-    return invariants(problem, y)
-
-
-def changes_of_invariants(problem: Problem, y: Array) -> dict[str, Array]:
-    """The changes of H and of the Casimirs C1, C2, … along one path y (d, N + 1) from its first state, by name."""
-    with np.errstate(all="ignore"):
-        rows = invariants(problem, y)
-        return {f"C{n}" if n else "H": row - row[0] for n, row in enumerate(rows)}
 
 
 def run_chunk(

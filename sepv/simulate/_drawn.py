@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,9 +18,11 @@ from sepv.pictures import (
     looks_of,
     require_matplotlib,
 )
-from sepv.problem import Array
-from sepv.simulate._batch import Ensemble, changes_of_invariants
-from sepv.simulate._paths import Trajectory
+from sepv.problem import Array, changes_of_invariants
+
+if TYPE_CHECKING:
+    from sepv.simulate._batch import Ensemble
+    from sepv.simulate._paths import Trajectory
 
 # The largest numbers of curves, of points of a curve's strips, and of ends in a picture.
 CURVES, STRIPS, ENDS = 6, 400, 2000

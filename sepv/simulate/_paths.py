@@ -11,12 +11,11 @@ from numpy.typing import ArrayLike
 from sepv._arguments import floats
 from sepv.console import facts, html
 from sepv.errors import UsageError
-from sepv.problem import Array, Problem, few
+from sepv.problem import Array, Problem, changes_of_invariants, few, known_invariants
 from sepv.schemes import PointLaw, Scheme, Step, ask_next, further_rows, require_converged
 from sepv.simulate import _areas as areas
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
-from sepv.simulate._batch import changes_of_invariants, known_invariants
 from sepv.simulate._run_arguments import checked
 
 

@@ -7,11 +7,13 @@ import io
 import math
 import statistics
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from sepv.console import Table, columns, longest
 from sepv.statistics import Estimate
-from sepv.studies._compare.record import Comparison, Point, TimeToError
+
+if TYPE_CHECKING:
+    from sepv.studies._compare.record import Comparison, Point, TimeToError
 
 # The error of clipping is noted if it is more than this fraction of the strong error (its square is about a tenth).
 CLIPPED = 0.3
