@@ -199,7 +199,7 @@ def html(*tables: Table) -> str:
             span = f'colspan="{len(table.columns)}" style="text-align:left"'
             lines.append(f"<tr><th {span}>{_inert(table.title)}</th></tr>")
         lines += [f"<tr>{cells('td', row)}</tr>" for row in table.rows]
-    return f"<table>{''.join(lines)}</table>"
+    return f'<div style="overflow-x:auto"><table>{"".join(lines)}</table></div>'
 
 
 def facts(title: str, rows: Iterable[tuple[str, str]]) -> Table:
