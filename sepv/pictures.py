@@ -60,13 +60,24 @@ STYLE = {
 
 @dataclass(frozen=True)
 class Series:
-    """One curve: y against x, with the scheme that made it ("" for a reference). A point with a None is not drawn."""
+    """One curve: y against x, with the scheme that made it ("" for a reference). A point with a None is not drawn.
+
+    half : half the widths of the intervals of y, as many as y; empty for a curve without intervals
+    group : curves of one group have one colour and marker, such as a measurement and its theory; by default the scheme
+    """
 
     name: str
     x: Sequence[float | None]
     y: Sequence[float | None]
     scheme: str = ""
     style: Literal["line", "points", "both"] = "line"
+    half: Sequence[float | None] = ()
+    group: str = ""
+
+    @property
+    def look_key(self) -> str:
+        """The key of the curve's look: its group, or its scheme if it has none."""
+        return self.group or self.scheme
 
 
 @dataclass(frozen=True)
@@ -92,16 +103,17 @@ def looks(names: Iterable[str], own_looks: Mapping[str, Look] | None = None) -> 
 
 
 def looks_of(series: Sequence[Series], look_of: Mapping[str, Look]) -> list[Look]:
-    """The look of each curve: that of its scheme, with other dashes from the scheme's second curve on.
+    """The look of each curve: that of its group or scheme, with other dashes from the second curve on.
 
-    If some curves have a scheme, the curves without one all look alike. If no curve has a scheme, all look different.
+    If some curves have a group or scheme, the curves without one all look alike. If no curve has one, all look
+    different.
     """
-    if not any(s.scheme for s in series):
+    if not any(s.look_key for s in series):
         return [_free(n) for n in range(len(series))]
     used = []
     for number, s in enumerate(series):
-        again = sum(s.scheme == other.scheme for other in series[:number]) if s.scheme else 0
-        look = look_of[s.scheme]
+        again = sum(s.look_key == other.look_key for other in series[:number]) if s.look_key else 0
+        look = look_of[s.look_key]
         used.append(replace(look, dash=_AGAIN[(again - 1) % len(_AGAIN)]) if again else look)
     return used
 
@@ -210,7 +222,7 @@ def draw_curves(
     most : the largest number of markers of a curve without a line; a long line has two points in each of `most` parts
     """
     points = [_finite(s, x.log, y.log) for s in series]
-    for number, (s, look, (across, up)) in enumerate(
+    for number, (s, look, (across, up, half)) in enumerate(
         zip(series, looks_of(series, look_of), points, strict=True)
     ):
         drawn = np.arange(len(across))
@@ -219,6 +231,8 @@ def draw_curves(
         elif most and s.style == "line":
             drawn = _spikes(up, most)
         every = _marked(s.style, len(drawn), number, most)
+        if s.half:
+            draw_intervals(axes, across, up, half, look, log=y.log)
         axes.plot(
             across[drawn],
             up[drawn],
@@ -246,11 +260,21 @@ def frame(axes: Any, x: Axis, y: Axis, *, x_base: int = 10) -> None:
     axes.tick_params(length=0)
 
 
-def _finite(s: Series, x_log: bool, y_log: bool) -> tuple[np.ndarray, np.ndarray]:
-    """The points (x, y) of a curve that can be drawn. Beyond 1e300 the limits of the axes would overflow."""
+def draw_intervals(axes: Any, x: Any, y: Any, half: Any, look: Look, *, log: bool) -> None:
+    """Draw the intervals y ± half as bars, which end above 0 on a logarithmic axis."""
+    below = np.minimum(half, 0.9 * y) if log else half
+    axes.errorbar(x, y, yerr=[below, half], fmt="none", ecolor=look.colour, elinewidth=0.8, capsize=2)
+
+
+def _finite(s: Series, x_log: bool, y_log: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The points (x, y) of a curve that can be drawn, with half the widths of their intervals, 0 for none.
+
+    Beyond 1e300 the limits of the axes would overflow.
+    """
     x, y = np.array(s.x, dtype=float), np.array(s.y, dtype=float)
+    half = np.nan_to_num(np.array(s.half or np.zeros(len(y)), dtype=float), posinf=0.0)
     finite = (np.abs(x) < 1e300) & (np.abs(y) < 1e300) & ((x > 0) | (not x_log)) & ((y > 0) | (not y_log))
-    return x[finite], y[finite]
+    return x[finite], y[finite], half[finite]
 
 
 def _marked(style: str, count: int, number: int, most: int | None) -> Any:
@@ -279,7 +303,7 @@ def _spikes(y: np.ndarray, strips: int) -> np.ndarray:
     return np.array(sorted(indices))
 
 
-def _slopes(axes: Any, points: list[tuple[np.ndarray, np.ndarray]], slopes: Sequence[float]) -> None:
+def _slopes(axes: Any, points: list[tuple[np.ndarray, ...]], slopes: Sequence[float]) -> None:
     """Draw dashed lines of these slopes below the points; each starts at the least x, at half of the least y."""
     x, y = (np.concatenate([p[k] for p in points]) if points else np.empty(0) for k in (0, 1))
     if not len(x):

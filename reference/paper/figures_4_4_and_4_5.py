@@ -9,7 +9,7 @@ from sepv.properties import GROWTH_LEVEL as LEVEL
 from sepv.properties import growth_exponent as exponent
 
 from sepv import problems, schemes
-from sepv.pictures import Axis
+from sepv.pictures import Axis, power
 from sepv.studies import DOUBLINGS, Growth, growth
 
 from . import judge, order, runs
@@ -76,7 +76,7 @@ def convergence(results: Results) -> list[Panel]:
 def _energy(by_scheme: dict[str, runs.Run], parameters: dict[str, Any]) -> Panel:
     judged = {n: by_scheme[n] for n in (*LOSE, *KEEP)}
     return Panel(
-        key="4.4-energy", title="Pendulum: energy", source="Figure 4.4, left",
+        key="4.4-energy", title="Pendulum: energy above the rest position", source="Figure 4.4, left",
         x=TIME, y=Axis("energy H + 1", log=True),
         series=tuple(runs.curve(r, r.energy + 1) for r in by_scheme.values()), parameters=parameters,
         chosen=("H + 1, the energy above the rest position, on a logarithmic axis",),
@@ -148,14 +148,14 @@ def _mean(growth_by_step: dict[float, Growth]) -> Panel:
     """The panel of E[H] along the midpoint scheme, whose small drift is compared with theory for symplectic maps."""
     curves, rates, agree, ends = [], [], [], []
     for h, row in growth_by_step.items():
-        name, theory = f"h = 2^{np.log2(h):.0f}", row.derived
+        name, theory = f"h = {power(h, 2)}", row.derived
         assert theory is not None
         mean, rms = theory.at(row.times)
         curves += [
-            points(f"mean, {name}", row.times, np.abs(row.mean), "midpoint"),
-            points(f"rms, {name}", row.times, row.rms, "midpoint"),
-            series(f"theory, mean, {name}", row.times, mean),
-            series(f"theory, rms, {name}", row.times, rms),
+            points(f"mean, {name}", row.times, np.abs(row.mean), "midpoint", group=f"mean, {name}"),
+            series(f"theory, mean, {name}", row.times, mean, group=f"mean, {name}"),
+            points(f"rms, {name}", row.times, row.rms, "midpoint", group=f"rms, {name}"),
+            series(f"theory, rms, {name}", row.times, rms, group=f"rms, {name}"),
         ]
         rate, half = row.drift
         agree.append(abs(rate - theory.drift) <= half)

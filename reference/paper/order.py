@@ -13,7 +13,7 @@ from sepv.properties import mean_square_slope as slope
 from sepv.record import EPS
 
 from . import judge, record, runs
-from .record import Job, Panel, Results, Size, Statement, points
+from .record import Job, Panel, Results, Size, Statement, rms_points
 
 # The probability that the two-sided confidence interval of a slope does not contain the slope.
 ALPHA = 0.01
@@ -100,7 +100,7 @@ def panel(setting: Setting, results: Results, extra: Sequence[Statement] = ()) -
     h = setting.T / np.array(setting.steps)
     return Panel(
         key=f"{setting.figure}-order", title=setting.title, source=setting.source,
-        series=tuple(points(name, h, e.rms(), name) for name, e in errors.items()),
+        series=tuple(rms_points(name, h, e.squared, name) for name, e in errors.items()),
         parameters={
             "problem": setting.problem, "T": setting.T, "samples": next(iter(errors.values())).squared.shape[1],
             "h": h.tolist(),
@@ -112,8 +112,8 @@ def panel(setting: Setting, results: Results, extra: Sequence[Statement] = ()) -
             *(same_statement(one, other, errors, where, why) for one, other, where, why in setting.same),
             *extra,
         ),
-        description="Mean-square errors fall with the step size along lines of slope one, those of Euler-Maruyama "
-        "along slope one half.",
+        description="Mean-square errors with intervals of 95 % fall with the step size along lines of slope one, "
+        "those of Euler-Maruyama along slope one half.",
         numbers={
             name: {"rms": e.rms().tolist(), "failures": list(e.failures), "slope": slope(e, ALPHA).value}
             for name, e in errors.items()
@@ -148,12 +148,13 @@ def fine_panel(setting: Setting, results: Results) -> Panel:
     truth = errors[reference].errors[-1]
     curves, numbers = [], {}
     for name, e in errors.items():
-        against = np.sqrt(np.mean(np.sum((e.errors - truth) ** 2, axis=1), axis=1))
+        squared = np.sum((e.errors - truth) ** 2, axis=1)
+        against = np.sqrt(np.mean(squared, axis=1))
         numbers[name] = {"exact reference": e.rms().tolist(), "fine-step reference": against.tolist()}
         # The reference's own scheme has error zero at its own step, which a logarithmic axis cannot show.
         nonzero = against > 0
-        curves.append(points(f"{name}, exact reference", h, e.rms(), name))
-        curves.append(points(f"{name}, fine-step reference", h[nonzero], against[nonzero]))
+        curves.append(rms_points(f"{name}, exact reference", h, e.squared, name))
+        curves.append(rms_points(f"{name}, fine-step reference", h[nonzero], squared[nonzero], name))
     true, own_end = map(np.array, numbers[reference].values())
     # A truncated increment causes an error of its sample that the order of the scheme does not explain.
     counts = zip(results[setting.figure, "fine", "truncated"], at, strict=True)
@@ -170,7 +171,9 @@ def fine_panel(setting: Setting, results: Results) -> Panel:
         f"the paper's plot, well above {own_step}, the bias is small and its slopes stand",
     )  # fmt: skip
     return Panel(
-        key=f"{setting.figure}-fine-step-reference", title="What a fine-step reference hides", source=setting.source,
+        key=f"{setting.figure}-fine-step-reference",
+        title=f"{setting.problem}: what a fine-step reference hides",
+        source=setting.source,
         series=tuple(curves),
         parameters={"problem": setting.problem, "T": setting.T, "samples": truth.shape[1], "h": h.tolist()},
         chosen=(

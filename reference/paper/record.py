@@ -20,7 +20,8 @@ from numpy.typing import ArrayLike
 
 from sepv.console import counted
 from sepv.files import finite
-from sepv.pictures import Axis, Series, content, draw_curves, figure, looks
+from sepv.pictures import SUFFIXES, Axis, Series, content, draw_curves, figure, looks
+from sepv.statistics import jackknife
 
 from .judge import Verdict
 
@@ -38,6 +39,9 @@ STATED = {name: order for name, (_, order) in _PAPER.items()}
 # The domain-keeping splitting of [23] with exact flows, which the paper names and does not show.
 OURS = {"splitting": 1.0}
 SENTENCE = {name: words for name, (words, _) in _PAPER.items()} | {"splitting": "The splitting scheme"}
+
+# The place of each scheme in a legend; references come first, and schemes of no figure last.
+_PLACES = {name: place for place, name in enumerate(("", *STATED, *OURS))}
 
 H_AXIS, TIME = Axis("step size h", log=True), Axis("time t")
 ERROR_AXIS = Axis("mean-square error at the end", log=True)
@@ -133,31 +137,46 @@ class Panel:
     seconds: float = 0.0
     numbers: dict[str, Any] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        """Sort the curves, so that the schemes have the same order in every legend."""
+        object.__setattr__(
+            self, "series", tuple(sorted(self.series, key=lambda s: _PLACES.get(s.scheme, 99)))
+        )
+
     def to_json(self) -> dict[str, Any]:
         """The panel as JSON; numbers that are not finite are null."""
         data: dict[str, Any] = finite({"figure": self.key.partition("-")[0], **asdict(self)})
         return data
 
     def to_csv(self) -> str:
-        """The points of all series as CSV, one row a point: series, scheme, x, y."""
+        """The points of all series as CSV, one row a point: series, scheme, x, y, half the width of y's interval."""
         out = io.StringIO()
         table = csv.writer(out, lineterminator="\n")
-        table.writerow(["series", "scheme", self.x.label, self.y.label])
+        table.writerow(["series", "scheme", self.x.label, self.y.label, "±"])
         for s in self.series:
-            table.writerows((s.name, s.scheme, repr(x), repr(y)) for x, y in zip(s.x, s.y, strict=True))
+            half = s.half or [""] * len(s.y)
+            table.writerows((s.name, s.scheme, *point) for point in zip(s.x, s.y, half, strict=True))
         return out.getvalue()
 
 
-def series(name: str, x: ArrayLike, y: ArrayLike, scheme: str = "", style: Any = "line") -> Series:
-    """A `Series` of arrays x and y."""
-    return Series(
-        name, tuple(np.asarray(x, float).tolist()), tuple(np.asarray(y, float).tolist()), scheme, style
-    )
+def series(
+    name: str, x: ArrayLike, y: ArrayLike, scheme: str = "", style: Any = "line", *, half: ArrayLike = (),
+    group: str = "",
+) -> Series:  # fmt: skip
+    """A `Series` of arrays x and y, and of half the widths of the intervals of y, if there are any."""
+    numbers = (tuple(np.asarray(v, float).tolist()) for v in (x, y, half))
+    return Series(name, next(numbers), next(numbers), scheme, style, next(numbers), group)
 
 
-def points(name: str, x: ArrayLike, y: ArrayLike, scheme: str = "") -> Series:
+def points(name: str, x: ArrayLike, y: ArrayLike, scheme: str = "", **more: Any) -> Series:
     """A `Series` of few points, drawn with markers and joined by lines, such as errors against step sizes."""
-    return series(name, x, y, scheme, "both")
+    return series(name, x, y, scheme, "both", **more)
+
+
+def rms_points(name: str, h: ArrayLike, squared: ArrayLike, scheme: str) -> Series:
+    """The curve of rms errors with intervals of 95 %, from the squared errors (L, M) of M samples for L step sizes."""
+    estimates = [jackknife(row[None], lambda mean: math.sqrt(mean[0]), 0.05) for row in np.asarray(squared)]
+    return points(name, h, [e.value for e in estimates], scheme, half=[e.half for e in estimates])
 
 
 def counts(statements: Iterable[Statement]) -> dict[str, int]:
@@ -186,7 +205,7 @@ def sentence(name: str) -> str:
 
 
 # In inches; the width is that of a journal's column, 86 mm. Type has 8 points, the smallest has 6.5.
-WIDTH, HEIGHT = 3.39, 2.9
+WIDTH, HEIGHT = 3.39, 3.05
 # Letters are drawn as paths, so that a journal's page shows them as they are here.
 _STYLE = {
     "svg.fonttype": "path", "font.size": 8, "xtick.labelsize": 7, "ytick.labelsize": 7, "legend.fontsize": 6.5,
@@ -194,18 +213,19 @@ _STYLE = {
 }  # fmt: skip
 
 
-def draw(panel: Panel, folder: Path) -> tuple[Path, Path]:
-    """Write the plot to folder/KEY.svg and folder/KEY.png (300 dpi), with the panel's key, and return both paths."""
+def draw(panel: Panel, folder: Path) -> list[Path]:
+    """Write the plot to folder/KEY.svg, .pdf and .png (300 dpi), with the panel's key, and return the paths."""
     # Two columns of longer labels are wider than the figure. A legend of many rows makes the figure higher.
     columns = 2 if max(len(s.name) for s in panel.series) <= 22 else 1
     more = max(0, math.ceil(len(panel.series) / columns) - 3)
     with figure(WIDTH, HEIGHT + 0.14 * more, _STYLE, layout="constrained") as drawn:
         draw_curves(
-            drawn.add_subplot(), panel.series, looks(s.scheme for s in panel.series), panel.x, panel.y,
+            drawn.add_subplot(), panel.series, looks(s.look_key for s in panel.series), panel.x, panel.y,
             slopes=panel.slopes, equal=panel.equal, window=panel.window,
         )  # fmt: skip
+        drawn.suptitle(panel.title, fontsize=8)
         drawn.legend(loc="outside upper center", ncols=columns, handlelength=2.6)
-        paths = folder / f"{panel.key}.svg", folder / f"{panel.key}.png"
+        paths = [folder / f"{panel.key}{suffix}" for suffix in SUFFIXES]
         for path in paths:
             path.write_bytes(content(drawn, path.suffix, title=panel.title, dpi=300))
     return paths

@@ -12,7 +12,7 @@ from sepv.properties import mean_square_slope as slope
 from sepv import problems
 from sepv.core.newton import Status
 from sepv.exact import exact_flow
-from sepv.pictures import Axis
+from sepv.pictures import Axis, power
 from sepv.problem import Array, Problem
 from sepv.problems import structure
 from sepv.record import EPS
@@ -23,7 +23,7 @@ from sepv.verification import Run
 
 from . import judge
 from .order import ALPHA
-from .record import Job, Panel, Results, Size, Statement, points
+from .record import Job, Panel, Results, Size, Statement, points, rms_points
 from .runs import coarsened, errors
 
 # With this k of Remark 2.1 no increment of the order panel is clipped; a clipped one would add an error of its own.
@@ -182,7 +182,7 @@ def _sublinear(errors: StrongErrors, local: list[float]) -> Panel:
     )  # fmt: skip
     return Panel(
         key="theory-unbounded-hamiltonian", title="A Hamiltonian that is not bounded", source="Remark 3.4",
-        series=(points(SCHEME.name, 1.0 / np.array(errors.steps), errors.rms(), SCHEME.name),),
+        series=(rms_points(SCHEME.name, 1.0 / np.array(errors.steps), errors.squared, SCHEME.name),),
         parameters={"H": "(1 + p²)^¾ + (1 + q²)^¾", "c": 1.0, "y0": [0.5, 1.0], "T": 1.0, "k": UNCLIPPED},
         chosen=(
             f"k = {UNCLIPPED}: a clipped increment is an error of its own, which a thousand samples do not average out",
@@ -233,8 +233,7 @@ def _lost(results: Results) -> Panel:
         key="theory-lotka-volterra-casimir", title="Lotka-Volterra: the Casimir that (2.1) loses", source="Remark 3.5",
         x=Axis("time t", log=True), y=Axis("mean of C(y0) − C(y)", log=True),
         series=tuple(
-            points(f"h = 2^{np.log2(h):.0f}", f["t"], -np.array(f["mean"]), SCHEME.name if h == h0 else "")
-            for h, f in losses.items()
+            points(f"h = {power(h, 2)}", f["t"], -np.array(f["mean"])) for h, f in losses.items()
         ),
         parameters={"c": 0.5, "y0": [1.0, 1.9, 0.5], "paths": LOST_PATHS, "T": T},
         chosen=(f"means over the paths that are alive, of {LOST_PATHS}",), statements=(statement,),

@@ -161,7 +161,8 @@ def _counterexamples(laws: list[View], target: str, budget: int, *, drawn: bool)
         entry = {
             "laws": [law["law"]], "law": name(law["law"]), "source": plain(law["source"], 60),
             "verdict": cell(law["verdict"])["words"], "claimed": law["claimed"], "message": plain(law["message"]),
-            "command": plain(command, 8200), "course": _course(law["course"]) if drawn and "course" in law else None,
+            "command": plain(command, 8200),
+            "course": _course(law["course"], law["unit"]) if drawn and "course" in law else None,
         }  # fmt: skip
         budget -= len(entry["message"]) + len(entry["command"])
         if budget < 0 and not (law["claimed"] and not shown):
@@ -172,10 +173,11 @@ def _counterexamples(laws: list[View], target: str, budget: int, *, drawn: bool)
     return shown, left
 
 
-def _course(course: View) -> View | None:
-    """Return two pictures of a counterexample whose step is repeated: two components of y, and an invariant's change.
+def _course(course: View, unit: str) -> View | None:
+    """Return two pictures of a counterexample whose step is repeated: two components of y, and what the law measures.
 
-    If there is nothing to draw, the result is None.
+    That is an invariant's change, or the law's own defect and bound in its unit. The result is None if there is nothing
+    to draw.
     """
     steps, conserved = len(course["drift"]) - 1, course["kept"]
     names = [f"component {i} of y" for i in course["components"]]
@@ -185,23 +187,30 @@ def _course(course: View) -> View | None:
         exact = (
             [[n * steps / (len(exact[0]) - 1 or 1) for n in range(len(exact[0]))], *exact] if exact else []
         )
-    drift = [list(range(steps + 1)), course["drift"]]
-    flat = [[0, steps], [0.0, 0.0]] if exact else []
-    panels = [
-        _panel(path, exact, names, 0.0),
-        _panel(
-            drift,
-            flat,
-            ["step", f"{conserved}(y) − {conserved}(y₀)"],
-            LEAST_FRAME_HEIGHT * (course["size"] or 0),
-        ),
-    ]
+    unit, beside = plain(unit, 40), ["the exact solution"] if exact else []
+    curves = [[list(range(len(v))), v] for v in (course.get("defects", []), course.get("bounds", []))]
+    if measured := _panel(*curves, ["step", f"defect in {unit}"], 0.0):
+        said = f"the defect of a step is {_largest(course['defects'])} {unit} at most"
+        beside.append("the law's bound")
+    else:
+        drift, flat = [list(range(steps + 1)), course["drift"]], [[0, steps], [0.0, 0.0]] if exact else []
+        label = f"{conserved}(y) − {conserved}(y₀)"
+        measured = _panel(drift, flat, ["step", label], LEAST_FRAME_HEIGHT * (course["size"] or 0))
+        said = f"{conserved} changes by {_largest(course['drift'])} at most"
+    panels = [_panel(path, exact, names, 0.0), measured]
     if None in panels:
         return None
-    largest = max(abs(v) for v in course["drift"] if v is not None)
-    words = f"{counted(steps, 'time')} the step of the counterexample, from its state"
-    words += f"; {conserved} changes by {number(largest)} at most"
-    return {"panels": panels, "exact": bool(exact), "words": words, "ended": plain(course["ended"], 200)}
+    words = f"{counted(steps, 'time')} the step of the counterexample, from its state; {said}"
+    return {
+        "panels": panels,
+        "beside": " and ".join(beside),
+        "words": words,
+        "ended": plain(course["ended"], 200),
+    }
+
+
+def _largest(values: list[Any]) -> str:
+    return number(max((abs(v) for v in values if v is not None), default=0.0))
 
 
 def _panel(curve: list[Any], beside: list[Any], names: list[str], least: float) -> View | None:

@@ -80,7 +80,9 @@ def drawn(sources: Sources) -> tuple[list[str], dict[str, Look]]:
     """Return the names of all schemes in the plots of a page, and the line styles (`Look`) that files give them."""
     methods = [m for c in sources.compare for m in c["methods"]]
     names = [m["name"] for m in methods]
-    names += [s["scheme"] for r in sources.reproduce for p in r["panels"] for s in p["series"]]
+    names += [
+        s.get("group") or s["scheme"] for r in sources.reproduce for p in r["panels"] for s in p["series"]
+    ]
     return names, {m["name"]: Look(**m["look"]) for m in methods if "look" in m}
 
 
@@ -193,7 +195,7 @@ def reproduction(data: View, pictures: Pictures) -> View:
 
 
 def _panel(p: View, pictures: Pictures) -> View:
-    curves = [Series(s["name"], s["x"], s["y"], s["scheme"], s["style"]) for s in p["series"]]
+    curves = [Series(**s) for s in p["series"]]
     x, y = (Axis(plain(p[k]["label"], 60), p[k]["log"]) for k in ("x", "y"))
     statements = [_statement(s) for s in p["statements"]]
     held = [s for s in statements if s["cell"]["kind"] == "holds"]

@@ -6,28 +6,33 @@ after n steps is φ(nΔ, y0), where φ(t, y0) is the flow of ẏ = B∇H.
 
 from __future__ import annotations
 
+import math
 import time
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
 from sepv.children import TimedOut, attempted, deadline
-from sepv.errors import SepvError
+from sepv.errors import SepvError, Skipped
 from sepv.exact import exact_flow
 from sepv.files import finite
 from sepv.problem import Array, Problem, casimir_gradients, invariants, is_several
 from sepv.schemes import Scheme, ask
-from sepv.verification._cases.case import from_json
+from sepv.verification._cases.case import Case, from_json
 from sepv.verification._cases.users_problems import objects_of
-from sepv.verification._law import Finding, Verdict
+from sepv.verification._law import Finding, Verdict, in_units
+from sepv.verification._laws import load_laws
 from sepv.verification._outcome import Report
 
 # The number of steps of a course, and the number of points of the exact solution in each step.
 STEPS, FINER = 40, 3
 # The most seconds for all courses of a report. Steps that were made until then are shown.
 SECONDS = 10.0
+# Laws whose defect is the change of H or of a Casimir.
+OF_INVARIANTS = ("energy", "casimir", "any-casimir")
 # A course ends when a state is larger than the first by this factor, because larger states would flatten the picture.
 ESCAPE_FACTOR = 100.0
 
@@ -61,6 +66,8 @@ def course(scheme: Scheme, finding: Finding, seconds: float = SECONDS) -> dict[s
         kept : the invariant that is shown: "H", or "C" for laws about Casimirs (the one that changes most)
         drift : the change of this invariant since the first state
         size : the size of the invariant's terms, by which rounding is distinguished from drift
+        defects, bounds : the law's own measurement of the step from each state; absent for the laws whose defect is the
+            change of the invariant
         ended : the reason of an early end; empty if there was none
     """
     case = from_json(finding.witness, objects_of(scheme))
@@ -88,10 +95,34 @@ def course(scheme: Scheme, finding: Finding, seconds: float = SECONDS) -> dict[s
         )
         with suppress(SepvError, TimedOut), deadline(seconds):
             exact = exact_flow(problem, theta, y).y
+    measured = _measured(finding.law, scheme, case, states, seconds)
     return {
         "components": [int(i) + 1 for i in shown], "states": _rounded(path[shown]), "exact": _rounded(exact[shown]),
         "kept": conserved, "drift": _rounded(drift), "size": _rounded(size), "ended": ended,
+        **({key: _rounded(v) for key, v in zip(("defects", "bounds"), measured, strict=True)} if measured.size else {}),
     }  # fmt: skip
+
+
+def _measured(name: str, scheme: Scheme, case: Case, states: list[Array], seconds: float) -> Array:
+    """The law's defects and bounds (2, n) of the steps from `states`, in its unit; NaN where a step is refused.
+
+    It is empty for the laws of H and C, whose defect is the change that is drawn, and ends when the time is over.
+    """
+    (law,) = load_laws([name])
+    if law.measure is None or name in OF_INVARIANTS:
+        return np.empty((2, 0))
+    rows = []
+    with suppress(TimedOut), deadline(seconds):
+        for y in states:
+            defect = bound = math.nan
+            with suppress(SepvError, ArithmeticError, Skipped):
+                there = law.measure(scheme, replace(case, y=tuple(y.tolist())))
+                found = in_units(
+                    scheme, law.finding(Verdict.VIOLATED, defect=there.defect, bound=there.bound)
+                )
+                defect, bound = float(found.defect or 0.0), float(found.bound or 0.0)
+            rows.append((defect, bound))
+    return np.array(rows).T if rows else np.empty((2, 0))
 
 
 def _kept(law: str, problem: Problem, path: Array) -> tuple[str, Array, Array]:

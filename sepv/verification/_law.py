@@ -15,6 +15,7 @@ from sepv.record import EPS
 from sepv.schemes import Scheme
 
 if TYPE_CHECKING:
+    from sepv.verification._cases.case import Case
     from sepv.verification._cases.of_law import Cases
 
 
@@ -269,6 +270,8 @@ class Law:
     preserves : bool
         True if a step preserves an invariant or a structure by this law about single steps. A violation is then
         reported with the power of h with which its defect falls.
+    measure : (scheme, case) -> Measurement, optional
+        Measures one case of a law about single steps.
     """
 
     name: str
@@ -285,6 +288,7 @@ class Law:
     statistical: bool = False
     middle: Middle | str = Middle.PATHS
     preserves: bool = False
+    measure: Callable[[Scheme, Case], Measurement] | None = None
 
     def claimed_by(self, scheme: Scheme) -> bool:
         """True if the scheme claims this law."""

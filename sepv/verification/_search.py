@@ -184,7 +184,7 @@ def searched(
 
     return Law(
         name, statement, source, unit, run, replay, always_claimed, cost, steps, cases, middle=middle,
-        preserves=preserves,
+        preserves=preserves, measure=check,
     )  # fmt: skip
 
 

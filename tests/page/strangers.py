@@ -143,7 +143,7 @@ def hostile_report() -> str:
         evil, states = EVIL[n % len(EVIL)], [x, y][: 1 + len(drift) % 2]
         course = {
             "components": [7, 1], "states": states, "exact": states[::-1], "kept": "H", "drift": drift, "size": 1e308,
-            "ended": evil,
+            "ended": evil, **({"defects": drift, "bounds": x} if n % 3 else {}),
         }  # fmt: skip
         law = {"law": f"{n}{evil}"[:70], "course": course}
         report["laws"].append(verify_report("", evil)["laws"][0] | law)

@@ -356,6 +356,29 @@ def test_a_course_begins_with_the_counterexample_beside_the_exact_solution(repor
     assert [c[-1] for c in found["exact"]] == pytest.approx(end, rel=1e-4)
 
 
+def test_a_law_that_keeps_no_invariant_draws_its_own_defect_above_its_bound() -> None:
+    """A picture of H says nothing of symmetry, nor of the distance from the midpoint rule."""
+    report = _of_heun("symmetry,midpoint")
+    for law in with_courses(report)["laws"]:
+        found = law["course"]
+        assert len(found["defects"]) == len(found["bounds"]) == len(found["states"][0])
+        assert found["defects"][0] == pytest.approx(law["defect"], rel=1e-4)
+        assert found["defects"][0] > found["bounds"][0]
+    words = report.html()
+    assert "defect in ulp of y" in words
+    assert "H(y) − H(y₀)" not in words
+    (energy,) = with_courses(_of_heun("energy"))["laws"]
+    assert "defects" not in energy["course"]
+
+
+def _of_heun(laws: str) -> sepv.Report:
+    def heun(problem: Any, y: Any, h: float, dW: Any) -> Any:
+        delta, f = float(problem.random_step(h, dW)), lambda z: problem.structure(z) @ problem.gradient(z)
+        return y + 0.5 * delta * (f(y) + f(y + delta * f(y)))
+
+    return sepv.verify(heun, laws=laws, effort=FEW)
+
+
 def _on_energy(step: Any, report: sepv.Report) -> dict[str, Any]:
     return course(sepv.Scheme("own", step), report.finding("energy"))
 

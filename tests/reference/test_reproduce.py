@@ -61,10 +61,10 @@ def test_the_papers_statements_about_the_rigid_body(rigid: Reproduction) -> None
 def test_the_csv_has_every_point(rigid: Reproduction) -> None:
     panel = rigid.panels[0]
     rows = list(csv.reader(io.StringIO(panel.to_csv())))
-    assert rows[0] == ["series", "scheme", panel.x.label, panel.y.label]
+    assert rows[0] == ["series", "scheme", panel.x.label, panel.y.label, "±"]
     assert len(rows) == 1 + sum(len(s.x) for s in panel.series)
     first = panel.series[0]
-    assert [float(v) for v in rows[1][2:]] == [first.x[0], first.y[0]]
+    assert [float(v) for v in rows[1][2:4]] == [first.x[0], first.y[0]]
 
 
 def test_the_numbers_do_not_depend_on_the_workers() -> None:

@@ -8,7 +8,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from sepv.pictures import FLOOR, Axis, figure, frame, line, looks
+import numpy as np
+
+from sepv.pictures import FLOOR, Axis, draw_intervals, figure, frame, line, looks
 from sepv.schemes import Look
 
 if TYPE_CHECKING:
@@ -42,10 +44,8 @@ def _error_curve(axes: Any, points: list[Point], look: Look) -> None:
     """Draw the strong error with its interval against time, without errors that are 0 or infinite."""
     drawn = [p for p in points if 0 < p.strong.value < math.inf]
     pairs = [(p.microseconds_a_path, p.error) for p in drawn]
-    low = [min(p.strong.half, 0.9 * p.strong.value) for p in drawn]
-    up = [p.strong.half for p in drawn]
-    x, y = [x for x, _ in pairs], [y for _, y in pairs]
-    axes.errorbar(x, y, yerr=[low, up], fmt="none", ecolor=look.colour, elinewidth=0.8)
+    x, y = np.array([x for x, _ in pairs]), np.array([y for _, y in pairs])
+    draw_intervals(axes, x, y, np.array([p.strong.half for p in drawn]), look, log=True)
     _curve(axes, pairs, drawn, look)
 
 
