@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from sepv import core as core
     from sepv import exact as exact
     from sepv import external as external
+    from sepv import posing as posing
     from sepv import problem as problem
     from sepv import problems as problems
     from sepv import record as record
@@ -81,6 +82,9 @@ __getattr__, __dir__ = lazily(
         "schemes": "*schemes PathSolver PointLaw Scheme StatefulStep",
         "simulate": "*simulate Ensemble ensemble long_path Trajectory integrate",
         "verification": "*verification Effort Verdict Report verify",
-        **{room: f"*{room}" for room in ("core", "external", "problems", "record", "strategies", "studies")},
+        **{
+            room: f"*{room}"
+            for room in ("core", "external", "posing", "problems", "record", "strategies", "studies")
+        },
     },
 )

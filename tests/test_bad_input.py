@@ -21,13 +21,12 @@ from sepv.reference.elliptic import closed_form
 from sepv.reference.faults import detection
 from sepv.reference.flow import taylor
 from sepv.reference.paper.several_with_areas import step_with_areas
-from sepv.reference.peers.posing import pose
-from sepv.reference.peers.posing_fields import pose_fields
 from sepv.reference.problem import exact_problem
 from sepv.reference.steps import reference_step
 
 import sepv
 from sepv import PolynomialSystem, SepvError, Skipped, StepFailure, problems, schemes
+from sepv.posing import pose, pose_fields
 from sepv.problem import HamiltoniansProblem, NamedProblem, StructuresProblem, Systems, mechanics
 from sepv.problems._common import canonical
 from sepv.record import _polynomial as poly

@@ -11,9 +11,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
-from sepv.reference.peers.posing import Path
-
 from sepv import problems
+from sepv.posing import Path
 from sepv.problem import Problem
 from sepv.schemes import Scheme, Step, Systems
 

@@ -11,10 +11,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from sepv.reference.peers.diffrax import _Given, enable_x64
-from sepv.reference.peers.posing import LANES, Path, in_blocks
-from sepv.reference.peers.posing_fields import PosedFields, pose_fields
 
 from benchmarks.peers.solver import Solver
+from sepv.posing import LANES, Path, PosedFields, in_blocks, pose_fields
 from sepv.problem import Array, Problem
 from sepv.schemes import Step
 

@@ -11,10 +11,9 @@ from typing import Any
 
 import numpy as np
 import sdeint
-from sepv.reference.peers.posing import Path
-from sepv.reference.peers.posing_fields import pose_fields
 
 from benchmarks.peers.solver import Solver
+from sepv.posing import Path, pose_fields
 from sepv.problem import Array, Problem
 from sepv.schemes import Step
 from sepv.schemes._further_increments import as_matrix, as_rows

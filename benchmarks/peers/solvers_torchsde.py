@@ -11,12 +11,11 @@ from typing import Any
 import numpy as np
 import torch
 import torchsde
-from sepv.reference.peers.posing import LANES, Path, in_blocks
-from sepv.reference.peers.posing_fields import pose_fields
 from sepv.reference.peers.torchsde import Given
 
 from benchmarks.peers.solver import Solver
 from sepv.errors import Skipped
+from sepv.posing import LANES, Path, in_blocks, pose_fields
 from sepv.problem import Array, Problem
 from sepv.schemes import Step
 from sepv.schemes._further_increments import as_matrix, as_rows

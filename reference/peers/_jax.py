@@ -16,8 +16,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from sepv.reference.peers._integrator import Advance, diagonal
-from sepv.reference.peers.posing import Formulas, pose, size
 
+from sepv.posing import Formulas, pose, size
 from sepv.problem import Array, Mechanics
 
 # JAX has had this context manager in two places.

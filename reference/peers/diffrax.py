@@ -29,8 +29,8 @@ import numpy as np
 from sepv.reference.peers._diffrax_ode import INTEGRATORS
 from sepv.reference.peers._jax import enable_x64
 from sepv.reference.peers.peer import Peer
-from sepv.reference.peers.posing import LANES, Formulas, in_blocks, pose, size
 
+from sepv.posing import LANES, Formulas, in_blocks, pose, size
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.schemes import Scheme, StatefulStep
 from sepv.studies import Method, from_states

@@ -25,7 +25,6 @@ from sepv.schemes import PathSolver, Scheme
 from sepv.studies import Method
 
 GROUP = "sepv.peers"
-_NO_PEERS = ("peer", "posing", "posing_fields")
 _Kind = TypeVar("_Kind")
 
 
@@ -65,7 +64,7 @@ class Peer:
 def names() -> list[str]:
     """The names of libraries that have a `Peer` here or in another package, installed or not."""
     own_names = sorted(
-        p.stem for p in Path(__file__).parent.glob("*.py") if p.stem not in _NO_PEERS and p.stem[0] != "_"
+        p.stem for p in Path(__file__).parent.glob("*.py") if p.stem != "peer" and p.stem[0] != "_"
     )
     return list(dict.fromkeys((*own_names, *(point.name for point in metadata.entry_points(group=GROUP)))))
 

@@ -19,9 +19,9 @@ import numpy as np
 import torch
 import torchsde
 from sepv.reference.peers.peer import Peer
-from sepv.reference.peers.posing import LANES, in_blocks, pose
 
 from sepv.errors import Skipped
+from sepv.posing import LANES, in_blocks, pose
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme, StatefulStep
 from sepv.studies import Method, from_states

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import traceback
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -66,8 +67,7 @@ class SchemeCrash(SepvError):
         self.traceback = "".join(traceback.format_exception(error))
         kind = type(error).__name__
         remedy = (
-            "a problem's functions are NumPy's; "
-            "sepv.reference.peers.posing.pose gives the same as JAX's (docs/adapting.md)"
+            "a problem's functions are NumPy's; sepv.posing.pose gives the same as JAX's (docs/adapting.md)"
             if kind in _TRACED
             else "--debug with the replay command shows the traceback"
         )
@@ -191,7 +191,8 @@ def check_answer(answer: Any, y: Array, dtype: str = "float64", *, finite: bool 
         raise SchemeFault(
             expected=f"a NumPy array of shape {y.shape}",
             received=f"{type(answer).__name__}: {said(answer, 80)}",
-            remedy="return np.asarray(…) of the new state (of a torch tensor: .numpy())",
+            remedy="return np.asarray(…) of the new state (of a torch tensor: .numpy())"
+            + _jax_is_single("; "),
         )
     if answer.shape != y.shape:
         raise SchemeFault(
@@ -203,11 +204,7 @@ def check_answer(answer: Any, y: Array, dtype: str = "float64", *, finite: bool 
         raise SchemeFault(
             expected=f"y_next of dtype {dtype}",
             received=f"dtype {answer.dtype}",
-            remedy="compute in float64 throughout (JAX: jax.config.update('jax_enable_x64', True) first; torch: "
-            "torch.as_tensor keeps the dtype of y), or say Scheme(…, dtype='float32') of a step in single precision; "
-            if dtype == "float64"
-            else "return y's dtype: constants and matrices of float64 raise it; or leave out dtype='float32'; "
-            "a complex value hints at a square root or logarithm out of range",
+            remedy=_of_dtype(answer.dtype, dtype),
         )
     if finite and not np.all(np.isfinite(answer)):
         raise NotFinite(
@@ -216,6 +213,23 @@ def check_answer(answer: Any, y: Array, dtype: str = "float64", *, finite: bool 
             remedy="raise sepv.StepFailure where a step cannot be made, instead of returning NaN or infinity",
         )
     return answer
+
+
+def _of_dtype(received: np.dtype[Any], expected: str) -> str:
+    if received.kind == "c":
+        return "a complex value hints at a square root or logarithm out of range"
+    if expected != "float64":
+        return "return y's dtype: constants and matrices of float64 raise it; or leave out dtype='float32'"
+    double = _jax_is_single() or "compute in float64 throughout (torch: torch.as_tensor keeps the dtype of y)"
+    return f"{double}, or say Scheme(…, dtype='float32') of a step in single precision"
+
+
+def _jax_is_single(before: str = "") -> str:
+    """The remedy for JAX without float64, after the words `before`; "" if JAX is not loaded, or computes in float64."""
+    config = getattr(sys.modules.get("jax"), "config", None)
+    if getattr(config, "jax_enable_x64", True):
+        return ""
+    return f"{before}JAX computes in float32 until jax.config.update('jax_enable_x64', True), before its first array"
 
 
 def guarded(scheme: Scheme) -> Scheme:

@@ -171,8 +171,8 @@ def test_a_reader_that_goes_away_is_no_verdict() -> None:
 
 FUNCTIONS = ("verify", "integrate", "ensemble", "exact_flow")
 RECORDS = ("Problem", "Scheme", "Report", "Trajectory", "Ensemble", "Effort")
-WITH_EXAMPLES = ("Problem", "Scheme", "verify", "integrate", "ensemble", "exact_flow", "reference.peers.posing:pose",
-                 "reference.peers.posing:field_in")  # fmt: skip
+WITH_EXAMPLES = ("Problem", "Scheme", "verify", "integrate", "ensemble", "exact_flow", "posing:pose",
+                 "posing:field_in")  # fmt: skip
 
 
 @pytest.mark.parametrize("name", [*FUNCTIONS, *RECORDS])

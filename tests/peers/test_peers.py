@@ -14,10 +14,10 @@ import pytest
 from doors import command, doc, measured, verdicts
 from hypothesis import given
 from sepv.reference.peers.peer import names
-from sepv.reference.peers.posing import field_in, in_blocks, pose
 
 import sepv
 from sepv import TargetError, problems
+from sepv.posing import field_in, in_blocks, pose
 from sepv.problem import vector_field
 from sepv.schemes import SchemeCrash, ask, load_scheme
 from sepv.verification import Case, Verdict
@@ -296,7 +296,7 @@ def test_numpys_functions_under_a_tracer_end_with_the_way_to_pose_them() -> None
     def step(problem: sepv.Problem, y: np.ndarray, h: float, dW: np.ndarray) -> np.ndarray:
         raise TracerArrayConversionError("called on traced array\nSee https://…")
 
-    with pytest.raises(SchemeCrash, match=r"sepv.reference.peers.posing.pose") as caught:
+    with pytest.raises(SchemeCrash, match=r"sepv.posing.pose") as caught:
         ask(sepv.Scheme("traced", step), sepv.problems.pendulum(), np.array([0.2, 1.0]), 0.1, np.zeros(2))
     assert "https" not in str(caught.value)
 

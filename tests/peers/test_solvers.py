@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 from sepv.reference.peers.peer import Peer, load, names
-from sepv.reference.peers.posing_fields import pose_fields
 
 from benchmarks.peers import integrators as page
 from benchmarks.peers import solver_measurements as measurements
@@ -18,6 +17,7 @@ from benchmarks.peers import solvers
 from benchmarks.peers.deviations import _notes
 from benchmarks.peers.solver import KINDS, Solver, problem_of
 from sepv import Effort, Skipped, TargetError, exact_flow, integrate, problems, verify
+from sepv.posing import pose_fields
 from sepv.problem import Array, Problem, column, ito_drift, noise_field, vector_field
 from sepv.problems import by_name, henon_heiles, pendulum, planets, rigid_body
 from sepv.problems._mechanical import positions_first

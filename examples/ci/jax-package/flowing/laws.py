@@ -5,10 +5,10 @@ from functools import lru_cache, partial
 import jax
 import jax.numpy as jnp
 import numpy as np
-from sepv.reference.peers.posing import in_blocks, pose
 
 import sepv
 from flowing.heun import heun
+from sepv.posing import in_blocks, pose
 
 jax.config.update("jax_enable_x64", True)  # before any array is made; single precision is refused
 

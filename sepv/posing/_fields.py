@@ -11,9 +11,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
-from sepv.reference.peers.posing import Formulas, table
-
 from sepv.errors import Skipped
+from sepv.posing._formulas import Formulas, table
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.problems import structure_entries
 from sepv.record import Polynomial, poly
