@@ -7,10 +7,12 @@ import json
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from doors import command, doc, obeys
+from sepv.properties import StrongErrors
 from sepv.reference.paper import (
     errata,
     figure_4_3,
@@ -22,12 +24,13 @@ from sepv.reference.paper import (
     runs,
 )
 from sepv.reference.paper.errata import ENTRIES, Erratum, Evidence
-from sepv.reference.paper.record import Size, draw
+from sepv.reference.paper.record import OURS, STATED, Size, draw, rms_points
 from sepv.reference.paper.suite import Reproduction, reproduce
 from sepv.reference.paper.suite import _run as run_jobs
 
 from benchmarks.errata import missing, to_markdown
 from sepv import ensemble, exact_flow, problems, schemes
+from sepv.pictures import Axis, draw_curves, figure, looks, looks_of
 from sepv.studies._energy_diffusion import energy_diffusion
 from sepv.studies._energy_growth import judged
 
@@ -149,11 +152,51 @@ def test_settings_are_the_papers() -> None:
 def test_figures_are_the_same_files_for_the_same_numbers(rigid: Reproduction, tmp_path: Path) -> None:
     for folder in ("a", "b"):
         (tmp_path / folder).mkdir()
-        svg, png = draw(rigid.panels[2], tmp_path / folder)
+        svg, png, pdf = draw(rigid.panels[2], tmp_path / folder)
+        assert pdf.read_bytes().startswith(b"%PDF")
         assert png.read_bytes().startswith(b"\x89PNG")
         assert "<svg" in svg.read_text()
-    for name in ("4.3-order.svg", "4.3-order.png"):
+    for name in ("4.3-order.svg", "4.3-order.png", "4.3-order.pdf"):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+
+
+def test_curves_have_one_order_in_all_legends_and_no_two_look_alike(rigid: Reproduction) -> None:
+    errors = strong_errors_of(rows=3)
+    fine = order.fine_panel(
+        replace(figure_4_3.ORDER, steps=(8, 16, 32), schemes=("midpoint", "milstein")),
+        {(figure_4_3.ORDER.figure, "fine", name): errors for name in ("midpoint", "milstein")}
+        | {(figure_4_3.ORDER.figure, "fine", "truncated"): [0, 0, 0]},
+    )
+    for panel in (*rigid.panels, fine):
+        names = [s.scheme for s in panel.series]
+        assert names == sorted(names, key=(*STATED, *OURS).index)
+        used = looks_of(panel.series, looks(s.look_key for s in panel.series))
+        assert len({(look.colour, look.marker, look.dash) for look in used}) == len(panel.series)
+
+
+def strong_errors_of(rows: int) -> StrongErrors:
+    gaps = np.random.default_rng(0).normal(size=(rows, 3, 256)) / 8.0 ** np.arange(1, rows + 1)[:, None, None]
+    return StrongErrors(1.0, (8, 16, 32)[:rows], np.sum(gaps**2, axis=1), gaps, (0,) * rows, 1.0)
+
+
+def test_an_interval_of_an_rms_error_is_that_of_its_samples() -> None:
+    """Normal errors with rms σ√3: the standard error of √mean(|e|²) over M samples is σ/√(2M) to first order."""
+    curve = rms_points("x", [0.1], strong_errors_of(rows=1).squared, "milstein")
+    assert curve.y[0] == pytest.approx(np.sqrt(3) / 8, rel=0.1)
+    # Student's quantile for 31 degrees of freedom at 97.5 % is 2.04; a jackknife of 32 groups scatters by an eighth.
+    assert curve.half[0] == pytest.approx(2.04 / 8 / np.sqrt(512), rel=0.4)
+    drawn = axes_with([curve])
+    (bars,) = drawn.containers
+    assert bars.has_yerr
+
+
+def axes_with(series: list[Any]) -> Any:
+    with figure(3.0, 3.0) as drawn:
+        axes = drawn.add_subplot()
+        draw_curves(
+            axes, series, looks(s.look_key for s in series), Axis("h", log=True), Axis("error", log=True)
+        )
+        return axes
 
 
 def test_the_command_writes_numbers_and_prints_verdicts(tmp_path, monkeypatch):
