@@ -303,7 +303,7 @@ def _spikes(y: np.ndarray, strips: int) -> np.ndarray:
     return np.array(sorted(indices))
 
 
-def _slopes(axes: Any, points: list[tuple[np.ndarray, ...]], slopes: Sequence[float]) -> None:
+def _slopes(axes: Any, points: Sequence[tuple[np.ndarray, ...]], slopes: Sequence[float]) -> None:
     """Draw dashed lines of these slopes below the points; each starts at the least x, at half of the least y."""
     x, y = (np.concatenate([p[k] for p in points]) if points else np.empty(0) for k in (0, 1))
     if not len(x):

@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
@@ -154,7 +154,7 @@ class Panel:
         table = csv.writer(out, lineterminator="\n")
         table.writerow(["series", "scheme", self.x.label, self.y.label, "±"])
         for s in self.series:
-            half = s.half or [""] * len(s.y)
+            half: Sequence[Any] = s.half or [""] * len(s.y)
             table.writerows((s.name, s.scheme, *point) for point in zip(s.x, s.y, half, strict=True))
         return out.getvalue()
 

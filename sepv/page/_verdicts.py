@@ -188,8 +188,10 @@ def _course(course: View, unit: str) -> View | None:
             [[n * steps / (len(exact[0]) - 1 or 1) for n in range(len(exact[0]))], *exact] if exact else []
         )
     unit, beside = plain(unit, 40), ["the exact solution"] if exact else []
-    curves = [[list(range(len(v))), v] for v in (course.get("defects", []), course.get("bounds", []))]
-    if measured := _panel(*curves, ["step", f"defect in {unit}"], 0.0):
+    defects, bounds = (
+        [list(range(len(v))), v] for v in (course.get("defects", []), course.get("bounds", []))
+    )
+    if measured := _panel(defects, bounds, ["step", f"defect in {unit}"], 0.0):
         said = f"the defect of a step is {_largest(course['defects'])} {unit} at most"
         beside.append("the law's bound")
     else:
