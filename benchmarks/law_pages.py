@@ -10,6 +10,7 @@ import re
 from pathlib import Path
 
 from benchmarks import start
+from sepv.schemes import page_of as name_of_page
 from sepv.verification import ALL_LAWS, Law, Middle, load_laws
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
@@ -20,20 +21,31 @@ OPTIONAL = PARTS[-1:]
 
 
 def page_of(law: Law) -> Path:
-    """The file of a law's page."""
-    return DOCS / "laws" / f"{law.name}.md"
+    """The file of the page of a law and its parts."""
+    return DOCS / "laws" / f"{name_of_page(law.name)}.md"
 
 
 def head(law: Law) -> str:
-    """The lines of a page up to its formula: the law's statement and its other fields."""
+    """The lines of a page up to its formula: the law's statement and its other fields, and those of its parts."""
     file = f"test_{law.name.replace('-', '_')}.py"
-    facts = f"Source: {law.source}. Unit: [{law.unit}](../laws.md#terms). [{file}](../../properties/{file})."
+    facts = f"{_facts(law)} [{file}](../../properties/{file})."
     facts += " Every scheme claims it." if law.always_claimed else ""
     text = law.statement
     text = (
         text[0].upper() + text[1:] if re.match(r"(?!det )(a|[a-z]{2,}) ", text) else text
     )  # y1 and det Φ′ are kept
-    return f"# {law.name}\n\n{text}.\n\n{facts}\n\n"
+    parts = [part for part in load_laws(ALL_LAWS) if part.name.startswith(f"{law.name}:")]
+    listed = "".join(f"- *{part.name}*: {part.statement}. {_facts(part)}\n" for part in parts)
+    return f"# {law.name}\n\n{text}.\n\n{facts}\n\n" + (f"{PARTS_OF_LAW}{listed}\n" if parts else "")
+
+
+def _facts(law: Law) -> str:
+    return f"Source: {law.source}. Unit: [{law.unit}](../laws.md#terms)."
+
+
+def with_pages() -> list[Law]:
+    """The laws that have a page: all but parts of laws."""
+    return [law for law in load_laws(ALL_LAWS) if name_of_page(law.name) == law.name]
 
 
 def page(law: Law, text: str) -> str:
@@ -41,6 +53,7 @@ def page(law: Law, text: str) -> str:
     return head(law) + text[text.index("$$") :]
 
 
+PARTS_OF_LAW = "Its parts, claimed and measured apart:\n\n"
 MIDDLES = "| laws | with a state |\n|---|---|\n"
 
 
@@ -57,7 +70,7 @@ def main() -> None:
     file = DOCS / "adapting.md"
     before, _, after = file.read_text(encoding="utf-8").partition(MIDDLES)
     file.write_text(before + middles() + after[after.index("\n\n") + 1 :], encoding="utf-8")
-    for law in load_laws(ALL_LAWS):
+    for law in with_pages():
         file = page_of(law)
         file.write_text(page(law, file.read_text(encoding="utf-8")), encoding="utf-8")
 

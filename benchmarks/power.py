@@ -24,7 +24,7 @@ from sepv.reference.faults.saboteurs import SABOTEURS
 from benchmarks import over, start
 from sepv.errors import SchemeFault, SepvError
 from sepv.problem import Array, Problem, Systems
-from sepv.schemes import Scheme, Step, both_invariants, energy_preserving, several_structures
+from sepv.schemes import Scheme, Step, both_invariants, energy_preserving, page_of, several_structures
 from sepv.verification import load_laws
 from sepv.verification._cases.strata import Space
 
@@ -138,7 +138,7 @@ def _space(fault: Fault) -> Space:
 
 def measured(fault: Fault, seed: int) -> dict[tuple[int, ...], bool]:
     """Map each row of the law's design to True if the law accuses the scheme in the case of this row."""
-    check = import_module(f"sepv.properties.test_{fault.law.replace('-', '_')}").check
+    check = import_module(f"sepv.properties.test_{page_of(fault.law).replace('-', '_')}").check
     found = {}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

@@ -153,7 +153,7 @@ def main() -> None:
         for name in over(names):
             data = next(results)
             if data["witnesses"]:
-                (FOLDER / f"{name}.json").write_text(text_of(data), encoding="utf-8")
+                (FOLDER / corpus.file_of(name)).write_text(text_of(data), encoding="utf-8")
             print(f"{name}: {len(data['witnesses'])} witnesses", flush=True)
 
 

@@ -16,7 +16,7 @@ from sepv.reference.peers.peer import load
 from benchmarks.peers.environments import VERSIONS
 from benchmarks.peers.kept_measurements import Cell
 from sepv._version import __version__
-from sepv.schemes import Scheme
+from sepv.schemes import Scheme, page_of
 from sepv.verification import Effort, Law, Verdict, verify
 
 LIBRARIES = tuple(VERSIONS)
@@ -59,7 +59,7 @@ def suite_key(effort: Effort) -> tuple[Any, ...]:
 
 def _text_of(law: Law) -> str:
     """A digest of the law's file: a stored measurement is used only while the law is unchanged."""
-    file = resources.files("sepv.properties") / f"test_{law.name.replace('-', '_')}.py"
+    file = resources.files("sepv.properties") / f"test_{page_of(law.name).replace('-', '_')}.py"
     return hashlib.sha256(file.read_bytes()).hexdigest()
 
 

@@ -101,7 +101,7 @@ SCHEMES = (
     _method("symmetric-projection", _projected, 2, "E. Hairer, BIT 40 (2000)", solver_tolerance=8 * EPS),
     _method("order-without-noise", energy_preserving.step, 2, "(2.1) for c = (): Quispel and McLaren (2008)", "energy"),
     _method("processed-leapfrog", _processed, 2, "a leapfrog between a corrector and its inverse: not symmetric",
-            "symplecticity", systems=Systems.MECHANICAL),
+            "poisson-map:constant", systems=Systems.MECHANICAL),
     _method("yoshida-6", Explicit(composed((*_SIX, 1 - 2 * sum(_SIX), *_SIX[::-1]))), 6, "H. Yoshida (1990), order 6",
-            "symplecticity", "symmetry", systems=Systems.MECHANICAL),
+            "poisson-map:constant", "symmetry", systems=Systems.MECHANICAL),
 )  # fmt: skip

@@ -264,7 +264,7 @@ def _unit_masses(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 
 
 def _mechanical(name: str, step: Step, order: float, source: str, *more: str) -> Scheme:
-    claims = ("identity", "symplecticity", "poisson-map", "long-time-energy", *more)
+    claims = ("identity", "poisson-map:constant", "poisson-map", "long-time-energy", *more)
     return Scheme(
         name, step, claims, source, order=order, batched=True, systems=Systems.MECHANICAL, noise=False
     )
@@ -313,7 +313,7 @@ SCHEMES: tuple[Scheme, ...] = (
             "noise-sum",
             "random-step",
             "identity",
-            "symplecticity",
+            "poisson-map:constant",
             "symmetry",
             "expansion",
             "long-time-energy",

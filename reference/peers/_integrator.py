@@ -16,7 +16,7 @@ from sepv.problem import Array, Mechanics, Problem, Systems, mechanics
 from sepv.schemes import Scheme
 
 # The laws that a library claims if it calls an integrator symplectic or reversible.
-SYMPLECTIC = ("symplecticity", "poisson-map", "volume")
+SYMPLECTIC = ("poisson-map:constant", "poisson-map", "volume")
 REVERSIBLE = ("symmetry", "reversibility")
 
 # A function (system, q, p, h) -> (q1, p1).

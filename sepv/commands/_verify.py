@@ -157,10 +157,11 @@ def _arguments(laws: cli.Names, options: dict[str, Any]) -> dict[str, Any]:
 
     Raises UsageError for a claim that is not among the laws to measure.
     """
+    from sepv.schemes import law_named
     from sepv.verification import ALL_LAWS, load_laws
 
     names = [law.name for law in _laws_of_run(laws, options)]
-    claims = [claim.replace("_", "-") for claim in options["claims"]]
+    claims = [law_named(claim) for claim in options["claims"]]
     left_out = [law.name for law in load_laws(ALL_LAWS) if law.name in claims and law.name not in names]
     if left_out:
         raise UsageError(

@@ -9,6 +9,7 @@ from typing import Any
 
 from sepv.errors import UsageError
 from sepv.files import read_json, require_schema
+from sepv.verification import renamed
 
 # The commands that write files for the page, by a key that only the command's files have; and the files' schemas.
 KINDS = {"suite": "verify", "reproduction": "reproduce", "times_to_error": "compare", "records": "bench"}
@@ -52,5 +53,5 @@ def load(paths: Iterable[str | Path]) -> Sources:
             expected=f"the JSON of sepv {kind}, as its schema describes it",
             remedy="write the file anew with this version of sepv",
         )
-        getattr(sources, kind).append(data)
+        getattr(sources, kind).append(renamed(data) if kind == "verify" else data)
     return sources

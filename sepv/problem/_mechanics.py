@@ -41,7 +41,7 @@ class Mechanics:
     ...     p = p + dt / 2 * system.force(q)
     ...     q = q + dt * system.velocity(p)
     ...     return system.join(q, p + dt / 2 * system.force(q))
-    >>> scheme = sepv.Scheme("verlet", verlet, claims=["symplecticity", "symmetry"], systems="mechanical")
+    >>> scheme = sepv.Scheme("verlet", verlet, claims=["poisson-map:constant", "symmetry"], systems="mechanical")
     >>> sepv.verify(scheme, laws="symmetry").finding("symmetry").verdict.text
     'holds'
     """

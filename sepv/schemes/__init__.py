@@ -24,7 +24,7 @@ from sepv.schemes._catalogue import HAMILTONIANS as HAMILTONIANS
 from sepv.schemes._catalogue import PAPER as PAPER
 from sepv.schemes._catalogue import built_in as built_in
 from sepv.schemes._catalogue import by_name as by_name
-from sepv.schemes._claims import ALL_LAWS, LAWS, OF_TWINS, require_laws
+from sepv.schemes._claims import ALL_LAWS, FORMER, LAWS, OF_TWINS, law_named, page_of, require_laws
 from sepv.schemes._collocation import FIRST_NODES, MAX_NODES
 from sepv.schemes._collocation import collocation as collocation
 from sepv.schemes._continuation import continued as continued

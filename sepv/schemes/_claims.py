@@ -1,8 +1,15 @@
-"""The names of the laws that a scheme can claim. Each law is a file of `sepv.properties`."""
+"""The names of the laws that a scheme can claim. Each law is a file of `sepv.properties`.
+
+A law may have parts, which are claimed and measured apart: LAW:PART, such as *poisson-map:constant*. A part says of
+some systems, or of some functions, what the law says of others. Both have one measurement, one bound and one page.
+"""
 
 from __future__ import annotations
 
+import multiprocessing
+import warnings
 from collections.abc import Iterable
+from functools import cache
 
 from sepv._arguments import did_you_mean
 from sepv.errors import require_one_of
@@ -21,7 +28,7 @@ LAWS = (
     "conformal-casimir",
     "conformal-energy",
     "poisson-map",
-    "symplecticity",
+    "poisson-map:constant",
     "volume",
     "positivity",
     "midpoint",
@@ -53,6 +60,37 @@ ALL_LAWS = (*LAWS, *OF_TWINS)
 
 # Laws about paths, which do not apply to increments that match only some moments of the normal distribution.
 PATHWISE = frozenset(("mean-square-order", "right-limit", "local-mean", "local-mean-square", "commutation"))
+
+
+# Names of former versions, and the laws that say now what they said. They work for one version more.
+FORMER = {"symplecticity": "poisson-map:constant"}
+
+
+def law_named(name: str) -> str:
+    """The name of a law as it is in `ALL_LAWS`. A former name, or one with underscores, is replaced.
+
+    The first time that a process meets a former name, it warns. A name that is no law is returned as it is.
+    """
+    plain = name.strip().replace("_", "-")
+    if plain in FORMER:
+        note_former(plain)
+    return FORMER.get(plain, plain)
+
+
+@cache
+def note_former(name: str) -> None:
+    """Warn, once in a process, that a law has another name; worker processes leave this to their parent."""
+    if multiprocessing.parent_process() is None:
+        warnings.warn(
+            f"the law {name} is now {FORMER[name]}: the old name ends with the next version",
+            FutureWarning,
+            stacklevel=2,
+        )
+
+
+def page_of(law: str) -> str:
+    """The name of a law without its part: that of its page and of its file in `sepv.properties`."""
+    return law.partition(":")[0]
 
 
 def require_laws(names: Iterable[str]) -> None:

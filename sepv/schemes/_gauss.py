@@ -21,5 +21,5 @@ def gauss(stages: int) -> Scheme:
 
     Increments are truncated to √(2kh|ln h|) (Remark 2.1), with k = 4s for s > 1 and the paper's k = 2 for s = 1.
     """
-    claims = SYMMETRIC | {"symplecticity", "long-time-energy"}
+    claims = SYMMETRIC | {"poisson-map:constant", "long-time-energy"}
     return staged("gauss", stages, claims, "Gauss Runge-Kutta, with the random step", averaged=False)

@@ -20,7 +20,7 @@ from sepv.schemes._one_step import CLAIMS_OF_ALL, Explicit, one_step
 from sepv.schemes._scheme import Scheme
 
 CLAIMS = CLAIMS_OF_ALL | {
-    "identity", "noise-sum", "random-step", "poisson-map", "symplecticity", "symmetry", "reversibility",
+    "identity", "noise-sum", "random-step", "poisson-map", "poisson-map:constant", "symmetry", "reversibility",
     "volume", "long-time-energy",
 }  # fmt: skip
 

@@ -16,7 +16,7 @@ step = implicit(formula, derivative(formula))
 scheme = one_step(
     "midpoint",
     step,
-    SYMMETRIC | {"symplecticity", "long-time-energy"},
+    SYMMETRIC | {"poisson-map:constant", "long-time-energy"},
     "Cohen and Dujardin (2014), equation (3.4)",
     look=Look("#009E73", "#2CC79A", "^", "6 2"),
 )

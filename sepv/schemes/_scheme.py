@@ -15,7 +15,7 @@ from sepv.errors import UsageError, require_one_of
 from sepv.problem import Array, Problem, Systems
 from sepv.problems.shown_to_schemes import NEEDED
 from sepv.record import EPS
-from sepv.schemes._claims import PATHWISE, require_laws
+from sepv.schemes._claims import PATHWISE, law_named, require_laws
 from sepv.schemes._picture_look import Look
 from sepv.schemes._point_distributions import PointLaw, point_law
 from sepv.schemes._stateful import PathSolver, StatefulStep
@@ -181,7 +181,7 @@ class Scheme:
             raise UsageError(
                 expected="claims, names of laws", received=f"{self.claims!r:.80}", remedy="see `sepv list`"
             )
-        claims = {c.strip().replace("_", "-") for c in claims}
+        claims = {law_named(claim) for claim in claims}
         require_laws(claims)
         object.__setattr__(self, "dtype", _name_of_type(self.dtype))
         for attribute, (fits, expected) in _ATTRIBUTES.items():

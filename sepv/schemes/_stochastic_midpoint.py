@@ -17,7 +17,7 @@ from sepv.problem import Systems, each_noise
 from sepv.schemes._one_step import RANDOM_STEP, implicit, one_step
 from sepv.schemes._order_claims import Orders
 
-CLAIMS = (RANDOM_STEP - {"random-step"}) | {"casimir", "symplecticity", "symmetry"}
+CLAIMS = (RANDOM_STEP - {"random-step"}) | {"casimir", "poisson-map:constant", "symmetry"}
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:

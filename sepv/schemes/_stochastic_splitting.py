@@ -40,7 +40,7 @@ def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 scheme = one_step(
     "stochastic-splitting",
     step,
-    CLAIMS_OF_ALL | {"identity", "casimir", "poisson-map", "symplecticity", "positivity", "symmetry"},
+    CLAIMS_OF_ALL | {"identity", "casimir", "poisson-map", "poisson-map:constant", "positivity", "symmetry"},
     "Bréhier, Cohen and Jahnke (2023), composed as Strang's",
     weak_order=1.0,
     mean_square_order=Orders(0.5, commutative=1.0),

@@ -69,7 +69,10 @@ def energy_diffusion(scheme: Scheme, problem: Problem, h: float) -> EnergyDiffus
     constant (2, 2) matrix, there is no noise, or the orbit through y0 is not closed.
     """
     if not (
-        "symplecticity" in scheme.claims and scheme.batched and problem.dimension == 2 and np.any(problem.c)
+        "poisson-map:constant" in scheme.claims
+        and scheme.batched
+        and problem.dimension == 2
+        and np.any(problem.c)
     ):
         return None
     y0 = np.array(problem.initial, dtype=np.float64)

@@ -34,7 +34,7 @@ from sepv.verification._law import Run as Run
 from sepv.verification._law import Verdict as Verdict
 from sepv.verification._law import require as require
 from sepv.verification._law import to_bound, verdict_text
-from sepv.verification._laws import laws_of
+from sepv.verification._laws import laws_of, renamed
 from sepv.verification._laws import load_laws as load_laws
 from sepv.verification._outcome import Report as Report
 from sepv.verification._outcome import fails

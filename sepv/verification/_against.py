@@ -20,7 +20,7 @@ from sepv.files import fault, finite, made, read_json, require_schema, schema
 from sepv.schemes import Scheme
 from sepv.verification._expected_failures import ExpectedFailure
 from sepv.verification._law import Effort, Run, Verdict
-from sepv.verification._laws import load_laws
+from sepv.verification._laws import load_laws, renamed
 from sepv.verification._outcome import EFFORT
 from sepv.verification._profiles import SUITE
 from sepv.verification._verify import measure
@@ -62,7 +62,7 @@ def read_report(path: str | Path) -> dict[str, Any]:
     if wrong:
         raise UsageError(received=f"{path}: {wrong}", **words)
     load_laws(names)
-    return report
+    return renamed(report)
 
 
 def against(

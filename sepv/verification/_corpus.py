@@ -1,6 +1,7 @@
 """The corpus of witnesses: cases that once showed a violation, tried before any search.
 
-The witnesses of a law are in ``reference/witnesses/LAW.json``; docs/vectors.md describes this file for other programs.
+The witnesses of a law are in ``reference/witnesses/LAW.json``, those of its part in ``LAW-PART.json``; docs/vectors.md
+describes this file for other programs.
 A witness is measured like any other case of its law, with the same bound. The corpus can therefore find a fault sooner,
 but it can show no violation that a search could not find.
 """
@@ -30,10 +31,15 @@ class Witness:
     case: Case
 
 
+def file_of(law: str) -> str:
+    """The name of the file of a law's witnesses; a hyphen comes before its part."""
+    return f"{law.replace(':', '-')}.json"
+
+
 @lru_cache(maxsize=64)
 def witnesses(law: str, systems: Systems | None = None) -> tuple[Witness, ...]:
     """The stored witnesses of a law, for one class of systems or for all; empty for a law that has no file."""
-    file = FOLDER / f"{law}.json"
+    file = FOLDER / file_of(law)
     if not file.is_file():
         return ()
     data = json.loads(file.read_text(encoding="utf-8"))

@@ -27,6 +27,7 @@ from typing import Any
 from sepv._arguments import did_you_mean
 from sepv.errors import UsageError, require_one_of
 from sepv.files import read_bounded
+from sepv.schemes import law_named
 from sepv.verification._cases import case as cases
 from sepv.verification._law import Finding, Verdict
 
@@ -144,9 +145,10 @@ def _names(key: str, value: Any, path: str, known: tuple[str, ...]) -> frozenset
     remedy = "correct the names, or write the file anew with --pin"
     if not isinstance(value, list):
         raise UsageError(expected=f"{key} in {path}, a list of laws", received=f"{value!r}", remedy=remedy)
-    for name in value:
+    names = frozenset(law_named(name) if isinstance(name, str) else name for name in value)
+    for name in names:
         require_one_of(f"{key} in {path}, a list of laws", name, known, remedy, did_you_mean(name, known))
-    return frozenset(value)
+    return names
 
 
 def _entry(entry: Any, where: str, known: tuple[str, ...]) -> ExpectedFailure:
@@ -154,6 +156,7 @@ def _entry(entry: Any, where: str, known: tuple[str, ...]) -> ExpectedFailure:
         keys = sorted(entry) if isinstance(entry, dict) else type(entry).__name__
         raise UsageError(expected=f"law, reason and witness in {where}", received=f"{keys}", remedy=_EXAMPLE)
     law, reason, witness = entry["law"], entry["reason"], entry["witness"]
+    law = law_named(law) if isinstance(law, str) else law
     require_one_of(f"a law in {where}", law, known, received=did_you_mean(law, known))
     if not isinstance(reason, str) or not reason.strip():
         raise UsageError(

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from importlib import import_module
+from typing import Any
 
 from sepv.errors import UsageError
-from sepv.schemes import ALL_LAWS, LAWS, OF_TWINS, require_laws
+from sepv.schemes import ALL_LAWS, FORMER, LAWS, OF_TWINS, law_named, page_of, require_laws
 from sepv.verification._law import Law
 from sepv.verification._profiles import Requirement, laws_for
 
@@ -29,10 +30,37 @@ def load_laws(names: Iterable[str] | None = None) -> list[Law]:
     UsageError
         For an unknown name.
     """
-    wanted = LAWS if names is None else tuple(str(n).strip().replace("_", "-") for n in listed(names))
+    wanted = LAWS if names is None else tuple(law_named(str(n)) for n in listed(names))
     require_laws(wanted)
-    ordered = [name for name in ALL_LAWS if name in wanted]
-    return [import_module(f"sepv.properties.test_{name.replace('-', '_')}").law for name in ordered]
+    return [_loaded(name) for name in ALL_LAWS if name in wanted]
+
+
+def _loaded(name: str) -> Law:
+    module = import_module(f"sepv.properties.test_{page_of(name).replace('-', '_')}")
+    return next(law for law in laws_in(module) if law.name == name)
+
+
+def laws_in(module: Any) -> tuple[Law, ...]:
+    """The laws of a file of `sepv.properties`: `laws`, if its law has parts, else `law`; empty for other modules."""
+    found = getattr(module, "laws", (getattr(module, "law", None),))
+    return tuple(law for law in found if isinstance(law, Law)) if isinstance(found, tuple) else ()
+
+
+# Verdicts from the least to the most telling, for laws of a stored report that are one law now.
+_TELLING = ("not_measured", "not_applicable", "holds", "inconclusive", "error", "violated")
+
+
+def renamed(report: dict[str, Any]) -> dict[str, Any]:
+    """A stored report with the present names of laws; of laws that are one now, it keeps the most telling verdict."""
+    if not FORMER.keys() & {law["law"] for law in report["laws"]}:
+        return report
+    found: dict[str, dict[str, Any]] = {}
+    for law in sorted(report["laws"], key=lambda law: _TELLING.index(law["verdict"])):
+        name = law_named(law["law"])
+        found[name] = law | {"law": name}
+    laws = [found[name] for name in ALL_LAWS if name in found]
+    counts = {verdict: sum(law["verdict"] == verdict for law in laws) for verdict in report["counts"]}
+    return report | {"laws": laws, "counts": counts, "suite": report["suite"] | {"laws": len(laws)}}
 
 
 def soonest(laws: Iterable[Law]) -> list[Law]:

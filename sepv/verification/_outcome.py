@@ -10,7 +10,7 @@ from sepv._arguments import did_you_mean
 from sepv._version import __version__
 from sepv.errors import UsageError, require_one_of
 from sepv.files import finite
-from sepv.schemes import NORMAL, OF_TWINS, Scheme, point_law
+from sepv.schemes import NORMAL, OF_TWINS, Scheme, law_named, point_law
 from sepv.verification._cases.case import has_words
 from sepv.verification._cases.users_problems import objects_of
 from sepv.verification._law import Effort, Finding, Verdict
@@ -118,7 +118,7 @@ class Report:
         UsageError
             For a law that is not in the report.
         """
-        known, name = {f.law: f for f in self.findings}, str(law).replace("_", "-")
+        known, name = {f.law: f for f in self.findings}, law_named(str(law))
         remedy = "ask for one of these, or measure more laws"
         require_one_of("a law of this report", name, known, remedy, did_you_mean(law, known))
         return known[name]

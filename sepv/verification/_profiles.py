@@ -49,7 +49,7 @@ PROFILES = (
     Profile("energy", "energy", ("energy",)),
     Profile("casimir", "Casimirs", ("casimir",)),
     Profile("every-casimir", "every Casimir", ("any-casimir",)),
-    Profile("symplectic", "symplectic", ("symplecticity",)),
+    Profile("symplectic", "symplectic", ("poisson-map:constant",)),
     Profile("poisson", "Poisson", ("poisson-map",)),
     Profile("symmetric", "symmetric", ("symmetry",)),
     Profile("2.1", "(2.1)", ("reference", "expansion", "midpoint", "reduction")),

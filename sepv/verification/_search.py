@@ -39,6 +39,7 @@ from sepv.verification._cases.of_law import ALL_CASES, Cases, Question
 from sepv.verification._cases.shrink import in_strange_units, shrunk
 from sepv.verification._cases.users_problems import objects_of, sources
 from sepv.verification._law import Effort, Finding, Law, Measurement, Middle, Run, Verdict, in_units
+from sepv.verification._laws import laws_in
 from sepv.verification._middle import along_paths, anywhere
 from sepv.verification._search_log import Check, SearchLog, conclude
 
@@ -150,7 +151,7 @@ def searched(
             return law.finding(Verdict.NOT_APPLICABLE, message=space)
         starts = [start_of(describe(item.fixed, item.text)) for item in listed if item.fixed is not None]
         module = sys.modules.get(getattr(own_check, "__module__", ""))
-        own = getattr(module, "law", None) is law and own_check.__module__.startswith("sepv.properties.")
+        own = law in laws_in(module) and own_check.__module__.startswith("sepv.properties.")
         of_class, plain = space, f"{name} {kind} False" if own else ""
 
         def probes() -> Iterator[Case]:

@@ -22,7 +22,6 @@ from sepv.reference.peers.peer import GROUP
 
 from benchmarks import law_pages
 from sepv.commands._cli import main
-from sepv.verification import ALL_LAWS, load_laws
 
 RUN = (
     "samplers", "rigid-bodies", "vortices", "maintainers", "ten-minutes", "teeth", "choosing", "ci", "adapting",
@@ -245,7 +244,7 @@ def test_every_command_that_is_shown_can_be_parsed(page: str, line: str) -> None
 
 
 def test_pages_of_laws_have_the_data_of_their_records_and_all_parts() -> None:
-    laws = load_laws(ALL_LAWS)
+    laws = law_pages.with_pages()
     assert {p.stem for p in (ROOT / "docs" / "laws").glob("*.md")} == {law.name for law in laws}
     for law in laws:
         shown = law_pages.page_of(law).read_text(encoding="utf-8")

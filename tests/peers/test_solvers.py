@@ -274,7 +274,9 @@ def test_a_library_is_given_masses_and_forces_in_either_order_of_y(name: str) ->
 
 
 # *contract* calls every step of the library hundreds of times more, and other tests ask it of schemes that do so too.
-@pytest.mark.parametrize("laws", ["symplecticity,symmetry", pytest.param("contract", marks=pytest.mark.deep)])
+@pytest.mark.parametrize(
+    "laws", ["poisson-map:constant,symmetry", pytest.param("contract", marks=pytest.mark.deep)]
+)
 def test_mici_keeps_what_it_claims(laws: str) -> None:
     report = verify(loaded("mici").integrators["leapfrog"], laws=laws, effort=Effort(examples=5))
     assert {f.verdict.text for f in report.findings} == {"holds"}
@@ -345,7 +347,7 @@ def test_the_page_names_claims_defects_and_scripts() -> None:
     scheme = Scheme("lib verlet", lambda problem, y, h, dW: y, order=2, source='its manual: "symplectic"')
     held = {"verdict": "holds", "claimed": True, "message": "", "defect": 1.0, "bound": 2.0}
     found = dict.fromkeys(page.JUDGED_LAWS, held)
-    found["symplecticity"] = {**held, "verdict": "violated", "defect": 30.0}
+    found["poisson-map:constant"] = {**held, "verdict": "violated", "defect": 30.0}
     here = [page.Deviation("lib verlet", "### lib verlet: no.")]
     text = page.document([page.Row("lib", "1.0", scheme, found)], here, [], "the command")
     assert "lib verlet (2) †" in text
@@ -355,5 +357,5 @@ def test_the_page_names_claims_defects_and_scripts() -> None:
     text = page.document([page.Row("lib", "1.0", scheme, found)], [], here, "the command")
     assert "- † [Invariants are kept, but not to rounding](integrator-rounding.md): lib verlet\n" in text
     text = page.document([page.Row("lib", "1.0", scheme, found)], [], [], "the command")
-    assert "- lib verlet, defects against bounds: symplecticity 30 against 2" in text
+    assert "- lib verlet, defects against bounds: poisson-map:constant 30 against 2" in text
     assert "\n## lib verlet: no." in page.rounding(here, "the command")

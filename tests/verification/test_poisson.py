@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sepv.properties import test_equivariance as equivariance
 from sepv.properties import test_reduction as reduction
-from sepv.properties import test_symplecticity as symplecticity
 from sepv.properties import test_volume as volume
 from sepv.properties._reversal import momentum_flip
 from sepv.properties._structures import is_constant, is_poisson
+from sepv.properties.test_poisson_map import constant
 from sepv.reference.faults.saboteurs import SABOTEURS
 
 import sepv
@@ -60,7 +60,7 @@ def test_a_condition_on_b_that_holds_at_one_state_alone_is_not_taken_for_it() ->
     problem, y, _, _ = case.build()
     assert not np.any(problem.structure_derivative(y))
     assert not is_constant(problem, y)
-    assert symplecticity.constant(case) is volume.volume_kept(case) is None
+    assert constant(case) is volume.volume_kept(case) is None
     quiet = reduction.reduced(case)
     assert quiet is not None
     assert quiet.problem.noise == (0.0,)
@@ -104,10 +104,10 @@ def _moved(step: sepv.schemes._scheme.Step, by: float) -> sepv.schemes._scheme.S
 def test_structure_and_energy_are_different_laws() -> None:
     # A translation is symplectic, and keeps no energy. (2.1) keeps the energy, and is not symplectic.
     moved = replace(midpoint, step=_moved(midpoint.step, 2.0**-20), solve=None)
-    asked = verdicts(moved, "symplecticity,energy,casimir", **QUICK)
-    assert asked == {"symplecticity": "holds", "energy": "violated", "casimir": "violated"}
-    asked = verdicts("energy-preserving", "energy,poisson-map,symplecticity", **QUICK)
-    assert asked == {"energy": "holds", "poisson-map": "violated", "symplecticity": "violated"}
+    asked = verdicts(moved, "poisson-map:constant,energy,casimir", **QUICK)
+    assert asked == {"poisson-map:constant": "holds", "energy": "violated", "casimir": "violated"}
+    asked = verdicts("energy-preserving", "energy,poisson-map,poisson-map:constant", **QUICK)
+    assert asked == {"energy": "holds", "poisson-map": "violated", "poisson-map:constant": "violated"}
 
 
 def test_a_solver_of_few_digits_is_not_accused_for_it() -> None:
@@ -120,15 +120,15 @@ def test_a_solver_of_few_digits_is_not_accused_for_it() -> None:
                 return y + z
         raise ArithmeticError("no convergence")
 
-    rough = Scheme("rough", step, claims=["symplecticity"], solver_tolerance=1e-9)
-    assert verdicts(rough, "symplecticity", **QUICK) == {"symplecticity": "holds"}
+    rough = Scheme("rough", step, claims=["poisson-map:constant"], solver_tolerance=1e-9)
+    assert verdicts(rough, "poisson-map:constant", **QUICK) == {"poisson-map:constant": "holds"}
     silent = replace(rough, solver_tolerance=0.0)
-    assert verdicts(silent, "symplecticity", **QUICK) == {"symplecticity": "violated"}
+    assert verdicts(silent, "poisson-map:constant", **QUICK) == {"poisson-map:constant": "violated"}
 
 
 def test_problems_without_the_identity_are_not_asked_about() -> None:
-    report = measured("midpoint", "symplecticity,positivity", "rigid-body", **QUICK)
-    assert "B of the problems is not constant" in report.finding("symplecticity").message
+    report = measured("midpoint", "poisson-map:constant,positivity", "rigid-body", **QUICK)
+    assert "B of the problems is not constant" in report.finding("poisson-map:constant").message
     assert "no domain" in report.finding("positivity").message
 
 
@@ -137,7 +137,7 @@ def test_compositions_whose_substeps_leave_the_step_are_not_accused() -> None:
 
     The bound has room for that: defects are below a twentieth of it.
     """
-    found = says("yoshida-4", "symplecticity", "holds")
+    found = says("yoshida-4", "poisson-map:constant", "holds")
     assert found.defect < found.bound / 20
 
 

@@ -453,7 +453,10 @@ def test_a_slope_near_its_bound_is_judged_at_halved_steps(monkeypatch: pytest.Mo
 def test_the_laws_that_may_accuse_by_chance_share_the_probability_of_it() -> None:
     """A law is statistical if it judges paths by `judge`, or by quantiles of its own; no look of it is forgotten."""
     laws = load_laws()
-    files = {law.name: import_module(f"sepv.properties.test_{law.name.replace('-', '_')}") for law in laws}
+    files = {
+        law.name: import_module(f"sepv.properties.test_{schemes.page_of(law.name).replace('-', '_')}")
+        for law in laws
+    }
     by_judge = {name for name, file in files.items() if getattr(file, "judge", None) is sequential.judge}
     by_quantiles = {name for name, file in files.items() if {"students_t", "fishers_f"} & set(vars(file))}
     assert {law.name for law in laws if law.statistical} == by_judge | by_quantiles

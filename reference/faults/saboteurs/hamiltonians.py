@@ -34,7 +34,9 @@ def second_noise_louder(problem: Problem, y: Array, h: float, dW: Array) -> Arra
 
 
 @SABOTEURS.like(
-    schemes.stochastic_midpoint, "y1 is multiplied by 1 + 2⁻³⁰h", ("casimir", "symmetry", "symplecticity")
+    schemes.stochastic_midpoint,
+    "y1 is multiplied by 1 + 2⁻³⁰h",
+    ("casimir", "symmetry", "poisson-map:constant"),
 )
 def away_from_the_origin(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """Multiply y1 by 1 + 2⁻³⁰h."""

@@ -1,0 +1,78 @@
+"""Names of laws: parts of laws are claimed apart, and names of former versions work and are noted once."""
+
+import json
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from doors import command
+
+import sepv
+from sepv import Scheme, schemes
+from sepv.schemes import ALL_LAWS, FORMER, page_of
+from sepv.schemes._claims import note_former
+from sepv.verification import Effort, load_expectations, load_laws
+
+FEW = Effort(examples=1)
+step = schemes.midpoint.step
+
+
+@pytest.fixture(autouse=True)
+def unnoted() -> Iterator[None]:
+    note_former.cache_clear()
+    yield
+    note_former.cache_clear()
+
+
+def test_there_are_few_laws_and_each_former_name_leads_to_one() -> None:
+    assert len({page_of(law) for law in ALL_LAWS}) <= 36
+    assert set(FORMER.values()) <= set(ALL_LAWS)
+    assert not set(FORMER) & set(ALL_LAWS)
+    assert all(page_of(law) in ALL_LAWS for law in ALL_LAWS)
+
+
+@pytest.mark.parametrize("old", FORMER)
+def test_a_former_name_is_a_claim_and_a_law_and_is_noted_once(old: str) -> None:
+    with pytest.warns(FutureWarning, match=f"the law {old} is now {FORMER[old]}") as noted:
+        scheme = Scheme("mine", step, claims=[old.replace("-", "_"), "energy"])
+    (law,) = load_laws(old)  # a second note would be an error
+    assert len(noted) == 1
+    assert scheme.claims == {FORMER[old], "energy"}
+    assert law.name == FORMER[old]
+    assert law.claimed_by(scheme)
+
+
+def test_the_part_of_a_law_is_claimed_without_the_law() -> None:
+    laws = ["poisson-map", "poisson-map:constant"]
+    report = sepv.verify("midpoint", laws=laws, effort=FEW)
+    assert [(f.law, f.claimed, f.verdict.text) for f in report.findings] == [
+        ("poisson-map", False, "violated"), ("poisson-map:constant", True, "holds"),
+    ]  # fmt: skip
+    assert report.exit_code == 0
+    with pytest.warns(FutureWarning):
+        assert report.finding("symplecticity") is report.finding("poisson-map:constant")
+
+
+def test_a_pin_and_a_report_with_former_names_are_read(tmp_path: Path) -> None:
+    pin, report = tmp_path / "pin.toml", tmp_path / "report.json"
+    token = command("verify energy-preserving --law poisson-map:constant --examples 1").output
+    token = token.partition("--replay ")[2].split()[0]
+    pin.write_text(
+        f"""claims = ["contract"]\nmeasured = ["contract", "symplecticity"]
+[[expected]]\nlaw = "symplecticity"\nreason = "it keeps H"\nwitness = "{token}"\n"""
+    )
+    with pytest.warns(FutureWarning):
+        known = load_expectations(pin, ALL_LAWS)
+    assert known.measured == {"contract", "poisson-map:constant"}
+    assert list(known.failures) == ["poisson-map:constant"]
+    run = f"verify energy-preserving --law poisson-map:constant,contract --examples 1 --expected {pin}"
+    assert command(run, 0).exit_code == 0
+    command(f"verify midpoint --law poisson-map:constant --examples 1 --json {report}", 0)
+    data = json.loads(report.read_text())
+    data["laws"][0]["law"] = "symplecticity"
+    report.write_text(json.dumps(data))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FutureWarning)
+        found = command(f"verify midpoint --against {report}")
+    assert found.exit_code == 0, found.output
