@@ -220,7 +220,7 @@ def test_the_page_lists_every_profile_with_its_laws() -> None:
     for profile in PROFILES:
         name = f"{profile.name}-P" if profile.ordered else profile.name
         row = next(line for line in DOC.splitlines() if line.startswith(f"| `{name}` |"))
-        assert re.findall(r"\*([a-z-]+)\*", row) == list(profile.laws)
+        assert re.findall(r"\*([a-z:-]+)\*", row) == list(profile.laws)
 
 
 def test_a_law_more_is_a_new_version() -> None:
