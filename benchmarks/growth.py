@@ -99,6 +99,20 @@ def stepped(d: int) -> Callable[[], Any]:
     return lambda: sepv.ensemble(EP, problem, h=0.01, steps=4, paths=64, engine="numpy")
 
 
+def degree(n: int) -> Callable[[], Any]:
+    """An ensemble of a top with H = ½|y|² + y_1^n/(100n), whose averaged gradient takes n/2 nodes."""
+    squares = [[[2 * (i == k) for i in range(3)], 0.5] for k in range(3)]
+    data = {
+        "dimension": 3, "noise": [0.1], "hamiltonian": [*squares, [[n, 0, 0], 0.01 / n]],
+        "structure": [[i, j, [[[int(k == m) for m in range(3)], sign]]] for i, j, k, sign in CROSS],
+    }  # fmt: skip
+    return ensemble(problem=problems.build(problems.from_json(data)), y0=(0.6, 0.5, 0.4))
+
+
+# The entries of the matrix of y ×, above the diagonal: row, column, component of y, sign.
+CROSS = ((0, 1, 2, -1.0), (0, 2, 1, 1.0), (1, 2, 0, -1.0))
+
+
 def terms(count: int) -> Callable[[], Any]:
     """A problem's file with so many terms, read and built."""
     data = {
@@ -120,14 +134,15 @@ EP, RIGID = schemes.energy_preserving, problems.rigid_body()
 def rows(quick: bool) -> list[Row]:
     """The rows of the table."""
     top, cores = (20 if quick else 24), os.cpu_count() or 1
+    paths = tuple(2**k for k in range(top - 6, top + 1))
     some = tuple(n for n in (1, 2, 4, 8, 16, 32, 64) if n <= cores)
     return [
-        Row("paths, one thread", tuple(2**k for k in range(16, top + 1, 2)), lambda n: ensemble(paths=n)),
-        Row("paths, reduced", tuple(2**k for k in range(16, top + 1, 2)),
-            lambda n: ensemble(paths=n, reduce={"q": lambda ends: ends.y[0]})),
+        Row("paths, one thread", paths, lambda n: ensemble(paths=n)),
+        Row("paths, reduced", paths, lambda n: ensemble(paths=n, reduce={"q": lambda ends: ends.y[0]})),
         Row("steps", (2, 8, 32, 128, 512), lambda n: ensemble(steps=n)),
         Row("noises m", (1, 4, 16, 64), lambda m: ensemble(problem=problems.rigid_body(noise=(0.1,) * m))),
         Row("stages (degree 2s)", (1, 2, 4, 6), lambda s: ensemble(scheme=schemes.collocation(s), paths=2**12)),
+        Row("degree of H", (3, 8, 16, 32), degree),
         Row("d, sepv.Problem of functions", (8, 16, 40, 80) if quick else (8, 16, 40, 100, 200), made),
         Row("d, steps in NumPy", (4, 8, 16, 40), stepped),
         Row("terms of a problem file", (1000, 4000, 16_000, 64_000), terms),

@@ -11,17 +11,11 @@ from typing import TYPE_CHECKING
 from sepv._lazy import lazily
 from sepv.children._deadline import TimedOut, deadline, one_process, returned_twice
 from sepv.children._journal import (
-    ANSWERED,
-    BACK,
-    BEGIN,
-    END,
-    LOST,
-    RESULT,
-    STARTED,
     TICK,
     Crashed,
     Journal,
     Limit,
+    Message,
     Notes,
     attempted,
     collect_seldom,
@@ -34,14 +28,21 @@ from sepv.children._journal import (
     note_violation,
     open_journal,
     out_of_time,
+    packed,
+    unpacked,
 )
 
 if TYPE_CHECKING:
-    from sepv.children._child import Child, NoLine, kill_tree, packed, pump_all, unpacked
+    from sepv.children._child import Child, NoLine, kill_tree, pump_all
+    from sepv.children._parent import end_with_parent
     from sepv.children._workers import cores, start_ahead, take
 
 # A command's watcher starts no child in this way, and does not load what it takes.
 __getattr__, __dir__ = lazily(
     __name__,
-    {"_child": "Child NoLine kill_tree packed pump_all unpacked", "_workers": "cores start_ahead take"},
+    {
+        "_child": "Child NoLine kill_tree pump_all",
+        "_parent": "end_with_parent",
+        "_workers": "cores start_ahead take",
+    },
 )

@@ -8,9 +8,7 @@ groups, notice no parent's death, and pickle functions, where here programs of o
 
 from __future__ import annotations
 
-import ctypes
 import os
-import pickle
 import selectors
 import signal
 import subprocess
@@ -19,18 +17,16 @@ import threading
 import time
 import warnings
 import weakref
-from binascii import a2b_base64, b2a_base64
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from functools import cache
 from tempfile import TemporaryFile
 from typing import Any
 
 from sepv.children._journal import BYTES, Notes, ended_with
+from sepv.children._parent import end_with_parent, told_by_signal
 
 _CHUNK = 1 << 16
 _LOG = 2000  # the last bytes of stderr, which an error shows
-_PR_SET_PDEATHSIG = 1  # prctl(2)
 _DEAF = "closed its input"
 
 
@@ -40,16 +36,6 @@ class NoLine(Exception):
     def __init__(self, why: str) -> None:
         self.why = why
         super().__init__(why)
-
-
-def packed(message: Any) -> bytes:
-    """Any object that can be pickled, as one line."""
-    return b2a_base64(pickle.dumps(message))
-
-
-def unpacked(line: bytes) -> Any:
-    """The object of a line of `packed`; only for lines of this package's own processes."""
-    return pickle.loads(a2b_base64(line))
 
 
 class Child:
@@ -264,25 +250,12 @@ def _tree(pid: int) -> Iterable[int]:
                 yield from _tree(child)
 
 
-@cache
-def _prctl() -> Any:
-    return ctypes.PyDLL(None).prctl if sys.platform == "linux" else None
-
-
-def end_with_parent(parent: int) -> None:
-    """Let SIGKILL end this process when the process `parent` dies, on Linux; at once if it is dead already."""
-    if prctl := _prctl():
-        prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
-        if os.getppid() != parent:
-            os._exit(1)
-
-
 def _before_exec() -> Callable[[], None] | None:
     """The function that a new process calls first; None where no signal tells a parent's death.
 
     The signal comes at the end of the *thread* that started the process, so only the main thread asks for it.
     """
-    if _prctl() is None or threading.current_thread() is not threading.main_thread():
+    if not told_by_signal() or threading.current_thread() is not threading.main_thread():
         return None
     parent = os.getpid()
     return lambda: end_with_parent(parent)

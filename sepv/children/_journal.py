@@ -13,6 +13,7 @@ import math
 import pickle
 import signal
 import time
+from binascii import a2b_base64, b2a_base64
 from collections.abc import Callable, Mapping
 from contextvars import ContextVar
 from dataclasses import dataclass, field
@@ -21,12 +22,19 @@ from typing import Any, TypeVar
 
 T = TypeVar("T")
 
+
+def packed(message: Any) -> bytes:
+    """Any object that can be pickled, as one line."""
+    return b2a_base64(pickle.dumps(message))
+
+
+def unpacked(line: bytes) -> Any:
+    """The object of a line of `packed`; only for lines of this package's own processes."""
+    return pickle.loads(a2b_base64(line))
+
+
 # The size of the shared memory in bytes, and how many of these bytes hold the length of the note that follows.
 BYTES, _SIZE = 1 << 20, 4
-
-# The kinds of messages: the command runs; work begins; its result; work ended without a result; Ctrl-C is
-# handled, or was lost; all is done but for Python's own end.
-STARTED, BEGIN, RESULT, BACK, ANSWERED, LOST, END = b"s", b"b", b"r", b"k", b"a", b"l", b"e"
 
 # The number of new objects after which Python searches for cycles of objects, chosen for the speed of `sepv verify`.
 OBJECTS = 5000
@@ -35,6 +43,18 @@ OBJECTS = 5000
 GRACE = 5.0
 # The longest time between two looks at the clock.
 TICK = 0.5
+
+
+class Message:
+    """The kinds of messages."""
+
+    STARTED, BEGIN, RESULT, BACK = (
+        "the command runs",
+        "work begins",
+        "its result",
+        "work ended without a result",
+    )
+    ANSWERED, LOST, END = "Ctrl-C is handled", "Ctrl-C was lost", "all is done but for Python's own end"
 
 
 class Limit:
@@ -103,7 +123,7 @@ class Journal:
     `results` and `crashes` hold the results and crashes of earlier processes of the run, by the key of the work.
     """
 
-    send: Callable[[bytes, bytes], None]
+    send: Callable[[str, Any], None]
     notes: Notes
     results: Mapping[str, bytes] = field(default_factory=dict)
     crashes: Mapping[str, tuple[str, bytes]] = field(default_factory=dict)
@@ -147,11 +167,11 @@ def attempted(key: str, work: Callable[[], T], *, kept: bool = True, seconds: fl
         raise Crashed(*journal.crashes[key])
     journal.cases, journal.violated = 0, None
     journal.notes.put(b"")
-    journal.send(BEGIN, pickle.dumps((key, seconds)))
-    done = BACK, b""
+    journal.send(Message.BEGIN, (key, seconds))
+    done: tuple[str, Any] = Message.BACK, None
     try:
         outcome = work()
-        done = (RESULT, pickle.dumps(outcome)) if kept else done
+        done = (Message.RESULT, pickle.dumps(outcome)) if kept else done
     finally:
         journal.send(*done)
     return outcome
@@ -183,7 +203,7 @@ def command_started() -> None:
     """Tell the watcher that all is imported: what crashes the process from now on is the scheme, or a library of it."""
     journal = _journal.get()
     if journal is not None:
-        journal.send(STARTED, b"")
+        journal.send(Message.STARTED, None)
 
 
 def interruption_answered() -> None:
@@ -191,7 +211,7 @@ def interruption_answered() -> None:
     journal = _journal.get()
     if journal is not None:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-        journal.send(ANSWERED, b"")
+        journal.send(Message.ANSWERED, None)
 
 
 def ended_with(returncode: int) -> str:

@@ -16,6 +16,7 @@ from typing import Any
 import click
 
 from sepv.children import interruption_answered
+from sepv.commands._watch import DEFECT, defect
 from sepv.console import printable
 from sepv.errors import SepvError, TargetError, UsageError
 from sepv.files import require_folder
@@ -24,8 +25,6 @@ EXIT_CODES = """Exit codes: 0 all claimed laws hold; 1 a claimed law is violated
 budget; 2 wrong usage; 3 the scheme crashed, hung, or could not be loaded; 70 sepv itself failed; 130 interrupted."""
 # The key of the typed command line in click's context.
 WORDS = "sepv.words"
-# The exit code EX_SOFTWARE of sysexits.h: a defect of this package, distinct from every verdict.
-CRASH = 70
 # Errors of the system that no other arguments mend: a full or broken device, no more descriptors, memory or processes.
 _LACKING = {
     errno.ENOSPC,
@@ -227,22 +226,23 @@ def _ended_by(error: BaseException, debug: bool) -> int:
         # The reader, such as ``| head``, has ended. Further output, also at exit, is dropped; 141 as for SIGPIPE.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141
+    code = _code_of(error)
     if debug and not isinstance(error, KeyboardInterrupt):
         say("".join(traceback.format_exception(error)).rstrip())
     elif isinstance(error, KeyboardInterrupt):
         interruption_answered()
         say("sepv: interrupted")
-    elif isinstance(error, (SepvError, OSError)):
-        say(f"sepv: {error}")
-    elif isinstance(error, MemoryError):
-        say(f"sepv: memory is too short, and no verdict: {error}")
+    elif code == DEFECT:
+        say(defect(error))
     else:
-        say(
-            f"sepv: a defect of sepv itself, and no verdict: {type(error).__name__}: {error}\n"
-            "Remedy: the same command with --debug shows where; please report it"
-        )
+        say(f"sepv: {error}")
+    return code
+
+
+def _code_of(error: BaseException) -> int:
+    """The exit code for an error that ends a command."""
     if isinstance(error, KeyboardInterrupt):
         return 130
     if isinstance(error, SepvError):
         return 2 if isinstance(error, UsageError) and not isinstance(error, TargetError) else 3
-    return 2 if isinstance(error, OSError) and error.errno not in _LACKING else CRASH
+    return 2 if isinstance(error, OSError) and error.errno not in _LACKING else DEFECT

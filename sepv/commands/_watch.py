@@ -10,7 +10,6 @@ from __future__ import annotations
 import atexit
 import math
 import os
-import pickle
 import select
 import signal
 import sys
@@ -22,21 +21,18 @@ from dataclasses import dataclass, field
 from typing import Any, NoReturn
 
 from sepv.children import (
-    ANSWERED,
-    BACK,
-    BEGIN,
-    END,
-    LOST,
-    RESULT,
-    STARTED,
     TICK,
     Journal,
     Limit,
+    Message,
     Notes,
     ended_with,
     open_journal,
     out_of_time,
+    packed,
+    unpacked,
 )
+from sepv.errors import said
 
 # Seconds until Ctrl-C is sent again, until a lost Ctrl-C is sent again, until a child that does not answer is killed.
 AGAIN, AGAIN_LOST, PATIENCE = 0.5, 0.05, 1.2
@@ -44,10 +40,11 @@ AGAIN, AGAIN_LOST, PATIENCE = 0.5, 0.05, 1.2
 SAME_INTERRUPT_SECONDS = 0.2
 # Signals that end a process from outside, which is no crash.
 ENDED = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP) if os.name == "posix" else ()
-CRASHED, DEFECT, INTERRUPTED = 3, 70, 130
+CRASHED, INTERRUPTED = 3, 130
+# The exit code EX_SOFTWARE of sysexits.h: a defect of this package, or of the system; distinct from every verdict.
+DEFECT = 70
 # Seconds for what is registered with atexit, after all is written. A helper process of a scheme may never end.
 ATEXIT_SECONDS = 5.0
-_HEAD = 5  # bytes: the kind of a message, and the length of what follows
 
 
 @dataclass
@@ -68,27 +65,23 @@ class _Heard:
 
     def hear(self, data: bytes) -> None:
         """Add the next bytes of the pipe to the rest of the last ones, and record the messages that are complete."""
-        self.rest += data
-        while len(self.rest) >= _HEAD:
-            end = _HEAD + int.from_bytes(self.rest[1:_HEAD], "big")
-            if len(self.rest) < end:
-                return
-            kind, text, self.rest = self.rest[:1], self.rest[_HEAD:end], self.rest[end:]
-            if kind == STARTED:
+        *lines, self.rest = (self.rest + data).split(b"\n")
+        for kind, what in map(unpacked, lines):
+            if kind == Message.STARTED:
                 self.started = True
-            elif kind == BEGIN:
-                self.begun, self.seconds = pickle.loads(text)
+            elif kind == Message.BEGIN:
+                self.begun, self.seconds = what
                 self.limit = Limit(self.seconds)
-            elif kind in (RESULT, BACK):
-                if kind == RESULT and self.begun is not None:
-                    self.results[self.begun] = text
+            elif kind in (Message.RESULT, Message.BACK):
+                if kind == Message.RESULT and self.begun is not None:
+                    self.results[self.begun] = what
                 self.begun = self.limit = None
-            elif kind == ANSWERED:
+            elif kind == Message.ANSWERED:
                 self.answered = True
-            elif kind == LOST:
+            elif kind == Message.LOST:
                 self.lost = True
-            elif kind == END:
-                self.code, self.limit = int.from_bytes(text, "big"), Limit(ATEXIT_SECONDS)
+            elif kind == Message.END:
+                self.code, self.limit = what, Limit(ATEXIT_SECONDS)
 
     def crash(self, status: str) -> bool:
         """Record a crash of a process; True if it occurred in a measurement, which a new process can leave out."""
@@ -136,7 +129,6 @@ def _attend(work: Callable[[], Any], heard: _Heard) -> int | None:
         stream.flush()
     taken = [n for n in ENDED if signal.getsignal(n) in (signal.SIG_DFL, signal.default_int_handler)]
     heard_here, heard_there = os.pipe()
-    alive_there, alive_here = os.pipe()
     bell_here, bell = os.pipe()
     for end in (heard_here, bell_here, bell):
         os.set_blocking(end, False)
@@ -144,23 +136,21 @@ def _attend(work: Callable[[], Any], heard: _Heard) -> int | None:
     ringing = signal.set_wakeup_fd(bell, warn_on_full_buffer=False)
     # A signal that arrives between the fork and the child's own handler is held back.
     signal.pthread_sigmask(signal.SIG_BLOCK, ENDED)
-    child = os.fork()
+    parent, child = os.getpid(), os.fork()
     if not child:
         signal.set_wakeup_fd(ringing)
         for number, handler in before.items():
             signal.signal(number, handler)
-        for end in (heard_here, alive_here, bell_here, bell):
+        for end in (heard_here, bell_here, bell):
             os.close(end)
         journal = Journal(_speaker(heard_there), heard.notes, heard.results, heard.crashes)
-        _be_watched(work, journal, alive_there, signal.SIGINT in taken)
+        _be_watched(work, journal, parent, signal.SIGINT in taken)
     os.close(heard_there)
-    os.close(alive_there)
     _unblock()
     try:
         return _Attendance(child, heard, heard_here, bell_here).end()
     finally:
-        # A child that still runs notices the end of this pipe, and ends.
-        for end in (heard_here, alive_here, bell_here, bell):
+        for end in (heard_here, bell_here, bell):
             os.close(end)
         signal.set_wakeup_fd(ringing)
         for number, handler in before.items():
@@ -270,11 +260,11 @@ class _Attendance:
         return CRASHED
 
 
-def _speaker(pipe: int) -> Callable[[bytes, bytes], None]:
-    """Make the function send(kind, text) that sends a message to the watcher through this pipe."""
+def _speaker(pipe: int) -> Callable[[str, Any], None]:
+    """Make the function send(kind, what) that sends a message to the watcher through this pipe."""
 
-    def send(kind: bytes, text: bytes) -> None:
-        data = memoryview(kind + len(text).to_bytes(_HEAD - 1, "big") + text)
+    def send(kind: str, what: Any) -> None:
+        data = memoryview(packed((kind, what)))
         # A message is written whole: Ctrl-C and the signal of a time limit are held back.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGALRM))
         try:
@@ -286,8 +276,10 @@ def _speaker(pipe: int) -> Callable[[bytes, bytes], None]:
     return send
 
 
-def _be_watched(work: Callable[[], Any], journal: Journal, alive: int, heeds: bool) -> NoReturn:
+def _be_watched(work: Callable[[], Any], journal: Journal, parent: int, heeds: bool) -> NoReturn:
     """Run the work in the child process, and then end the process: this function never returns to its caller."""
+    from sepv.children import end_with_parent  # imported by the child, as all that takes time
+
     deaf_until, owner = 0.0, os.getpid()
 
     def interrupt(*_: Any) -> None:
@@ -302,20 +294,16 @@ def _be_watched(work: Callable[[], Any], journal: Journal, alive: int, heeds: bo
             before(lost)
             return
         # A destructor or a callback of the garbage collector swallowed Ctrl-C. The watcher sends it again afterwards.
-        journal.send(LOST, b"")
+        journal.send(Message.LOST, None)
         deaf_until = time.monotonic() + AGAIN_LOST / 2
-
-    def follow() -> None:
-        os.read(alive, 1)
-        os._exit(CRASHED)  # the watcher has ended
 
     before, sys.unraisablehook = sys.unraisablehook, unraisable
     if heeds:
         signal.signal(signal.SIGINT, interrupt)
     code = CRASHED
     try:
+        end_with_parent(parent)
         _unblock()
-        threading.Thread(target=follow, daemon=True).start()
         open_journal(journal)
         code = _code_of(work)
         deaf_until = float("inf")
@@ -328,7 +316,7 @@ def _be_watched(work: Callable[[], Any], journal: Journal, alive: int, heeds: bo
             os.getpid() == owner
         ):  # else this is a copy that a scheme's fork made, whose command is the parent's
             code = _flushed(code)
-            journal.send(END, bytes([code]))
+            journal.send(Message.END, code)
             atexit._run_exitfuncs()
         os._exit(code)
 
@@ -342,7 +330,7 @@ def _flushed(code: int) -> int:
         return 141
     except OSError as error:
         with suppress(OSError):
-            os.write(2, f"sepv: the output cannot be written: {error}\n".encode(errors="replace"))
+            os.write(2, f"{defect(error)}\n".encode(errors="replace"))
         return DEFECT
     return code
 
@@ -366,6 +354,9 @@ def _code_of(work: Callable[[], Any]) -> int:
 
 def defect(error: BaseException) -> str:
     """The line for an error that no command handled: no memory, no descriptor, or a defect."""
-    lacking = isinstance(error, (OSError, MemoryError, ImportError))
-    why = "the system refuses what it needs" if lacking else "a defect of sepv itself"
-    return f"sepv: {why}, and no verdict: {type(error).__name__}: {error}"[:300].replace("\n", " ")
+    lines = said(error).strip().splitlines() or [""]
+    why, what, remedy = "a defect of sepv itself", lines[0], "--debug shows where; please report it"
+    if isinstance(error, (OSError, MemoryError, ImportError)):
+        why, what = "the system refuses what it needs", lines[-1]
+        remedy = "give it memory, disk, open files and processes (ulimit -a), and an output that is open"
+    return f"sepv: {why}, and no verdict: {type(error).__name__}: {what:.300}. Remedy: {remedy}"

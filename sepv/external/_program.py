@@ -251,22 +251,30 @@ def load_program(
 
 @contextmanager
 def _ended_by_signals(program: Program) -> Iterator[None]:
-    """End the program at SIGTERM and SIGHUP, which unwind no Python code, unless they have another handler."""
+    """End the program at SIGTERM and SIGHUP, which unwind no Python code, unless they have another handler.
+
+    The handlers of several programs follow each other: each ends its own program, and sends the signal again.
+    """
 
     def end(number: int, _frame: object) -> None:
         program.abandon()
-        signal.signal(number, signal.SIG_DFL)
+        signal.signal(number, before[number])
         os.kill(os.getpid(), number)
 
     main = threading.current_thread() is threading.main_thread()
-    taken = [n for n in (signal.SIGTERM, signal.SIGHUP) if main and signal.getsignal(n) is signal.SIG_DFL]
-    for number in taken:
+    before = {n: h for n in (signal.SIGTERM, signal.SIGHUP) if main and _ends(h := signal.getsignal(n))}
+    for number in before:
         signal.signal(number, end)
     try:
         yield
     finally:
-        for number in taken:
-            signal.signal(number, signal.SIG_DFL)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _ends(handler: Any) -> bool:
+    """True for a signal's handler that ends this process: the system's, or one of `_ended_by_signals`."""
+    return handler is signal.SIG_DFL or getattr(handler, "__module__", "") == __name__
 
 
 def _split(command: str) -> list[str]:

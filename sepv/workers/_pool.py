@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from queue import SimpleQueue
 from typing import Any, NamedTuple
 
+from sepv.children import end_with_parent
 from sepv.errors import UsageError
 
 # The number of tasks submitted at a time for each worker: one that it computes, and three more so that it never waits.
@@ -112,42 +113,41 @@ def crew_of_threads(count: int, function: Callable[[Any], Any]) -> Iterator[Futu
 def _serve_quietly() -> None:
     """Prepare a process of a pool: it ends without a traceback after Ctrl-C, and when its parent process ends."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
+    end_with_parent(os.getppid())
     parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
+    if parent is not None and not parent.is_alive():  # it ended before
         os._exit(1)
 
 
 @contextmanager
 def crew_of_processes(count: int, function: Callable[[Any], Any]) -> Iterator[Futures]:
-    """A context with a crew of processes; at its end, processes that still compute are terminated."""
-    before = set(multiprocessing.active_children())
-    with ProcessPoolExecutor(count, initializer=_serve_quietly) as pool:
+    """A context with a crew of processes; at its end, processes that still compute are killed."""
+    with ended_at_once(ProcessPoolExecutor(count, initializer=_serve_quietly)) as pool:
         crew = _Processes(pool, function)
-        try:
-            yield crew
-        finally:
-            if crew.running:
-                for child in set(multiprocessing.active_children()) - before:
-                    child.terminate()
+        yield crew
+        if crew.running:
+            raise _Enough
+
+
+class _Enough(Exception):
+    """Raised in `ended_at_once` where nobody waits for the tasks that still run."""
 
 
 @contextmanager
 def ended_at_once(pool: ProcessPoolExecutor) -> Iterator[ProcessPoolExecutor]:
     """A context with a pool of processes, which are killed if an exception such as Ctrl-C leaves the context."""
     before = set(multiprocessing.active_children())
-    with pool:
-        try:
-            yield pool
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            for child in set(multiprocessing.active_children()) - before:
-                child.kill()
-            raise
+    try:
+        with pool:
+            try:
+                yield pool
+            except BaseException:
+                pool.shutdown(wait=False, cancel_futures=True)
+                for child in set(multiprocessing.active_children()) - before:
+                    child.kill()
+                raise
+    except _Enough:
+        pass
 
 
 class _Processes(Futures):

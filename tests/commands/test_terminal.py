@@ -23,7 +23,7 @@ from sepv.reference.faults import detection as fault_detection
 
 import sepv
 from sepv.commands._cli import COMMANDS, main
-from sepv.commands._shared import CRASH
+from sepv.commands._watch import DEFECT
 from sepv.console import Table, ascii_text, columns, console, kept, print_table
 from sepv.schemes import midpoint
 from sepv.studies._bench import store
@@ -157,8 +157,8 @@ def test_a_defect_of_our_own_is_no_verdict(monkeypatch: pytest.MonkeyPatch) -> N
         raise TypeError("a defect")
 
     monkeypatch.setattr("sepv.verification._report.summary", broken)
-    assert CRASH == 70
-    shown = command("verify midpoint --law truncation", CRASH).output
+    assert DEFECT == 70
+    shown = command("verify midpoint --law truncation", DEFECT).output
     assert "a defect of sepv itself, and no verdict: TypeError: a defect" in shown
 
 

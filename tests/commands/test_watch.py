@@ -14,6 +14,8 @@ from pathlib import Path
 import pytest
 from doors import ended
 
+from benchmarks import hostile_steps
+
 # From the first line of `main` on, with SIGINT as a terminal has it; who waits is told when that is.
 START = (
     "import os, signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
@@ -113,103 +115,7 @@ def at_random_moments(folder: Path, arguments: str, count: int) -> None:
     print(f"{arguments}: {count} moments, the longest answer took {longest:.2f} s")
 
 
-SCHEMES = """
-import ctypes, itertools, os, signal, subprocess, threading, time
-from pathlib import Path
-import numpy as np
-from sepv.schemes._midpoint import step as midpoint
-def falls(problem, y, h, dW):
-    if problem.dimension == 5 and problem.random_step(h, dW) and problem.gradient(y).any():
-        ctypes.string_at(0)  # in no case of the law identity
-    return midpoint(problem, y, h, dW)
-def leaves(problem, y, h, dW):
-    if problem.name not in ("pendulum", "rigid-body"):
-        os._exit(0)
-    return midpoint(problem, y, h, dW)
-def aborts(problem, y, h, dW):
-    os.abort()
-def odd(problem, h):
-    # Not while it is loaded, nor in the law truncation.
-    return h > 0 and problem.name not in ("pendulum", "rigid-body", "quartic-top")
-def spins(problem, y, h, dW):
-    if odd(problem, h):
-        max(itertools.repeat(0))  # an endless loop in C, which holds the interpreter: no signal handler runs
-    return midpoint(problem, y, h, dW)
-def swallows(problem, y, h, dW):
-    while odd(problem, h):
-        try:
-            time.sleep(0.01)
-        except:
-            pass
-    return midpoint(problem, y, h, dW)
-def is_deaf(problem, y, h, dW):
-    if odd(problem, h):
-        signal.signal(signal.SIGALRM, signal.SIG_IGN)
-        time.sleep(100_000)
-    return midpoint(problem, y, h, dW)
-def stops(problem, y, h, dW):
-    if odd(problem, h):
-        os.kill(os.getpid(), signal.SIGSTOP)
-    return midpoint(problem, y, h, dW)
-def forks(problem, y, h, dW):
-    count = Path("copies")
-    if odd(problem, h) and (not count.exists() or count.stat().st_size < 40):
-        with count.open("a") as file:  # so many at most, whatever happens
-            file.write(".")
-        os.fork()
-    return midpoint(problem, y, h, dW)
-class Panic(BaseException):
-    pass
-def panics(problem, y, h, dW):
-    if odd(problem, h):
-        raise Panic
-    return midpoint(problem, y, h, dW)
-class Untold(Exception):
-    def __str__(self):
-        raise ValueError
-    __repr__ = __str__
-def raises_untold(problem, y, h, dW):
-    if odd(problem, h):
-        raise Untold
-    return midpoint(problem, y, h, dW)
-def returns_untold(problem, y, h, dW):
-    return Untold() if odd(problem, h) else midpoint(problem, y, h, dW)
-def removes(problem, y, h, dW):
-    y1 = midpoint(problem, y, h, dW)
-    if odd(problem, h) and hasattr(np, "isfinite"):
-        del np.isfinite
-    return y1
-def leaves_helpers(problem, y, h, dW):
-    global calls
-    if not calls:
-        calls = 1
-        threading.Thread(target=time.sleep, args=(100_000,)).start()
-        subprocess.Popen(["sleep", "300"])
-    return 1.001 * midpoint(problem, y, h, dW)
-calls = 0
-def hides(problem, y, h, dW):
-    global calls
-    calls += 1
-    if calls > 40:
-        ctypes.string_at(0)  # while the first violation is simplified
-    return 1.001 * midpoint(problem, y, h, dW)
-def eats(problem, y, h, dW):
-    Path("begun").touch()
-    while True:
-        try:
-            time.sleep(60)
-        except BaseException:
-            pass
-class Destroyed:
-    def __del__(self):
-        Path("begun").touch()
-        end = time.monotonic() + 0.6
-        while time.monotonic() < end:
-            pass
-def destroys(problem, y, h, dW):
-    Destroyed()
-    return midpoint(problem, y, h, dW)
-"""
+SCHEMES = Path(hostile_steps.__file__).read_text(encoding="utf-8")
 
 
 @pytest.fixture
@@ -398,12 +304,12 @@ def test_a_thread_and_a_process_that_a_scheme_leaves_behind_hold_nothing_up(fold
 @pytest.mark.parametrize("redirected", [">&-", "2>&-", ">/dev/full"])
 def test_output_that_nobody_can_read_is_no_verdict(redirected: str, folder: Path) -> None:
     """A closed stdout ended in 1, as a violated law does, and a full device in 2."""
-    done = in_shell(f"{{sepv}} verify midpoint --law identity {redirected}", folder)
+    done = in_shell(f"{{sepv}} verify midpoint --law identity -q {redirected}", folder)
     assert done.returncode == 70
     assert len((done.stdout + done.stderr).splitlines()) == 1, done.stdout + done.stderr
 
 
-@pytest.mark.parametrize("limit", ["-n 8", "-v 150000"])
+@pytest.mark.parametrize("limit", ["-n 6", "-v 60000"])
 def test_a_system_that_refuses_is_no_verdict(limit: str, folder: Path) -> None:
     done = in_shell(f"ulimit {limit}; exec {{sepv}} verify midpoint --law identity", folder)
     assert done.returncode == 70, done.stdout + done.stderr

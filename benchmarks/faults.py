@@ -1,0 +1,388 @@
+"""Which faults does sepv survive? ``python -m benchmarks.faults`` prints how many of each kind it tried and survived.
+
+A fault is a command in a folder of its own with a step, a file, a signal or a system that misbehaves. It is survived if
+the command ends in time with its exit code and words, without a traceback or kilobytes of text; if the laws without the
+fault have their verdicts; and if no process is left (Linux). Steps are those of `hostile_steps`. Two faults run at a
+time, ten minutes in all. `--only` takes kinds that begin so; each fault that is not survived is printed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import re
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from uuid import uuid4
+
+from benchmarks import over, start
+from sepv.console import markdown
+
+# Seconds after which a command counts as hung; of a law's --timeout; until the processes of a command have ended.
+LIMIT, TIMEOUT, SOON = 240.0, 8, 5.0
+# The most characters that a command may print: a page, but no name of megabytes.
+MOST = 30_000
+SEPV = f"{shlex.quote(sys.executable)} -m sepv"
+PYTHON = f"{shlex.quote(sys.executable)} -P"
+MARK = "SEPV_FAULT"
+STEPS = Path(__file__).with_name("hostile_steps.py").read_text(encoding="utf-8")
+VERIFY = f"exec {SEPV} verify energy-preserving --law identity,casimir,truncation -q"
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A command that meets a fault: a line of bash, and what is expected of it."""
+
+    kind: str
+    line: str
+    codes: tuple[int, ...]
+    words: str = ""  # a pattern that the output must have
+    files: dict[str, str] = field(default_factory=dict)
+    verdicts: dict[str, str] = field(default_factory=dict)  # in the report r.json
+    then: str = ""  # another line, which must end with exit code 0
+    signal: int = 0  # sent to the command's process group,
+    times: int = 1  # at so many moments of its run,
+    at: str = ""  # or when this file exists
+    hangs: bool = False  # its seconds are shown
+    helpers: bool = False  # the step's own process may outlive the command
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a fault: why it is not survived, or nothing; and the seconds until its end."""
+
+    why: str
+    seconds: float
+
+
+def law(
+    kind: str, step: str, words: str, jobs: int = 1, *, hangs: bool = False, law: str = "energy"
+) -> Fault:
+    """A step that misbehaves in one law: this law is an error, in these words, and truncation is measured."""
+    line = f"exec {SEPV} verify mine:{step} --law {law},truncation --timeout {TIMEOUT if hangs else 60} -j {jobs}"
+    return Fault(
+        kind, f"{line} --json r.json --shrink-checks 3", (3,), words, hangs=hangs,
+        verdicts={law: "error", "truncation": "holds"},
+    )  # fmt: skip
+
+
+def interrupted(kind: str, line: str, number: int, code: int, times: int, then: str = "") -> Fault:
+    """A signal to the command's processes, at moments spread over its run."""
+    return Fault(kind, line, (code,), signal=number, times=times, then=then)
+
+
+PROGRAM = f"""#!{sys.executable}
+import json, os, signal, sys, time
+for line in sys.stdin:
+    m = json.loads(line)
+    if m["type"] == "stop":
+        STOP
+    hello = {{"protocol": 1, "scheme": "still", "polynomial": True}}
+    ACT
+    answer = hello if m["type"] == "hello" else {{"y_next": [s["y"] for s in m["steps"]]}}
+    print(json.dumps({{"id": m["id"], **answer}}), flush=True)
+"""
+STORE = """
+import sys, sepv
+arguments = dict(h=1/16, T=0.5, paths=40_000, chunk=2048, seed=5, times=[0.25, 0.5], engine="numpy")
+def computed(**more):
+    ep, pendulum = sepv.schemes.energy_preserving, sepv.problems.pendulum()
+    return sepv.ensemble(ep, pendulum, **arguments | more)
+try:
+    there = computed(store="paths.zarr")
+    if sys.argv[1:]:
+        assert (there.y[...] == computed().y).all()
+except sepv.UsageError as error:
+    raise SystemExit(f"refused: {error}")
+"""
+SMALL_STORE = STORE.replace("40_000", "4096")
+# Ways to harm a file of a store.
+HARMS = (
+    ("zarr.json", "write_text('no JSON')"), ("zarr.json", "write_text('')"), ("y/zarr.json", "write_text('{')"),
+    ("work/zarr.json", "write_bytes(b'\\xff\\xfe')"), ("y/zarr.json", "write_text(t.replace('float64', 'int32'))"),
+    ("y/zarr.json", "write_text(t.replace('shape', 'form'))"), ("y/zarr.json", "unlink()"),
+)  # fmt: skip
+OFF_MAIN = """
+import sys, threading, mine, sepv
+def work():
+    sepv.verify(getattr(mine, sys.argv[1]), laws="energy,truncation", timeout=2)
+threading.Thread(target=work, daemon=True).start()
+threading.Event().wait(float(sys.argv[2]))
+"""
+
+
+def program(act: str = "pass", stop: str = "break") -> str:
+    """A program that keeps the protocol, but does something else at each message, or at its end."""
+    return PROGRAM.replace("ACT", act).replace("STOP", stop)
+
+
+def signals() -> Iterator[Fault]:
+    """Signals from outside."""
+    compare = f"exec {SEPV} compare midpoint euler-heun --paths 64 --repeats 1 -q"
+    again = f"{PYTHON} store.py whole"
+    store = Fault("kill -9 of a store", f"exec {PYTHON} store.py", (-9,), files={"store.py": STORE},
+                  signal=signal.SIGKILL, times=5, then=again)  # fmt: skip
+    yield store
+    yield interrupted("kill -9", VERIFY, signal.SIGKILL, -9, 4)
+    yield interrupted("kill -9", f"{VERIFY} -j 2", signal.SIGKILL, -9, 4)
+    for jobs in (1, 2):
+        line = f"exec {SEPV} verify mine:spins --law energy,truncation -j {jobs} -q"
+        yield Fault("kill -9", line, (-9,), signal=signal.SIGKILL, at="begun")
+    for line in (VERIFY, f"{VERIFY} -j 2", compare):
+        yield interrupted("Ctrl-C", line, signal.SIGINT, 130, 7)
+    yield Fault("Ctrl-C", f"exec {SEPV} verify mine:eats --law identity -q", (130,), signal=signal.SIGINT,
+                at="begun", hangs=True)  # fmt: skip
+    for line in (VERIFY, f"{VERIFY} -j 2", compare):
+        yield interrupted("SIGTERM", line, signal.SIGTERM, -15, 3)
+    acts = "open('begun', 'a').write('x'); m['type'] == 'step' and time.sleep(3)"
+    two = {name: program(acts) for name in ("one", "two")}
+    yield Fault(
+        "SIGTERM", f"exec {SEPV} verify --exec ./one --agrees-with exec:./two --law agreement -q", (-15,), files=two,
+        signal=signal.SIGTERM, at="begun",
+    )  # fmt: skip
+
+
+def hangs() -> Iterator[Fault]:
+    """Steps that do not return."""
+    killed = f"no end within {TIMEOUT} s"
+    for jobs in (1, 2):
+        yield law("endless loop in C", "spins", killed, jobs, hangs=True)
+        yield law("endless loop of numba", "spins_compiled", killed, jobs, hangs=True)
+        yield law("except: around the iteration", "swallows", killed, jobs, hangs=True)
+        yield law("SIGALRM ignored", "is_deaf", killed, jobs, hangs=True)
+        yield law("SIGSTOP", "stops", killed, jobs, hangs=True)
+    for step in ("swallows", "spins"):
+        yield Fault("sepv.verify in a thread", f"exec {PYTHON} off.py {step} 20", (0,), "`sepv verify`, or jobs=2",
+                    files={"off.py": OFF_MAIN}, helpers=True)  # fmt: skip
+    for stop, how in (("time.sleep(300)", "no end within 2 s"), ("sys.exit(5)", "exit code 5")):
+        yield Fault("rule 7 of the protocol", f"exec {SEPV} verify --exec ./stays --law identity -q", (0,),
+                    f"broke rule 7 .*{how}", {"stays": program(stop=stop)}, hangs="sleep" in stop)  # fmt: skip
+
+
+def crashes() -> Iterator[Fault]:
+    """Steps that end or copy their process, and what they raise, return and remove."""
+    for jobs in (1, 2):
+        yield law("segmentation fault", "falls", "SIGSEGV", jobs, law="casimir")
+        yield law("os._exit in a step", "leaves", "exit code 0", jobs)
+        yield law("fork in a step", "forks", "came back in the copy too", jobs)
+        yield law("panic", "panics", "raised Panic", jobs)
+    for step in ("raises_untold", "returns_untold"):
+        yield law("repr or str that raises", step, "its text cannot be made")
+    yield law("name removed from NumPy", "removes", r"changed\s+numpy.isfinite", law="casimir")
+    yield Fault("leftover thread and process", f"exec {SEPV} verify mine:leaves_helpers --law energy -q",
+                (0,), "1 law: 1 violated", hangs=True, helpers=True)  # fmt: skip
+    kills = "os.kill(os.getppid(), signal.SIGKILL); time.sleep(300)"
+    yield Fault("program that kills sepv", f"exec {SEPV} verify --exec ./kills --law identity -q", (3,),
+                "SIGKILL", {"kills": program(kills)})  # fmt: skip
+
+
+def files() -> Iterator[Fault]:
+    """Files that never end, that are damaged, or that Python would import."""
+    for name, made in (("p.json", "mkfifo p.json"), ("p.json", "ln -s /dev/zero p.json")):
+        for command in ("verify midpoint --law identity", "run midpoint --steps 4"):
+            yield Fault(
+                "-p a FIFO or /dev/zero", f"{made}; exec {SEPV} {command} -p {name}", (2,), "a pipe, a socket"
+            )
+    for file, harm in HARMS:
+        harmed = f"from pathlib import Path; p = Path('paths.zarr/{file}'); t = p.read_text(); p.{harm}"
+        line = f"{PYTHON} store.py && {PYTHON} -c {shlex.quote(harmed)} && exec {PYTHON} store.py"
+        yield Fault(
+            "damaged description of a store", line, (1,), "refused: Expected", {"store.py": SMALL_STORE}
+        )
+    own = {f"{name}.py": "open('ran', 'a').write(__name__)" for name in ("queue", "random", "secrets")}
+    start_of = "-c 'from sepv.commands import main; main()'"
+    for target in ("energy-preserving", "mine:midpoint"):
+        rest = f"verify {target} --law identity,truncation -j 2 -q"
+        yield Fault("queue.py, random.py in the folder", f"exec {SEPV} {rest}", (0,), "2 laws: 2 hold", own,
+                    then="test ! -e ran")  # fmt: skip
+        yield Fault("sepv.py in the folder", f"exec {PYTHON} {start_of} {rest}", (0,), "2 laws: 2 hold",
+                    own | {"sepv.py": own["queue.py"]}, then="test ! -e ran")  # fmt: skip
+    for where in (
+        '"name": "%s"',
+        '"name": "pendulum", "parameters": {"%s": [1]}',
+        '"%s": 1',
+        '"dimension": "%s"',
+    ):
+        made = f"open('p.json', 'w').write({'{' + where + '}'!r} % ('x' * 60_000_000))"
+        line = f"{PYTHON} -c {shlex.quote(made)} && exec {SEPV} run midpoint --steps 4 -p p.json"
+        yield Fault("name of 60 MB", line, (2,), "Received p.json")
+
+
+def systems() -> Iterator[Fault]:
+    """Streams, encodings and limits of the system."""
+    verify = f"{SEPV} verify midpoint --law identity"
+    for redirected in (">&-", "2>&-", ">/dev/full", ">&- 2>&-"):
+        yield Fault("closed or full output", f"exec {verify} {redirected}", (70,))
+    yield Fault("closed or full output", f"{verify} | true; exit ${{PIPESTATUS[0]}}", (0, 141))
+    for count in (5, 6, 7, 8, 10, 16):
+        yield Fault("few descriptors", f"ulimit -n {count}; exec {verify}", (70,) if count < 7 else (0, 70))
+    for size in (60, 100, 150, 200, 230, 260, 300, 500):
+        yield Fault("little memory", f"ulimit -v {size}000; exec {verify}", (70,) if size < 201 else (0, 70))
+    for words in ("--help", "verify midpoint --law energy", "list"):
+        yield Fault("cp1252", f"PYTHONIOENCODING=cp1252 exec {SEPV} {words}", (0,))
+    report = "import sepv; print(sepv.verify('midpoint', laws='energy'))"
+    yield Fault("cp1252", f"PYTHONIOENCODING=cp1252 exec {PYTHON} -c {shlex.quote(report)}", (0,), "energy")
+    cursor = r"! grep -qP '\r|\x1b\[[0-9;?]*[^0-9;m]' shown"
+    yield Fault("FORCE_COLOR into a file", f"FORCE_COLOR=1 {verify} > shown 2>&1", (0,), then=cursor)
+    terms = '"hamiltonian": [[[2, 0], 0.5]], "structure": [[0, 1, [[[0, 0], -1.0]]]]'
+    yield Fault("H(y0) = inf", f"exec {SEPV} run midpoint --steps 4 -p p.json", (2,), r"H\(y0\) = inf",
+                {"p.json": f'{{"dimension": 2, {terms}, "initial": [1e200, 1]}}'})  # fmt: skip
+    yield Fault("tls:// without certificates", f"exec {SEPV} reproduce 4.4 --quick --workers tls://127.0.0.1:1", (2,),
+                "Expected certificates")  # fmt: skip
+
+
+def faults() -> list[Fault]:
+    """All faults."""
+    return [*signals(), *hangs(), *crashes(), *files(), *systems()]
+
+
+def met(fault: Fault, folder: Path, moment: float = 0.0) -> Outcome:
+    """Run a fault's command in a folder, with its signal after so many seconds, and say what came of it."""
+    for name, text in {"mine.py": STEPS, **fault.files}.items():
+        (folder / name).write_text(text, encoding="utf-8")
+        (folder / name).chmod(0o755)
+    mark, out = uuid4().hex, folder / "out"
+    with out.open("wb") as file:
+        begun = time.monotonic()
+        child = subprocess.Popen(
+            ["bash", "-c", fault.line], cwd=folder, stdin=subprocess.DEVNULL, stdout=file, stderr=file,
+            start_new_session=True, env=os.environ | {MARK: mark},
+        )  # fmt: skip
+        try:
+            if fault.signal and (moment or fault.at):
+                wait_for(folder / fault.at if fault.at else None, moment)
+                begun = time.monotonic()
+                with suppress(ProcessLookupError):
+                    os.killpg(child.pid, fault.signal)
+            code: int | None = child.wait(LIMIT)
+        except subprocess.TimeoutExpired:
+            code = None
+        seconds = time.monotonic() - begun
+    try:
+        left = remaining(mark, SOON) if not fault.helpers else []
+    finally:
+        for pid in (child.pid, *remaining(mark, 0.0)):
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+        child.wait()
+    shown = out.read_text(encoding="utf-8", errors="replace")
+    # A run that ended before its signal, or while it came, is as good.
+    codes = (*fault.codes, 0) if fault.signal and not fault.at else fault.codes
+    if fault.signal and not moment and not fault.at:
+        codes = (0,)
+    why = [
+        "no end" if code is None else "" if code in codes else f"exit code {code}",
+        f"left: {left}" if left else "",
+        ""
+        if re.search(fault.words, shown, re.DOTALL) or (0 in codes and fault.signal)
+        else f"no words {fault.words!r}",
+        "traceback" if "Traceback" in shown else "",
+        f"{len(shown)} characters" if len(shown) > MOST else "",
+        *judged(fault, folder),
+    ]
+    if fault.then:
+        after = subprocess.run(
+            ["bash", "-c", fault.then], cwd=folder, capture_output=True, text=True, check=False
+        )
+        why.append(f"then: {after.returncode} {after.stderr[-300:]}" if after.returncode else "")
+    said = "; ".join(filter(None, why))
+    return Outcome(f"{said}\n{shown[-600:]}" if said else "", seconds)
+
+
+def judged(fault: Fault, folder: Path) -> Iterator[str]:
+    """What is wrong in the verdicts of the report r.json."""
+    if fault.verdicts:
+        file = folder / "r.json"
+        laws = json.loads(file.read_text(encoding="utf-8"))["laws"] if file.exists() else []
+        found = {one["law"]: one["verdict"] for one in laws}
+        if found != fault.verdicts:
+            yield f"verdicts {found}"
+
+
+def wait_for(file: Path | None, seconds: float) -> None:
+    """Wait for so many seconds, or for a file."""
+    end = time.monotonic() + (LIMIT if file else seconds)
+    while time.monotonic() < end and not (file and file.exists()):
+        time.sleep(0.01)
+
+
+def remaining(mark: str, seconds: float) -> list[str | int]:
+    """The numbers of the processes with this mark in their environment that have not ended after so many seconds."""
+    end = time.monotonic() + seconds
+    while True:
+        found = [pid for pid in running() if marked(pid, mark)]
+        if not found or time.monotonic() > end:
+            return found
+        time.sleep(0.1)
+
+
+def running() -> Iterable[int]:
+    """The numbers of all processes; none where /proc does not tell."""
+    return map(int, filter(str.isdecimal, os.listdir("/proc") if os.path.isdir("/proc/self") else ()))
+
+
+def marked(pid: int, mark: str) -> bool:
+    """True if a process that runs has this mark in its environment."""
+    try:
+        state = (
+            Path(f"/proc/{pid}/stat")
+            .read_text(encoding="ascii", errors="replace")
+            .rpartition(")")[2]
+            .split()[0]
+        )
+        return state != "Z" and f"{MARK}={mark}".encode() in Path(f"/proc/{pid}/environ").read_bytes()
+    except OSError:
+        return False
+
+
+def trials(fault: Fault) -> list[Outcome]:
+    """The outcomes of all trials of a fault. Signals come at moments spread over the run, whose length is measured."""
+    with TemporaryDirectory(prefix="fault-") as folder:
+        first = met(fault, Path(folder))
+    if not fault.signal or fault.at:
+        return [first]
+    outcomes = [first] if first.why else []
+    # Before a quarter of a second Python itself starts, and answers a signal as Python does.
+    for n in range(fault.times):
+        with TemporaryDirectory(prefix="fault-") as folder:
+            moment = 0.25 + (0.9 * first.seconds - 0.25) * n / fault.times
+            outcomes.append(met(fault, Path(folder), max(moment, 0.25)))
+    return outcomes
+
+
+def main() -> None:
+    """Print the table as Markdown; exit code 1 if a fault is not survived."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--only", default="", help="kinds that begin so")
+    chosen = [fault for fault in faults() if fault.kind.startswith(parser.parse_args().only)]
+    kinds: dict[str, list[tuple[Fault, Outcome]]] = {fault.kind: [] for fault in chosen}
+    with ThreadPoolExecutor(2) as pool:
+        futures = {pool.submit(trials, fault): fault for fault in chosen}
+        done = as_completed(futures)
+        for _ in over(range(len(chosen)), lambda n: f"{n} of {len(chosen)}"):
+            future = next(done)
+            kinds[futures[future].kind] += [(futures[future], outcome) for outcome in future.result()]
+    rows = []
+    for kind, found in kinds.items():
+        ended = [outcome.seconds for fault, outcome in found if fault.hangs]
+        spread = f"{min(ended):.1f} … {max(ended):.1f}" if ended else ""
+        rows.append([kind, str(len(found)), str(sum(not outcome.why for _, outcome in found)), spread])
+    print(markdown(["fault", "tried", "survived", "ends after s"], rows))
+    lost = [(fault, outcome) for found in kinds.values() for fault, outcome in found if outcome.why]
+    for fault, outcome in lost:
+        print(f"\n{fault.kind}: {fault.line}\n  {outcome.why}", file=sys.stderr)
+    raise SystemExit(bool(lost))
+
+
+if __name__ == "__main__":
+    start(main)
