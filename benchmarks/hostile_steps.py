@@ -34,7 +34,7 @@ def falls(problem, y, h, dW):
 
 
 def leaves(problem, y, h, dW):
-    if problem.name not in ("pendulum", "rigid-body"):
+    if problem.name not in ("pendulum", "rigid-body", "quartic-top"):
         os._exit(0)
     return midpoint(problem, y, h, dW)
 

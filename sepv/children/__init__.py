@@ -33,6 +33,7 @@ from sepv.children._journal import (
 )
 
 if TYPE_CHECKING:
+    from sepv.children._bell import overheard
     from sepv.children._child import Child, NoLine, kill_tree, pump_all
     from sepv.children._parent import end_with_parent
     from sepv.children._workers import cores, start_ahead, take
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
 __getattr__, __dir__ = lazily(
     __name__,
     {
+        "_bell": "overheard",
         "_child": "Child NoLine kill_tree pump_all",
         "_parent": "end_with_parent",
         "_workers": "cores start_ahead take",

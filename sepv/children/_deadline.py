@@ -6,15 +6,14 @@ import os
 import signal
 import sys
 import threading
-import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from mmap import mmap
 from typing import Any
 
-# Seconds between two interruptions, in case a step swallows one; and the number of them after which a warning says so.
-AGAIN, IN_VAIN = 1.0, 10
+# Seconds between two interruptions, in case a step swallows one.
+AGAIN = 1.0
 # The exit code of a copy.
 COPY = 71
 
@@ -28,31 +27,17 @@ def deadline(seconds: float) -> Iterator[None]:
     """Raise `TimedOut` in a block that runs longer than `seconds`, and again each second until it ends.
 
     It interrupts Python code: in the main thread of a POSIX system also a call that waits, in other threads at the next
-    line. A loop in compiled code is not interrupted; then, or if the block catches every exception, a warning says what
-    to do. Processes that measure for others have a second limit, which kills (`Limit`).
+    line. It does not end a loop in compiled code, nor a block that catches every exception. Processes that measure for
+    others have a second limit, which kills (`Limit`); of others another process says what to do (`overheard`).
     """
-    fired = 0
-
-    def count() -> None:
-        nonlocal fired
-        fired += 1
-        if fired == IN_VAIN:
-            warnings.warn(
-                f"no end {seconds + (IN_VAIN - 1) * AGAIN:g} s after the beginning: the time limit of {seconds:g} s "
-                "cannot interrupt compiled code, nor code that catches every exception; `sepv verify`, or jobs=2 of "
-                "sepv.verify, ends it",
-                stacklevel=2,
-            )
-
     main = threading.current_thread() is threading.main_thread()
-    with (_by_signal if main and hasattr(signal, "setitimer") else _by_thread)(seconds, count):
+    with (_by_signal if main and hasattr(signal, "setitimer") else _by_thread)(seconds):
         yield
 
 
 @contextmanager
-def _by_signal(seconds: float, count: Callable[[], None]) -> Iterator[None]:
+def _by_signal(seconds: float) -> Iterator[None]:
     def stop(*_: Any) -> None:
-        count()
         raise TimedOut
 
     def unraisable(lost: Any) -> None:
@@ -71,7 +56,7 @@ def _by_signal(seconds: float, count: Callable[[], None]) -> Iterator[None]:
 
 
 @contextmanager
-def _by_thread(seconds: float, count: Callable[[], None]) -> Iterator[None]:
+def _by_thread(seconds: float) -> Iterator[None]:
     import ctypes  # only here, because it is slow to load
 
     raise_in, me = ctypes.pythonapi.PyThreadState_SetAsyncExc, ctypes.c_ulong(threading.get_ident())
@@ -84,7 +69,6 @@ def _by_thread(seconds: float, count: Callable[[], None]) -> Iterator[None]:
             with lock:
                 if not over.is_set():
                     raise_in(me, ctypes.py_object(TimedOut))
-            count()
 
     threading.Thread(target=ring, daemon=True).start()
     try:

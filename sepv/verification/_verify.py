@@ -13,7 +13,7 @@ from typing import Any
 
 from sepv._arguments import is_number, require_whole
 from sepv._kept import save_all
-from sepv.children import Crashed, TimedOut, attempted, deadline, interruption_answered
+from sepv.children import Crashed, TimedOut, attempted, deadline, interruption_answered, overheard
 from sepv.errors import ClusterFailure, SepvError, Skipped, TargetError, UsageError
 from sepv.schemes import (
     ALL_LAWS,
@@ -75,7 +75,7 @@ def verify(
     timeout : float
         The time limit of each law in seconds. If the scheme does not return in time, the verdict is `error`. With
         ``jobs=1`` the limit interrupts Python code, but no compiled loop, and no code that catches every exception: a
-        warning then says so. With more jobs, as on the command line, the process of such a law is killed.
+        line on stderr then says what does. With more jobs, as on the command line, the process of such a law is killed.
     progress : callable (law, finding or None), optional
         Called before each law with None, and after the law with its finding.
     expected : path, optional
@@ -152,10 +152,12 @@ def verify(
             _side_by_side(task, chosen, jobs if workers is None else workers, receive)
         else:
             run = Run(effort, **words_of(scheme, problems))
-            for law in soonest(chosen):
-                receive(law, None)
-                ask = partial(measure, law, candidate, run, timeout, known.failures.get(law.name))
-                receive(law, survived(law, f"{law.name} of {target}", ask, effort, timeout))
+            with overheard(timeout) as begin:
+                for law in soonest(chosen):
+                    receive(law, None)
+                    begin()
+                    ask = partial(measure, law, candidate, run, timeout, known.failures.get(law.name))
+                    receive(law, survived(law, f"{law.name} of {target}", ask, effort, timeout))
     except KeyboardInterrupt:
         interruption_answered()
         interrupted = True
@@ -251,7 +253,7 @@ def load_in_time(
 ) -> Scheme:  # fmt: skip
     """Load the scheme under a time limit: loading calls a bare function twice, to test batches; a call may hang."""
     try:
-        with deadline(timeout):
+        with overheard(timeout), deadline(timeout):
             load = partial(load_candidate, scheme, listed(claims), problems, twin)
             return attempted(f"loading {target}", load, kept=False, seconds=timeout)
     except Crashed as crash:

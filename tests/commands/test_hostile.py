@@ -7,6 +7,7 @@ outside reaches a terminal.
 
 import base64
 import json
+import os
 import re
 import shlex
 import sys
@@ -133,6 +134,21 @@ def canary(reader: Reader) -> Any:
     ran = (reader.folder / "ran").exists()
     sys.modules.pop("canary", None)
     assert not ran, "a module was imported that nobody named"
+
+
+@pytest.mark.parametrize("line", ["verify midpoint --law identity", "run midpoint --steps 4"])
+@pytest.mark.parametrize(
+    "make", [os.mkfifo, lambda name: os.symlink("/dev/zero", name)], ids=["pipe", "zero"]
+)
+def test_a_problem_file_that_never_ends_is_refused(line: str, make: Any) -> None:
+    make("p.json")
+    run(f"{line} -p p.json", r"p\.json: a pipe, a socket or a device, and no file")
+
+
+def test_an_infinite_energy_of_the_initial_state_is_refused() -> None:
+    """The largest error of H was 0, because inf − inf was left out, and the exit code 0."""
+    Path("p.json").write_text(json.dumps(SYSTEM | {"initial": [1e200, 1.0]}))
+    run("run midpoint --steps 4 -p p.json", r"H\(y0\) = inf at y0 = \[1e\+200, 1\.0\]")
 
 
 @pytest.mark.parametrize("name", PROBLEMS)

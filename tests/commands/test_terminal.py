@@ -147,6 +147,28 @@ def test_a_report_is_printed_in_any_encoding(encoding: str) -> None:
     assert "2 laws: 2 hold;" in shown
 
 
+PRINTED = "import sepv; print(sepv.verify('midpoint', laws='identity', effort=sepv.Effort(examples=2)))"
+
+
+@pytest.mark.parametrize("line", [["-m", "sepv", "--help"], ["-c", PRINTED]])
+def test_a_page_of_windows_is_enough_for_help_and_reports(line: list[str]) -> None:
+    variables = os.environ | {"PYTHONIOENCODING": "cp1252"}
+    done = subprocess.run([sys.executable, *line], env=variables, capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "sepv" in done.stdout.decode("cp1252") or "identity" in done.stdout.decode("cp1252")
+
+
+def test_colours_that_are_asked_for_in_a_file_bring_no_moves_of_the_cursor() -> None:
+    variables = os.environ | {"FORCE_COLOR": "1"}
+    done = subprocess.run(
+        a_process("verify midpoint --law identity,energy,casimir"), env=variables, capture_output=True, text=True,
+        check=True,
+    )  # fmt: skip
+    assert "\x1b[1m" in done.stdout
+    assert "\r" not in done.stdout + done.stderr
+    assert set(re.findall(r"\x1b\[[\d;?]*(.)", done.stdout + done.stderr)) == {"m"}
+
+
 def test_texts_read_the_same_in_ascii() -> None:
     shown = "|Delta| <= 1/2*sqrt n, grad H >= 2^-4, naive \\u2603"
     assert ascii_text("|Δ| ≤ ½·√n, ∇H ≥ 2⁻⁴, naïve ☃") == shown

@@ -208,16 +208,58 @@ def test_a_debugger_sees_the_step(folder: Path) -> None:
     assert "energy-preserving" in traced.stdout
 
 
-def test_a_command_that_is_killed_leaves_no_process(folder: Path) -> None:
-    child = started(folder, "verify mine:eats --law identity -q")
+@pytest.mark.parametrize("scheme", ["eats", "spins"])
+def test_a_command_that_is_killed_leaves_no_process(scheme: str, folder: Path) -> None:
+    """A process in a loop of compiled code ran on, because the thread that saw the end did not run."""
+    child = started(folder, f"verify mine:{scheme} --law energy -q")
     wait_for(folder / "begun")
-    (worker,) = map(int, Path(f"/proc/{child.pid}/task/{child.pid}/children").read_text().split())
+    workers = list(map(int, Path(f"/proc/{child.pid}/task/{child.pid}/children").read_text().split()))
+    assert workers
     child.kill()
     child.communicate(timeout=SOON)
-    end = time.monotonic() + SOON
-    while Path(f"/proc/{worker}").exists() and time.monotonic() < end:
-        time.sleep(0.01)
-    assert not Path(f"/proc/{worker}").exists()
+    assert ended(workers, SOON)
+
+
+def test_two_programs_and_their_own_processes_end_with_the_command(folder: Path) -> None:
+    """SIGTERM ended the group of the first program only."""
+    if sys.platform != "linux":
+        pytest.skip("/proc tells which processes there are")
+    for name in ("one", "two"):
+        (folder / name).write_text(
+            f"#!{sys.executable}\nimport os, subprocess\n"
+            "helper = subprocess.Popen(['sleep', '300'])\n"
+            f"open('{name}.pids', 'w').write(f'{{os.getpid()}} {{helper.pid}}')\n{PROGRAM}"
+        )
+        (folder / name).chmod(0o755)
+    line = "verify --exec ./one --agrees-with exec:./two --law agreement -q --examples 1000000"
+    child = started(folder, line)
+    pids = []
+    for name in ("one", "two"):
+        wait_for(folder / f"{name}.pids")
+    time.sleep(0.2)  # the text of a file follows the file
+    for name in ("one", "two"):
+        pids += map(int, (folder / f"{name}.pids").read_text().split())
+    child.terminate()
+    child.communicate(timeout=SOON)
+    assert child.returncode == -signal.SIGTERM
+    assert ended(pids, SOON)
+
+
+def test_a_loop_that_nothing_interrupts_is_told_from_outside(folder: Path) -> None:
+    """In a thread of one's own program; not even a warning came."""
+    (folder / "own.py").write_text(
+        "import threading, mine, sepv, sepv.children._bell as bell\nbell.GRACE = -58\n"  # two seconds
+        "threading.Thread(target=lambda: sepv.verify(mine.spins, laws='energy', timeout=60)).start()\n"
+    )
+    child = subprocess.Popen([sys.executable, "own.py"], cwd=folder, stderr=subprocess.PIPE, text=True)
+    try:
+        assert child.stderr
+        said = child.stderr.readline()
+    finally:
+        child.kill()
+        child.communicate(timeout=SOON)
+    assert "the time limit of 60 s, which cannot interrupt compiled code" in said
+    assert f"`sepv verify`, or jobs=2 of sepv.verify, would have ended it; kill -9 {child.pid} ends" in said
 
 
 # Seconds of a law for a scheme that does not end: the others need less, on a loaded machine too.

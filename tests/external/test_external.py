@@ -13,6 +13,7 @@ import pytest
 from doors import ended
 
 from sepv import SchemeFault, Skipped, UsageError, problems
+from sepv.errors import ProtocolWarning
 from sepv.external import _errors as errors
 from sepv.external import check_protocol, load_program
 from sepv.verification import LAWS, Effort, Run, Verdict, load_laws, measure, verify
@@ -372,6 +373,14 @@ def test_the_check_names_the_line_and_what_is_wrong(child, code, line, message):
     found = [c for c in checks if not c.ok and line in c.line]
     assert found
     assert any(message in c.message for c in found)
+
+
+@pytest.mark.parametrize(
+    ("end", "how"), [("time.sleep(60)", "no end within 2 s"), ("sys.exit(5)", "exit code 5")]
+)
+def test_a_program_that_does_not_end_at_stop_is_told_so(child, end, how):
+    with pytest.warns(ProtocolWarning, match=f"broke rule 7 of docs/protocol.md: {how} after stop"):
+        ask(child(f"hello()\nwhile (m := read())['type'] != 'stop': states(m)\n{end}"))
 
 
 def test_a_fork_starts_a_program_of_its_own(child):

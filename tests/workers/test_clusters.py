@@ -263,6 +263,12 @@ def test_a_scheduler_that_is_gone_leaves_what_was_finished(
             process.wait(10)
 
 
+def test_a_scheduler_with_tls_needs_certificates() -> None:
+    """It was a ChunkFailure, as if a cluster had been lost."""
+    with pytest.raises(sepv.UsageError, match=r"tls://127\.0\.0\.1:1, and none in the configuration of Dask"):
+        sepv.ensemble(EP, PENDULUM, workers="tls://127.0.0.1:1", **SMALL)
+
+
 def test_the_chunks_of_a_frozen_worker_go_to_the_other(monkeypatch: Any) -> None:
     """Dask itself waits for it, and the other worker was idle without end."""
     monkeypatch.setattr(on_dask, "SILENT", 3.0)
