@@ -66,19 +66,14 @@ class Outcome:
 
 
 def law(
-    kind: str, step: str, words: str, jobs: int = 1, *, hangs: bool = False, law: str = "energy"
+    kind: str, step: str, words: str, jobs: int = 1, *, hangs: bool = False, measured: str = "energy"
 ) -> Fault:
     """A step that misbehaves in one law: this law is an error, in these words, and truncation is measured."""
-    line = f"exec {SEPV} verify mine:{step} --law {law},truncation --timeout {TIMEOUT if hangs else 60} -j {jobs}"
+    line = f"exec {SEPV} verify mine:{step} --law {measured},truncation --timeout {TIMEOUT if hangs else 60} -j {jobs}"
     return Fault(
         kind, f"{line} --json r.json --shrink-checks 3", (3,), words, hangs=hangs,
-        verdicts={law: "error", "truncation": "holds"},
+        verdicts={measured: "error", "truncation": "holds"},
     )  # fmt: skip
-
-
-def interrupted(kind: str, line: str, number: int, code: int, times: int, then: str = "") -> Fault:
-    """A signal to the command's processes, at moments spread over its run."""
-    return Fault(kind, line, (code,), signal=number, times=times, then=then)
 
 
 PROGRAM = f"""#!{sys.executable}
@@ -120,6 +115,8 @@ def work():
 threading.Thread(target=work, daemon=True).start()
 threading.Event().wait()
 """
+# It ends when a line says how it is ended.
+OFF_MAIN_LINE = f"{shlex.quote(sys.executable)} off.py %s & until grep -q 'kill -9' out; do sleep 0.2; done; kill -9 $!; wait $!"
 
 
 def program(act: str = "pass", stop: str = "break") -> str:
@@ -127,127 +124,120 @@ def program(act: str = "pass", stop: str = "break") -> str:
     return PROGRAM.replace("ACT", act).replace("STOP", stop)
 
 
-def signals() -> Iterator[Fault]:
-    """Signals from outside."""
-    compare = f"exec {SEPV} compare midpoint euler-heun --paths 64 --repeats 1 -q"
-    again = f"{PYTHON} store.py whole"
-    store = Fault("kill -9 of a store", f"exec {PYTHON} store.py", (-9,), files={"store.py": STORE},
-                  signal=signal.SIGKILL, times=5, then=again)  # fmt: skip
-    yield store
-    yield interrupted("kill -9", VERIFY, signal.SIGKILL, -9, 4)
-    yield interrupted("kill -9", f"{VERIFY} -j 2", signal.SIGKILL, -9, 4)
-    for jobs in (1, 2):
-        line = f"exec {SEPV} verify mine:spins --law energy,truncation -j {jobs} -q"
-        yield Fault("kill -9", line, (-9,), signal=signal.SIGKILL, at="begun")
-    for line in (VERIFY, f"{VERIFY} -j 2", compare):
-        yield interrupted("Ctrl-C", line, signal.SIGINT, 130, 7)
-    yield Fault("Ctrl-C", f"exec {SEPV} verify mine:eats --law identity -q", (130,), signal=signal.SIGINT,
-                at="begun", hangs=True)  # fmt: skip
-    for line in (VERIFY, f"{VERIFY} -j 2", compare):
-        yield interrupted("SIGTERM", line, signal.SIGTERM, -15, 3)
-    acts = "open('begun', 'a').write('x'); m['type'] == 'step' and time.sleep(3)"
-    two = {name: program(acts) for name in ("one", "two")}
-    yield Fault(
-        "SIGTERM", f"exec {SEPV} verify --exec ./one --agrees-with exec:./two --law agreement -q", (-15,), files=two,
-        signal=signal.SIGTERM, at="begun",
-    )  # fmt: skip
+def signals() -> list[Fault]:
+    """Signals from outside, at moments of a run, or while a step hangs."""
+    lines = (VERIFY, f"{VERIFY} -j 2", f"exec {SEPV} compare midpoint euler-heun --paths 64 --repeats 1 -q")
+    spins = f"exec {SEPV} verify mine:spins --law energy,truncation -q -j"
+    two = {
+        name: program("open('begun', 'a'); m['type'] == 'step' and time.sleep(3)") for name in ("one", "two")
+    }
+    both = f"exec {SEPV} verify --exec ./one --agrees-with exec:./two --law agreement -q"
+    return [
+        Fault("kill -9 of a store", f"exec {PYTHON} store.py", (-9,), files={"store.py": STORE}, times=5,
+              signal=signal.SIGKILL, then=f"{PYTHON} store.py whole"),
+        *(Fault("kill -9", line, (-9,), signal=signal.SIGKILL, times=4) for line in lines),
+        *(Fault("kill -9", f"{spins} {jobs}", (-9,), signal=signal.SIGKILL, at="begun") for jobs in (1, 2)),
+        *(Fault("Ctrl-C", line, (130,), signal=signal.SIGINT, times=7) for line in lines),
+        Fault("Ctrl-C", f"exec {SEPV} verify mine:eats --law identity -q", (130,), signal=signal.SIGINT, at="begun",
+              hangs=True),
+        *(Fault("SIGTERM", line, (-15,), signal=signal.SIGTERM, times=3) for line in lines),
+        Fault("SIGTERM", both, (-15,), files=two, signal=signal.SIGTERM, at="begun"),
+    ]  # fmt: skip
 
 
-def hangs() -> Iterator[Fault]:
-    """Steps that do not return."""
-    killed = f"no end within {TIMEOUT} s"
-    for jobs in (1, 2):
-        yield law("endless loop in C", "spins", killed, jobs, hangs=True)
-        yield law("endless loop of numba", "spins_compiled", killed, jobs, hangs=True)
-        yield law("except: around the iteration", "swallows", killed, jobs, hangs=True)
-        yield law("SIGALRM ignored", "is_deaf", killed, jobs, hangs=True)
-        yield law("SIGSTOP", "stops", killed, jobs, hangs=True)
-    for step in ("swallows", "spins"):
-        # It says how it is ended, and is ended so.
-        line = f"exec timeout -s KILL 30 {shlex.quote(sys.executable)} off.py {step}"
-        yield Fault(
-            "sepv.verify in a thread", line, (-9, 137), "`sepv verify`, or jobs=2", {"off.py": OFF_MAIN}
-        )
-    for stop, how in (("time.sleep(300)", "no end within 2 s"), ("sys.exit(5)", "exit code 5")):
-        yield Fault("rule 7 of the protocol", f"exec {SEPV} verify --exec ./stays --law identity -q", (0,),
-                    f"broke rule 7 .*{how}", {"stays": program(stop=stop)}, hangs="sleep" in stop)  # fmt: skip
+def hangs() -> list[Fault]:
+    """Steps that do not return, and programs that do not end."""
+    endless = {
+        "spins": "endless loop in C", "spins_compiled": "endless loop of numba", "is_deaf": "SIGALRM ignored",
+        "swallows": "except: around the iteration", "stops": "SIGSTOP",
+    }  # fmt: skip
+    ends = (("time.sleep(300)", "no end within 2 s"), ("sys.exit(5)", "exit code 5"))
+    return [
+        *(law(kind, step, f"no end within {TIMEOUT} s", jobs, hangs=True)
+          for step, kind in endless.items() for jobs in (1, 2)),
+        *(Fault("sepv.verify in a thread", OFF_MAIN_LINE % step, (-9, 137), "`sepv verify`, or jobs=2",
+                {"off.py": OFF_MAIN}, hangs=True) for step in ("swallows", "spins")),
+        *(Fault("rule 7 of the protocol", f"exec {SEPV} verify --exec ./stays --law identity -q", (0,),
+                f"broke rule 7 .*{how}", {"stays": program(stop=stop)}) for stop, how in ends),
+    ]  # fmt: skip
 
 
-def crashes() -> Iterator[Fault]:
-    """Steps that end or copy their process, and what they raise, return and remove."""
-    for jobs in (1, 2):
-        yield law("segmentation fault", "falls", "SIGSEGV", jobs, law="casimir")
-        yield law("os._exit in a step", "leaves", "exit code 0", jobs)
-        yield law("fork in a step", "forks", "came back in the copy too", jobs)
-        yield law("panic", "panics", "raised Panic", jobs)
-    for step in ("raises_untold", "returns_untold"):
-        yield law("repr or str that raises", step, "its text cannot be made", law="casimir")
-    yield law("name removed from NumPy", "removes", r"changed\s+numpy.isfinite", law="casimir")
-    yield Fault("leftover thread and process", f"exec {SEPV} verify mine:leaves_helpers --law energy -q",
-                (0,), "1 law: 1 violated", hangs=True, helpers=True)  # fmt: skip
-    kills = "os.kill(os.getppid(), signal.SIGKILL); time.sleep(300)"
-    yield Fault("program that kills sepv", f"exec {SEPV} verify --exec ./kills --law identity -q", (3,),
-                "SIGKILL", {"kills": program(kills)})  # fmt: skip
+def crashes() -> list[Fault]:
+    """Steps that end or copy their process, and what they raise, return, remove and leave behind."""
+    kills = {"kills": program("os.kill(os.getppid(), signal.SIGKILL); time.sleep(300)")}
+    untold = "its text cannot be made"
+    return [
+        *(law("segmentation fault", "falls", "SIGSEGV", jobs, measured="casimir") for jobs in (1, 2)),
+        *(law("os._exit in a step", "leaves", "exit code 0", jobs) for jobs in (1, 2)),
+        *(law("fork in a step", "forks", "came back in the copy too", jobs) for jobs in (1, 2)),
+        *(law("panic", "panics", "raised Panic", jobs) for jobs in (1, 2)),
+        law("repr or str that raises", "raises_untold", untold, measured="casimir"),
+        law("repr or str that raises", "returns_untold", untold, measured="casimir"),
+        law("name removed from NumPy", "removes", r"changed\s+numpy.isfinite", measured="casimir"),
+        Fault("leftover thread and process", f"exec {SEPV} verify mine:leaves_helpers --law energy -q", (0,),
+              "1 law: 1 violated", hangs=True, helpers=True),
+        Fault("program that kills sepv", f"exec {SEPV} verify --exec ./kills --law identity -q", (3,),
+              "SIGKILL", kills),
+    ]  # fmt: skip
 
 
-def files() -> Iterator[Fault]:
+def files() -> list[Fault]:
     """Files that never end, that are damaged, or that Python would import."""
-    for name, made in (("p.json", "mkfifo p.json"), ("p.json", "ln -s /dev/zero p.json")):
-        for command in ("verify midpoint --law identity", "run midpoint --steps 4"):
-            yield Fault(
-                "-p a FIFO or /dev/zero", f"{made}; exec {SEPV} {command} -p {name}", (2,), "a pipe, a socket"
-            )
-    for file, harm in HARMS:
-        harmed = f"from pathlib import Path; p = Path('paths.zarr/{file}'); t = p.read_text(); p.{harm}"
-        line = f"{PYTHON} store.py && {PYTHON} -c {shlex.quote(harmed)} && exec {PYTHON} store.py"
-        yield Fault(
-            "damaged description of a store", line, (1,), "refused: Expected", {"store.py": SMALL_STORE}
-        )
     own = {f"{name}.py": "open('ran', 'a').write(__name__)" for name in ("queue", "random", "secrets")}
-    start_of = "-c 'from sepv.commands import main; main()'"
-    for target in ("energy-preserving", "mine:midpoint"):
-        rest = f"verify {target} --law identity,truncation -j 2 -q"
-        yield Fault("queue.py, random.py in the folder", f"exec {SEPV} {rest}", (0,), "2 laws: 2 hold", own,
-                    then="test ! -e ran")  # fmt: skip
-        yield Fault("sepv.py in the folder", f"exec {PYTHON} {start_of} {rest}", (0,), "2 laws: 2 hold",
-                    own | {"sepv.py": own["queue.py"]}, then="test ! -e ran")  # fmt: skip
-    for where in (
-        '"name": "%s"',
-        '"name": "pendulum", "parameters": {"%s": [1]}',
-        '"%s": 1',
-        '"dimension": "%s"',
-    ):
-        made = f"open('p.json', 'w').write({'{' + where + '}'!r} % ('x' * 60_000_000))"
-        line = f"{PYTHON} -c {shlex.quote(made)} && exec {SEPV} run midpoint --steps 4 -p p.json"
-        yield Fault("name of 60 MB", line, (2,), "Received p.json")
+    rest = "-q -j 2 --law identity,truncation"
+    main_of = "-c 'from sepv.commands import main; main()'"
+    names = ('"name": "%s"', '"name": "pendulum", "parameters": {"%s": [1]}', '"%s": 1', '"dimension": "%s"')
+    return [
+        *(Fault("-p a FIFO or /dev/zero", f"{made} p.json; exec {SEPV} {command} -p p.json", (2,), "a pipe, a socket")
+          for made in ("mkfifo", "ln -s /dev/zero") for command in ("verify midpoint --law identity", "run midpoint")),
+        *(Fault("damaged description of a store", f"{PYTHON} store.py && {harmed(*harm)} && exec {PYTHON} store.py",
+                (1,), "refused: Expected", {"store.py": SMALL_STORE}) for harm in HARMS),
+        *(Fault("queue.py, random.py in the folder", f"exec {SEPV} verify {target} {rest}", (0,), "2 laws: 2 hold",
+                own, then="test ! -e ran") for target in TARGETS),
+        *(Fault("sepv.py in the folder", f"exec {PYTHON} {main_of} verify {target} {rest}", (0,), "2 laws: 2 hold",
+                own | {"sepv.py": own["queue.py"]}, then="test ! -e ran") for target in TARGETS),
+        *(Fault("name of 60 MB", f"{made_of('{' + where + '}')} && exec {SEPV} run midpoint -p p.json", (2,),
+                "Received p.json") for where in names),
+    ]  # fmt: skip
 
 
-def systems() -> Iterator[Fault]:
-    """Streams, encodings and limits of the system."""
-    verify = f"{SEPV} verify midpoint --law identity"
-    for redirected in (">&-", "2>&-", ">/dev/full", ">&- 2>&-"):
-        yield Fault("closed or full output", f"exec {verify} {redirected}", (70,))
-    yield Fault("closed or full output", f"{verify} | true; exit ${{PIPESTATUS[0]}}", (0, 141))
-    for count in (5, 6, 7, 8, 10, 16):
-        yield Fault("few descriptors", f"ulimit -n {count}; exec {verify}", (70,) if count < 7 else (0, 70))
-    for size in (60, 100, 150, 200, 230, 260, 300, 500):
-        yield Fault("little memory", f"ulimit -v {size}000; exec {verify}", (70,) if size < 201 else (0, 70))
-    for words in ("--help", "verify midpoint --law energy", "list"):
-        yield Fault("cp1252", f"PYTHONIOENCODING=cp1252 exec {SEPV} {words}", (0,))
-    report = "import sepv; print(sepv.verify('midpoint', laws='energy'))"
-    yield Fault("cp1252", f"PYTHONIOENCODING=cp1252 exec {PYTHON} -c {shlex.quote(report)}", (0,), "energy")
-    cursor = r"! grep -qP '\r|\x1b\[[0-9;?]*[^0-9;m]' shown"
-    yield Fault("FORCE_COLOR into a file", f"FORCE_COLOR=1 {verify} > shown 2>&1", (0,), then=cursor)
+TARGETS = ("energy-preserving", "mine:midpoint")
+
+
+def harmed(file: str, harm: str) -> str:
+    """A line of bash that harms a file of the store."""
+    code = f"from pathlib import Path; p = Path('paths.zarr/{file}'); t = p.read_text(); p.{harm}"
+    return f"{PYTHON} -c {shlex.quote(code)}"
+
+
+def made_of(text: str) -> str:
+    """A line of bash that writes a problem file with a long name."""
+    code = f"open('p.json', 'w').write({text!r} % ('x' * 60_000_000))"
+    return f"{PYTHON} -c {shlex.quote(code)}"
+
+
+def systems() -> list[Fault]:
+    """Streams, encodings and limits of the system; numbers and addresses that are none."""
+    verify, windows = f"{SEPV} verify midpoint --law identity", "PYTHONIOENCODING=cp1252 exec"
+    report = shlex.quote("import sepv; print(sepv.verify('midpoint', laws='energy'))")
     terms = '"hamiltonian": [[[2, 0], 0.5]], "structure": [[0, 1, [[[0, 0], -1.0]]]]'
-    yield Fault("H(y0) = inf", f"exec {SEPV} run midpoint --steps 4 -p p.json", (2,), r"H\(y0\) = inf",
-                {"p.json": f'{{"dimension": 2, {terms}, "initial": [1e200, 1]}}'})  # fmt: skip
-    yield Fault("tls:// without certificates", f"exec {SEPV} reproduce 4.4 --quick --workers tls://127.0.0.1:1", (2,),
-                "Expected certificates")  # fmt: skip
-
-
-def faults() -> list[Fault]:
-    """All faults."""
-    return [*signals(), *hangs(), *crashes(), *files(), *systems()]
+    infinite = {"p.json": f'{{"dimension": 2, {terms}, "initial": [1e200, 1]}}'}
+    return [
+        *(Fault("closed or full output", f"exec {verify} {redirected}", (70,))
+          for redirected in (">&-", "2>&-", ">/dev/full", ">&- 2>&-")),
+        Fault("closed or full output", f"{verify} | true; exit ${{PIPESTATUS[0]}}", (0, 141)),
+        *(Fault("few descriptors", f"ulimit -n {count}; exec {verify}", (70,) if count < 7 else (0, 70))
+          for count in (5, 6, 7, 8, 10, 16)),
+        *(Fault("little memory", f"ulimit -v {size}000; exec {verify}", (70,) if size <= 150 else (0, 70))
+          for size in (60, 100, 150, 300, 500)),
+        *(Fault("cp1252", f"{windows} {SEPV} {words}", (0,)) for words in ("--help", "verify midpoint", "list")),
+        Fault("cp1252", f"{windows} {PYTHON} -c {report}", (0,), "energy"),
+        Fault("FORCE_COLOR into a file", f"FORCE_COLOR=1 {verify} > shown 2>&1", (0,),
+              then=r"! grep -qP '\r|\x1b\[[0-9;?]*[^0-9;m]' shown"),
+        Fault("H(y0) = inf", f"exec {SEPV} run midpoint --steps 4 -p p.json", (2,), r"H\(y0\) = inf", infinite),
+        Fault("tls:// without certificates", f"exec {SEPV} reproduce 4.4 --quick --workers tls://127.0.0.1:1", (2,),
+              "Expected certificates"),
+    ]  # fmt: skip
 
 
 def met(fault: Fault, folder: Path, moment: float = 0.0) -> Outcome:
@@ -368,7 +358,11 @@ def main() -> None:
     """Print the table as Markdown; exit code 1 if a fault is not survived."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--only", default="", help="kinds that begin so")
-    chosen = [fault for fault in faults() if fault.kind.startswith(parser.parse_args().only)]
+    chosen = [
+        fault
+        for fault in (*signals(), *hangs(), *crashes(), *files(), *systems())
+        if fault.kind.startswith(parser.parse_args().only)
+    ]
     kinds: dict[str, list[tuple[Fault, Outcome]]] = {fault.kind: [] for fault in chosen}
     with ThreadPoolExecutor(2) as pool:
         futures = {pool.submit(trials, fault): fault for fault in chosen}

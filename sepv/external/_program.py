@@ -262,7 +262,9 @@ def _ended_by_signals(program: Program) -> Iterator[None]:
         os.kill(os.getpid(), number)
 
     main = threading.current_thread() is threading.main_thread()
-    before = {n: h for n in (signal.SIGTERM, signal.SIGHUP) if main and _ends(h := signal.getsignal(n))}
+    before: dict[int, Any] = {
+        n: h for n in (signal.SIGTERM, signal.SIGHUP) if main and _ends(h := signal.getsignal(n))
+    }
     for number in before:
         signal.signal(number, end)
     try:
