@@ -111,12 +111,13 @@ HARMS = (
 OFF_MAIN = """
 import sys, threading, mine, sepv
 def work():
-    sepv.verify(getattr(mine, sys.argv[1]), laws="energy,truncation", timeout=2)
+    sepv.verify(getattr(mine, sys.argv[1]), laws="energy,truncation", timeout=20)
 threading.Thread(target=work, daemon=True).start()
 threading.Event().wait()
 """
 # It ends when a line says how it is ended.
-OFF_MAIN_LINE = f"{shlex.quote(sys.executable)} off.py %s & until grep -q 'kill -9' out; do sleep 0.2; done; kill -9 $!; wait $!"
+OFF_MAIN_LINE = f"{shlex.quote(sys.executable)} off.py %s & "
+OFF_MAIN_LINE += "until grep -q 'kill -9' out; do sleep 0.2; done; kill -9 $!; wait $!"
 
 
 def program(act: str = "pass", stop: str = "break") -> str:
