@@ -35,8 +35,8 @@ _COLOURS = (
 )  # fmt: skip
 _MARKERS = ("v", "<", ">", "h", "p", "d", "P", "X", "s", "^", "x")
 _DASHES = ("8 2 2 2", "", "4 2", "2 1")
-# Dashes of a scheme's second curve in one picture, and of its further curves.
-_AGAIN = ("9 4", "1 2", "9 2 1 2")
+# Dashes and markers of a scheme's second curve in one picture, and of its further curves.
+_AGAIN = (("9 4", "x"), ("1 2", "|"), ("9 2 1 2", "_"))
 
 # Line widths and font size for a picture beside text.
 STYLE = {
@@ -103,7 +103,7 @@ def looks(names: Iterable[str], own_looks: Mapping[str, Look] | None = None) -> 
 
 
 def looks_of(series: Sequence[Series], look_of: Mapping[str, Look]) -> list[Look]:
-    """The look of each curve: that of its group or scheme, with other dashes from the second curve on.
+    """The look of each curve: that of its group or scheme, with other dashes and markers from the second curve on.
 
     If some curves have a group or scheme, the curves without one all look alike. If no curve has one, all look
     different.
@@ -114,7 +114,8 @@ def looks_of(series: Sequence[Series], look_of: Mapping[str, Look]) -> list[Look
     for number, s in enumerate(series):
         again = sum(s.look_key == other.look_key for other in series[:number]) if s.look_key else 0
         look = look_of[s.look_key]
-        used.append(replace(look, dash=_AGAIN[(again - 1) % len(_AGAIN)]) if again else look)
+        dash, marker = _AGAIN[(again - 1) % len(_AGAIN)]
+        used.append(replace(look, dash=dash, marker=marker if look.marker else "") if again else look)
     return used
 
 

@@ -139,9 +139,7 @@ class Panel:
 
     def __post_init__(self) -> None:
         """Sort the curves, so that the schemes have the same order in every legend."""
-        object.__setattr__(
-            self, "series", tuple(sorted(self.series, key=lambda s: _PLACES.get(s.scheme, 99)))
-        )
+        object.__setattr__(self, "series", tuple(sorted(self.series, key=_place)))
 
     def to_json(self) -> dict[str, Any]:
         """The panel as JSON; numbers that are not finite are null."""
@@ -185,6 +183,11 @@ def counts(statements: Iterable[Statement]) -> dict[str, int]:
     return {kind: verdicts.count(kind) for kind in ("holds", "fails", "open")}
 
 
+def _place(curve: Series) -> int:
+    """The place of a curve in a legend; groups keep the order in which a panel gives them."""
+    return 0 if curve.group else _PLACES.get(curve.scheme, len(_PLACES))
+
+
 def in_words(counts: Mapping[str, int]) -> str:
     """The numbers of verdicts in words, such as "12 statements: 10 hold, 1 does not, 1 open"."""
     holds, fails = counts["holds"], counts["fails"]
@@ -224,7 +227,7 @@ def draw(panel: Panel, folder: Path) -> list[Path]:
             slopes=panel.slopes, equal=panel.equal, window=panel.window,
         )  # fmt: skip
         drawn.suptitle(panel.title, fontsize=8)
-        drawn.legend(loc="outside upper center", ncols=columns, handlelength=2.6)
+        drawn.legend(loc="outside lower center", ncols=columns, handlelength=2.6)
         paths = [folder / f"{panel.key}{suffix}" for suffix in SUFFIXES]
         for path in paths:
             path.write_bytes(content(drawn, path.suffix, title=panel.title, dpi=300))

@@ -18,7 +18,7 @@ solved alone with a drift term and a noise term, and jax.vmap joins the paths.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache, partial
+from functools import partial
 from operator import itemgetter
 from typing import Any
 
@@ -123,21 +123,6 @@ def _paths(
 _next = jax.jit(_one_step, static_argnames=("solver", "formulas"))
 
 
-@lru_cache(maxsize=256)
-def _padded(problem: Problem) -> tuple[Formulas, Any]:
-    """A polynomial problem's formulas, padded to 6, 12, … variables, so that few programs serve all problems."""
-    formulas, numbers = pose(problem)
-    if formulas.kind != "polynomial":
-        return formulas, numbers
-    exponents, coefficients = numbers
-    d, terms = exponents.shape
-    D = size(d, 6)
-    B, g = np.zeros((D, D, terms)), np.zeros((D, terms))
-    B[:d, :d], g[:d] = coefficients[: d * d].reshape(d, d, terms), coefficients[d * d : d * d + d]
-    wide = np.concatenate([exponents, np.zeros((D - d, terms), dtype=np.int64)])
-    return formulas, (wide, np.concatenate([B.reshape(D * D, terms), g, coefficients[-1:]]))
-
-
 def _wide(rows: Array, count: int) -> Array:
     """Pad an array (…, n, L) or (n,) with zeros, so that n becomes `count`."""
     axis = max(rows.ndim - 2, 0)
@@ -149,10 +134,10 @@ def _call(
     program: Any, solver: Any, problem: Problem, y: Array, h: float, dW: Array, *state: Any
 ) -> tuple[Any, Any]:
     """Run a compiled `program` in float64 on y (d, L), dW (m, L) or (d,), (m,); return y_next and solver state."""
-    formulas, numbers = _padded(problem)
+    formulas, numbers = pose(problem, wide=True)
     d, m = problem.dimension, problem.noises
     if formulas.kind == "polynomial":
-        y, dW = _wide(y, numbers[0].shape[0]), _wide(dW, size(m, 4))
+        y, dW = _wide(y, formulas.width), _wide(dW, size(m, 4))
     c = _wide(problem.c, dW.shape[0])
     with enable_x64(True):
         y_next, own = program(solver, formulas, numbers, c, np.float64(h), y, dW, *state)

@@ -102,5 +102,7 @@ _DRIVEN = f"sdeint {sdeint.__version__} stratHeun, path by path"
 PEER = Peer(
     library="sdeint",
     schemes={"strat-heun": strat_heun, "strat-srs2": strat_srs2, "strat-kp2is": strat_kp2is},
-    methods={"heun": from_states("sdeint-heun", _run, _DRIVEN, batched=False, evaluations=4)},
+    methods={
+        "heun": from_states("sdeint-heun", _run, _DRIVEN, batched=False, evaluations=4, called_each_step=True)
+    },
 )

@@ -155,7 +155,7 @@ def _method(method: str) -> Method:
         return call
 
     source = f"torchsde {torchsde.__version__} {method}, all paths in one batch"
-    return from_states(f"torchsde-{method.replace('_', '-')}", run, source)
+    return from_states(f"torchsde-{method.replace('_', '-')}", run, source, called_each_step=True)
 
 
 PEER = Peer(

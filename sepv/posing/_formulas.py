@@ -25,7 +25,9 @@ from sepv.schemes import load_problem
 __all__ = ["Formulas", "field_in", "in_blocks", "pose"]
 
 # The smallest sizes of tables of polynomials, filled up with zeros, so that few programs serve all problems.
-LEAST_POWER, LEAST_TERMS = 8, 32
+LEAST_POWER, LEAST_TERMS, LEAST_VARIABLES = 8, 64, 6
+# Each size of a table is this many times the one before.
+TERMS_GROW = 4
 # The number of states computed together in a block; the last block is filled up.
 LANES = 64
 # A function (problem, y0 (d,), h, dW (N, m, M)) -> states (N + 1, d, M).
@@ -46,11 +48,14 @@ class Formulas:
         For polynomials, the largest exponent, or more if the arrays are padded.
     texts : tuple of str
         For a problem by name, generated code of B, ∇H, H and f; empty for polynomials.
+    width : int
+        The number of variables of a wide table of polynomials, which y must have; 0 for the problem's own number.
     """
 
     kind: str
     powers: int = 0
     texts: tuple[str, ...] = ()
+    width: int = 0
 
     def structure(self, xp: Any, numbers: Any, y: Any) -> Any:
         """B(y), of shape (d, d, ...)."""
@@ -102,7 +107,9 @@ class Formulas:
         return xp.einsum("rt,t...->r...", coefficients[first:last], monomials)
 
 
-def pose(problem: str | Problem, *, padded: bool = True) -> tuple[Formulas, tuple[Array, ...]]:
+def pose(
+    problem: str | Problem, *, padded: bool = True, wide: bool = False
+) -> tuple[Formulas, tuple[Array, ...]]:
     """The formulas of a problem and its numbers, as NumPy arrays.
 
     Parameters
@@ -112,6 +119,9 @@ def pose(problem: str | Problem, *, padded: bool = True) -> tuple[Formulas, tupl
     padded : bool
         True fills up the tables of a polynomial problem with zeros to one of a few sizes. So a step is compiled a few
         times, and not once for each random problem.
+    wide : bool
+        True also fills up the variables of a polynomial problem to 6, 12, 24, …: the further ones do not change. Then y
+        must have `Formulas.width` components, which `in_blocks` adds.
 
     Raises
     ------
@@ -135,7 +145,7 @@ def pose(problem: str | Problem, *, padded: bool = True) -> tuple[Formulas, tupl
             f"{system.name} is not (1.1) given as data, and no other library can run NumPy functions: write it with "
             "sepv.problems.polynomial_problem, or its functions in your library (docs/extending.md)"
         )
-    return _pose(system.data, padded)
+    return _pose(system.data, padded, wide)
 
 
 def field_in(xp: Any, problem: str | Problem) -> Callable[[Any], Any]:
@@ -162,7 +172,9 @@ def field_in(xp: Any, problem: str | Problem) -> Callable[[Any], Any]:
 
 
 @lru_cache(maxsize=256)
-def _pose(data: PolynomialSystem | NamedProblem, padded: bool) -> tuple[Formulas, tuple[Array, ...]]:
+def _pose(
+    data: PolynomialSystem | NamedProblem, padded: bool, wide: bool
+) -> tuple[Formulas, tuple[Array, ...]]:
     if isinstance(data, NamedProblem):
         problem, y = build(data), Tape().vector(build(data).dimension)
         B, H = problem.structure(y), problem.hamiltonian(y)
@@ -174,7 +186,19 @@ def _pose(data: PolynomialSystem | NamedProblem, padded: bool) -> tuple[Formulas
     entries = [entry for row in structure_entries(data) for entry in row]
     rows = [*entries, *poly.gradient(data.hamiltonian), data.hamiltonian]
     powers, numbers = table(data.dimension, rows, padded)
-    return Formulas("polynomial", powers), numbers
+    if not wide:
+        return Formulas("polynomial", powers), numbers
+    width = size(data.dimension, LEAST_VARIABLES)
+    return Formulas("polynomial", powers, width=width), _widened(width, *numbers)
+
+
+def _widened(D: int, exponents: Array, coefficients: Array) -> tuple[Array, Array]:
+    """The table of B, ∇H and H of d variables as one of D variables, with zero entries for the further ones."""
+    d, terms = exponents.shape
+    B, g = np.zeros((D, D, terms)), np.zeros((D, terms))
+    B[:d, :d], g[:d] = coefficients[: d * d].reshape(d, d, terms), coefficients[d * d : d * d + d]
+    rows = np.concatenate([B.reshape(D * D, terms), g, coefficients[-1:]])
+    return np.concatenate([exponents, np.zeros((D - d, terms), dtype=np.int64)]), rows
 
 
 @lru_cache(maxsize=64)
@@ -187,22 +211,22 @@ def _compiled(xp: Any, text: str) -> Callable[..., tuple[Any, ...]]:
     return function
 
 
-def size(needed: int, least: int) -> int:
-    """The smallest sufficient size among least, 2 least, 4 least and so on."""
+def size(needed: int, least: int, factor: int = 2) -> int:
+    """The smallest sufficient size among least, factor·least, factor²·least and so on."""
     while least < needed:
-        least *= 2
+        least *= factor
     return least
 
 
 def table(dimension: int, rows: list[Polynomial], padded: bool) -> tuple[int, tuple[Any, Array]]:
     """A table of R polynomials in T monomials: largest exponent, exponents (d, T), and coefficients (R, T).
 
-    If `padded`, exponents and coefficients are filled up with zeros to T = 32, 64, ….
+    If `padded`, exponents and coefficients are filled up with zeros to T = 64, 256, 1024, ….
     """
     monomials = sorted({e for p in rows for e, _ in p.terms}) or [(0,) * dimension]
     powers, count = max(map(max, monomials)), len(monomials)
     if padded:
-        powers, count = size(powers, LEAST_POWER), size(count, LEAST_TERMS)
+        powers, count = size(powers, LEAST_POWER), size(count, LEAST_TERMS, TERMS_GROW)
     index = {e: t for t, e in enumerate(monomials)}
     exponents = np.zeros((dimension, count), dtype=np.int64)
     exponents[:, : len(monomials)] = np.transpose(monomials)
@@ -213,12 +237,16 @@ def table(dimension: int, rows: list[Polynomial], padded: bool) -> tuple[int, tu
     return powers, (exponents, coefficients)
 
 
-def in_blocks(step: Callable[[Array, Array], Any], y: Array, dW: Array, lanes: int) -> Array:
+def in_blocks(step: Callable[[Array, Array], Any], y: Array, dW: Array, lanes: int, width: int = 0) -> Array:
     """Call step(y (d, lanes), dW (m, lanes)) for any number of states, or one state (d,), in blocks of `lanes` states.
 
-    Because all blocks have one size, compiled code and its roundings do not depend on the number of states.
+    Because all blocks have one size, compiled code and its roundings do not depend on the number of states. If `width`
+    is given, as by `pose(problem, wide=True)`, y gets further components 0, and only the first d of the result count.
     """
     states = y.reshape(y.shape[0], -1)
+    d = len(states)
+    if width > d:
+        states = np.concatenate([states, np.zeros((width - d, states.shape[1]))])
     count = states.shape[1]
     increments = dW.reshape(dW.shape[0], count)
     filled = -(-count // lanes) * lanes
@@ -226,5 +254,5 @@ def in_blocks(step: Callable[[Array, Array], Any], y: Array, dW: Array, lanes: i
     parts = []
     for first in range(0, filled, lanes):
         block = lane[first : first + lanes]
-        parts.append(np.asarray(step(states[:, block], increments[:, block])))
+        parts.append(np.asarray(step(states[:, block], increments[:, block]))[:d])
     return np.concatenate(parts, axis=1)[:, :count].reshape(y.shape)

@@ -81,10 +81,10 @@ class Course:
         return {name: pace * law.cost + step * self.steps(law) for name, law in self.left.items()}
 
     def late(self) -> dict[str, tuple[float, float]]:
-        """For each law that has run longer than LATE and twice its expected time: its seconds so far and expected."""
+        """For each law that has run longer than LATE and its expected time by half: its seconds so far and expected."""
         now, whole = time.monotonic(), self.whole()
         ran = {name: now - began for name, began in self.began.items() if name in whole}
-        return {name: (t, whole[name]) for name, t in ran.items() if t > max(LATE, 2 * whole[name])}
+        return {name: (t, whole[name]) for name, t in ran.items() if t > max(LATE, 1.5 * whole[name])}
 
     def seconds_left(self) -> float | None:
         """The estimated seconds left; None before a law is done, or if late laws took longer than the rest will."""

@@ -272,8 +272,8 @@ def test_pictures_share_their_markers_and_curves_of_no_scheme_differ() -> None:
     series = [Series("a", [1.0, 2.0], [1.0, 3.0], "midpoint", "both")] * 2
     first, second = (pictures.draw(series, Axis("x"), Axis("y")) for _ in range(2))
     assert str(first.inside) == str(second.inside)
-    assert str(pictures.definitions).count("<path") == 1
-    assert first.samples[0][1] != first.samples[1][1]  # one scheme twice: other dashes
+    assert str(pictures.definitions).count("<path") == 2  # two markers
+    assert first.samples[0][1] != first.samples[1][1]  # one scheme twice: other dashes and markers
     alone = [Series(name, [1.0, 2.0], [1.0, 2.0]) for name in "abc"]
     assert len({str(sample) for _, sample in pictures.draw(alone, Axis("x"), Axis("y")).samples}) == 3
 

@@ -7,7 +7,7 @@ import sys
 from importlib import import_module
 from importlib.metadata import EntryPoint
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
@@ -282,11 +282,63 @@ def test_what_is_not_given_as_data_is_asked_as_data_instead() -> None:
     assert energy.verdict is Verdict.VIOLATED
 
 
-def test_single_precision_is_refused_with_the_switch_that_helps() -> None:
+@given(any_steps())
+def test_a_wide_table_has_the_same_field_and_leaves_the_further_variables(case: Case) -> None:
+    problem, y, _, dW = case.build()
+    try:
+        narrow, numbers = pose(problem)
+    except sepv.Skipped:
+        return
+    wide, more = pose(problem, wide=True)
+    seen: list[np.ndarray] = []
+
+    def field(states: np.ndarray, _: np.ndarray) -> np.ndarray:
+        seen.append(wide.field(np, more, states))
+        return seen[-1]
+
+    found = in_blocks(field, y, dW, 4, wide.width)
+    # The table has the same monomials, whose sum may be taken in another order.
+    expected = narrow.field(np, numbers, y)
+    assert np.allclose(found, expected, rtol=1e-9, atol=1e-12 * (1 + np.abs(expected).max()))
+    assert seen[0].shape == (max(wide.width, len(y)), 4)
+    assert not seen[0][len(y) :].any()
+
+
+def test_the_laws_give_a_wide_step_few_shapes() -> None:
+    """JAX compiles a step once for each shape: more than 250 times in a whole run of a step without blocks."""
+    shapes = set()
+
+    def step(problem: sepv.Problem, y: np.ndarray, h: float, dW: np.ndarray) -> np.ndarray:
+        formulas, numbers = pose(problem, wide=True)
+
+        def block(states: np.ndarray, _: np.ndarray) -> np.ndarray:
+            shapes.add((formulas, states.shape, *(a.shape for a in numbers)))
+            return states
+
+        in_blocks(block, y, dW, 64, formulas.width)
+        return sepv.schemes.midpoint.step(problem, y, h, dW)
+
+    sepv.verify(step, laws="expansion", effort=sepv.Effort(examples=4, shrink_checks=0))
+    assert 3 < len(shapes) <= 12
+
+
+@pytest.mark.parametrize(
+    ("double", "remedy"), [(False, "jax_enable_x64"), (True, "torch.as_tensor"), (None, "torch")]
+)
+def test_single_precision_is_refused_with_the_switch_that_helps(
+    double: bool | None, remedy: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """JAX is named where it is loaded and computes in float32; then NumPy's arrays are asked for with it."""
+    jax = None if double is None else SimpleNamespace(config=SimpleNamespace(jax_enable_x64=double))
+    monkeypatch.setitem(sys.modules, "jax", jax)
     single = sepv.Scheme("single", lambda p, y, h, dW: y.astype(np.float32))
-    problem = sepv.problems.pendulum()
-    with pytest.raises(sepv.SchemeFault, match="jax_enable_x64"):
-        ask(single, problem, np.array([0.2, 1.0]), 0.1, np.zeros(2))
+    own = sepv.Scheme("own", lambda p, y, h, dW: list(y))
+    arguments = sepv.problems.pendulum(), np.array([0.2, 1.0]), 0.1, np.zeros(2)
+    with pytest.raises(sepv.SchemeFault, match=remedy):
+        ask(single, *arguments)
+    with pytest.raises(sepv.SchemeFault, match=r"np.asarray") as caught:
+        ask(own, *arguments)
+    assert ("jax_enable_x64" in str(caught.value)) is (double is False)
 
 
 def test_numpys_functions_under_a_tracer_end_with_the_way_to_pose_them() -> None:

@@ -235,6 +235,18 @@ def test_one_core_is_given_back() -> None:
 # The command
 
 
+def test_times_of_python_beside_those_of_a_compiled_loop_are_said_to_be_so(found: Comparison) -> None:
+    first, second = [name for name in found.sources if found.of(name)[0].steps_matter][:2]
+
+    def said(*called: str) -> list[str]:
+        return [n for n in table.notes(replace(found, called_each_step=called)) if "once a step" in n]
+
+    (note,) = said(first)
+    assert note.startswith(f"{first}: called from Python once a step, where ")
+    assert second in note
+    assert said() == said(*found.sources) == []
+
+
 QUICK = "--steps 4,8 --paths 32 --repeats 1"
 
 

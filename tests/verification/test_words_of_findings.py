@@ -251,6 +251,27 @@ def test_a_law_that_takes_longer_than_expected_says_so(monkeypatch: pytest.Monke
     assert shown.line() == "28 s: 1 of 2 laws, casimir for 8 s where 1 s were expected"
 
 
+def test_the_seconds_left_are_not_said_for_longer_than_half_of_what_a_law_was_expected_to_take(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It said "97 %, about 10 s left" for two minutes of a law that was expected to take one, and took three."""
+    now, laws = 0.0, load_laws(["energy", "casimir"])
+    first, last = (replace(law, cost=cost, steps=0) for law, cost in zip(laws, (300.0, 60.0), strict=True))
+    monkeypatch.setattr(time, "monotonic", lambda: now)
+    course = progress.Course([first, last])
+    course.heard(first, None)
+    now = 300.0
+    course.heard(first, first.finding(Verdict.HOLDS, seconds=300.0, checks=1))
+    course.heard(last, None)
+    said = []
+    for second in range(1, 240):
+        now = 300.0 + second
+        said.append(course.seconds_left())
+    assert [s for s in said[:50] if s is not None] == pytest.approx(list(range(59, 9, -1)))
+    assert sum(s is not None for s in said[60:]) <= 30  # while it is late by half at most
+    assert not any(said[90:])
+
+
 def test_a_step_that_is_being_compiled_is_waited_for_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
     now, (law,) = 100.0, load_laws(["energy"])
     monkeypatch.setattr(time, "monotonic", lambda: now)

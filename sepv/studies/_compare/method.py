@@ -67,6 +67,7 @@ class Method:
     truncation : the k of Remark 2.1 for the method's increments; None for untruncated increments
     look : the look in pictures; None for a generated one, which no other method has
     deterministic : True for a method without noise; the comparison is then made without noise, c = ()
+    called_each_step : True if Python calls a function for each step of a batch, False for one compiled loop
     """
 
     name: str
@@ -79,6 +80,7 @@ class Method:
     truncation: int | None = None
     look: Look | None = None
     deterministic: bool = False
+    called_each_step: bool = False
 
 
 def invariant_defects(problem: Problem, states: Array) -> tuple[Array, Array]:
@@ -106,7 +108,7 @@ def from_scheme(scheme: Scheme, problem: Problem, engine: str = "auto") -> Metho
     how = f"; {target.name} engine" if whole else "" if engine == "numpy" else f"; NumPy batch: {reason}"
     return Method(
         scheme.name, prepare, follow, scheme.source + how, batched=whole or scheme.batched,
-        truncation=scheme.truncation, look=scheme.look, deterministic=scheme.deterministic,
+        truncation=scheme.truncation, look=scheme.look, deterministic=scheme.deterministic, called_each_step=not whole,
     )  # fmt: skip
 
 

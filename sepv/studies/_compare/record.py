@@ -137,6 +137,8 @@ class Comparison:
     failed: dict[str, str] = field(default_factory=dict)
     # The looks in pictures that schemes declare, by method.
     looks: dict[str, Look] = field(default_factory=dict)
+    # Methods whose steps Python calls one by one; the others are one compiled loop, or one solve.
+    called_each_step: tuple[str, ...] = ()
 
     def of(self, method: str) -> list[Point]:
         """The points of one method, the largest step size first."""

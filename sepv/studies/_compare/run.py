@@ -121,6 +121,7 @@ def compare(
         environment=environment(),
         sources={m.name: m.source for m in methods if m.name not in failed},
         looks={m.name: m.look for m in methods if m.look is not None and m.name not in failed},
+        called_each_step=tuple(m.name for m in methods if m.called_each_step and m.name not in failed),
         failed=failed,
         deterministic=not problem.noises,
         has_casimirs=bool(problem.casimirs or problem.linear_casimirs),

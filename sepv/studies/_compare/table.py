@@ -125,6 +125,14 @@ def notes(comparison: Comparison) -> list[str]:
         )
     if "coarsest" in ways:
         lines.append("≤ already reached at the coarsest step")
+    called = comparison.called_each_step
+    loops = [n for n in comparison.sources if n not in called and comparison.of(n)[0].steps_matter]
+    if called and loops:
+        lines.append(
+            f"{', '.join(called)}: called from Python once a step, where {', '.join(loops)} "
+            f"{'is' if len(loops) == 1 else 'are'} one compiled loop. Their times compare Python with compiled code; "
+            "numpy/SCHEME calls a scheme of sepv once a step too"
+        )
     most = max(p.paths for p in comparison.points)
     busy = statistics.median(p.seconds.wall / p.seconds.median for p in comparison.points)
     for name in comparison.sources:
