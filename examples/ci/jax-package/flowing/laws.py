@@ -21,12 +21,12 @@ def _field(formulas):
 
 def step(problem, y, h, dW):
     """One step of a state (d,) or a batch (d, M), in blocks of 64, so that no bit depends on the size of the batch."""
-    formulas, numbers = pose(problem)
+    formulas, numbers = pose(problem, wide=True)
 
     def block(y, dW):
         return heun(_field(formulas), numbers, y, problem.random_step(h, dW))
 
-    return np.asarray(in_blocks(block, y, dW, 64))
+    return np.asarray(in_blocks(block, y, dW, 64, formulas.width))
 
 
 scheme = sepv.Scheme(
