@@ -75,21 +75,22 @@ def tangent(scheme: Scheme, case: Case) -> StepSlope:
     return StepSlope(slope, doubt + poisson.ROUNDING * error / widths, error, y1)
 
 
-def check(scheme: Scheme, case: Case) -> Measurement:
-    """Measure the entry of Φ′B(y0)Φ′ᵀ − B(y1) that is largest relative to its bound."""
+def check(scheme: Scheme, case: Case, factor: float = 1.0) -> Measurement:
+    """Measure the entry of Φ′B(y0)Φ′ᵀ − `factor` B(y1) that is largest relative to its bound."""
     problem, y, _, _ = case.build()
     slope, E, error, y1 = tangent(scheme, case)
     B, size = problem.structure(y), structure_majorant(problem, y)
-    defect = np.abs(slope @ B @ slope.T - problem.structure(y1))
+    expected = factor * problem.structure(y1)
+    defect = np.abs(slope @ B @ slope.T - expected)
     P = np.abs(slope)
     allowed = E @ size @ P.T + P @ size @ E.T + E @ size @ E.T + structure_error(problem, y1, error)
     rounding = 0.5 * scheme.eps * operations(problem, scheme.stages)
-    allowed += rounding * (P @ size @ P.T + structure_majorant(problem, y1)) + TINY
+    allowed += rounding * (P @ size @ P.T + max(factor, 1.0) * structure_majorant(problem, y1)) + TINY
     i, j = np.unravel_index(int(np.argmax(defect / allowed)), defect.shape)
     unit = EPS * float(np.max(size)) + TINY
     detail = (
         f"entry {i + 1}{j + 1} of Φ′BΦ′ᵀ is {float((slope @ B @ slope.T)[i, j])!r}, "
-        f"of B(y1) {float(problem.structure(y1)[i, j])!r}, y1 = {y1.tolist()}"
+        f"of {'B(y1)' if factor == 1 else f'{factor!r} B(y1)'} {float(expected[i, j])!r}, y1 = {y1.tolist()}"
     )
     return Measurement(float(defect[i, j]) / unit, float(allowed[i, j]) / unit, detail)
 
@@ -102,8 +103,13 @@ def _steps(scheme: Scheme, problem: Problem, states: Array, h: float, dW: Array)
 
 
 def _disc(problem: Problem, y: Array, h: float, dW: Array) -> float:
-    """Return the radius ρ of the disc for Cauchy's estimate of Φ′, or 0 if H or B is a function or the step is long."""
-    if not (isinstance(problem.gradient, PolynomialMap) and isinstance(problem.structure, PolynomialMap)):
+    """Return the radius ρ of the disc for Cauchy's estimate of Φ′, or 0 if it is not known.
+
+    It is not known if H or B is a function, the step is long, or damping moves y too.
+    """
+    if problem.damping or not (
+        isinstance(problem.gradient, PolynomialMap) and isinstance(problem.structure, PolynomialMap)
+    ):
         return 0.0
     radius, ball = contraction_ball(problem, y)
     return ball / 2 if abs(h) + float(np.sum(np.abs(problem.c * dW))) <= radius / 2 else 0.0

@@ -24,8 +24,8 @@ from sepv.properties._sampled import sparing
 from sepv.properties._setups import TILTED, Setup, setups_for
 
 from sepv.errors import Skipped
-from sepv.problem import Problem, Systems, is_several
-from sepv.schemes import OF_SEVERAL, Scheme, guarded
+from sepv.problem import Problem, is_several
+from sepv.schemes import OF_DAMPED, OF_SEVERAL, Scheme, guarded
 from sepv.verification._advice import is_explicit
 from sepv.verification._along_paths import watching
 from sepv.verification._cases.users_problems import sources
@@ -95,7 +95,7 @@ def is_tilted(scheme: Scheme) -> bool:
     # With several fields or damping the exact solution depends on the whole path. `tilted_errors` uses only
     # W(T).
     own = any(is_several(problem) for item in sources(scheme) for problem in item.problems)
-    order = None if own or scheme.systems in (*OF_SEVERAL, Systems.DAMPED) else scheme.mean_square_order
+    order = None if own or scheme.systems in OF_SEVERAL | OF_DAMPED else scheme.mean_square_order
     return order is not None and order >= TILTED
 
 

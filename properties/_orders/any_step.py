@@ -29,6 +29,7 @@ from sepv.problem import (
     Systems,
     column,
     damping_of,
+    scaled_damping,
 )
 from sepv.problems import started
 from sepv.record import EPS, poly
@@ -73,7 +74,7 @@ def scaled(problem: Problem, factor: float, louder: float = 1.0) -> Problem | No
         noise=tuple(louder * c for c in data.noise),
         noise_hamiltonians=tuple(poly.scale(factor, H) for H in data.noise_hamiltonians),
         noise_vectors=tuple(tuple(factor * g for g in vector) for vector in data.noise_vectors),
-        damping=factor * data.damping,
+        damping=scaled_damping(data.damping, factor),
     )
     found: Problem = started(changed, problem.name, np.asarray(problem.initial).tolist())
     return found

@@ -23,6 +23,7 @@ from sepv.problem import (
     bracket,
     combined,
     damping_of,
+    drift,
     drift_bracket,
     each_noise,
     hamiltonian_field,
@@ -41,10 +42,10 @@ FEWEST, MOST = 4, 64
 def combined_field(problem: Problem, y: Array, parts: Array) -> Array:
     """The field h f_0(y) + Σ_j c_j ΔW_j f_j(y) (d, M) of a step, with the drift f_0 and the fields f_j of the noises.
 
-    `parts` (1 + m, M) holds h and the c_j ΔW_j. For a problem with damping, f_0 = B∇H_0 − γy.
+    `parts` (1 + m, M) holds h and the c_j ΔW_j. For a problem with damping, f_0 = B∇H_0 − γy or B∇H_0 − Γy.
     """
     if len(vectors := noise_vectors(problem)):
-        return parts[0] * vector_field(problem, y) + vectors.T @ parts[1:]
+        return parts[0] * drift(problem, y) + vectors.T @ parts[1:]
     if gamma := damping_of(problem):
         return parts.sum(axis=0) * vector_field(problem, y) - parts[0] * gamma * y
     if isinstance(problem, HamiltoniansProblem):

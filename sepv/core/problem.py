@@ -77,7 +77,7 @@ class System:
     domain: Callable[[Array], Flags] | None = None
     nambu: Any = None
     c: Array = field(init=False, repr=False)
-    # The rate γ of a further term −γy in the drift.
+    # The rate γ of a further term −γy in the drift, or the matrix Γ of −Γy as a tuple of rows.
     damping = 0.0
 
     def __post_init__(self) -> None:
@@ -171,6 +171,21 @@ def each_noise(problem: System, h: float, noise: Array) -> Array:
 def vector_field(problem: System, y: Array) -> Array:
     """The field f(y) = B(y)∇H(y) of a problem, of shape (d, ...)."""
     return matvec(problem.structure(y), problem.gradient(y))
+
+
+def damping_matrix(problem: System) -> Array:
+    """The matrix Γ (d, d) of the drift B∇H − Γy: γ times the unit matrix for −γy, zero without damping."""
+    damping = np.asarray(problem.damping, dtype=np.float64)
+    return damping if damping.ndim else damping * np.eye(problem.dimension)
+
+
+def drift(problem: System, y: Array) -> Array:
+    """The drift B(y)∇H − Γy of a problem, (d, ...), where Γy is γy for a number γ and 0 without damping."""
+    flow = vector_field(problem, y)
+    if np.ndim(problem.damping):
+        Gamma = damping_matrix(problem)
+        return flow - matvec(Gamma.reshape(*Gamma.shape, *(1,) * (y.ndim - 1)), y)
+    return np.asarray(flow - problem.damping * y)
 
 
 def field_jacobian(problem: System, y: Array) -> Array | None:

@@ -18,7 +18,7 @@ from sepv._kept import kept, key_of
 from sepv.errors import UsageError
 from sepv.exact._closed_forms import CLOSED_FORMS
 from sepv.exact._dense_flow import solve_dense
-from sepv.problem import Array, NamedProblem, Problem, damping_of, is_several, vector_field
+from sepv.problem import Array, NamedProblem, Problem, damping_of, drift, is_several, vector_field
 from sepv.record import EPS, PolynomialMap
 from sepv.schemes import load_problem
 from sepv.simulate import initial_state
@@ -109,7 +109,7 @@ def _dense_flow(problem: Problem, y0: Array, theta: Array) -> tuple[Array, float
     """The exact solution, computed numerically, and its error, estimated from a solution with other panels."""
 
     def f(y: Array) -> Array:
-        value = vector_field(problem, y) - damping_of(problem) * y
+        value = drift(problem, y)
         if problem.domain is not None:
             value = np.where(problem.domain(y), value, np.nan)
         return value

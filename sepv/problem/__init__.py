@@ -20,16 +20,18 @@ from sepv.core.problem import (
     combined_gradient,
     combined_hessian,
     combined_slope,
+    damping_matrix,
     each_noise,
     hessian,
 )
+from sepv.core.problem import drift as drift
 from sepv.core.problem import field_jacobian as field_jacobian
 from sepv.core.problem import vector_field as vector_field
 from sepv.problem import _poisson as poisson
 from sepv.problem._checks import check_problem as check_problem
 from sepv.problem._checks import sample_states
 from sepv.problem._damped import DampedProblem as DampedProblem
-from sepv.problem._damped import damping_of
+from sepv.problem._damped import conformal_rate, damping_of, scaled_damping
 from sepv.problem._derived import PartFlow, derivatives
 from sepv.problem._directional import derivative_along, structure_slope
 from sepv.problem._directions import Directions, directions, projections
@@ -38,6 +40,9 @@ from sepv.problem._enclosures import recorded as recorded
 from sepv.problem._fields import casimir_gradients as casimir_gradients
 from sepv.problem._fields import changes_of_invariants, invariants, known_invariants, slope_along
 from sepv.problem._fields import energy_change as energy_change
+from sepv.problem._friction import Langevin, langevin
+from sepv.problem._friction import friction as friction
+from sepv.problem._friction import temperature as temperature
 from sepv.problem._hamiltonians import HamiltoniansProblem as HamiltoniansProblem
 from sepv.problem._hamiltonians import (
     bracket,

@@ -16,10 +16,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from sepv._arguments import is_number
-from sepv.core.arrays import Array
+from sepv.core.arrays import EPS, Array
+from sepv.core.problem import damping_matrix
 from sepv.errors import ProblemError, SystemsError
-from sepv.problem._problem import Problem
+from sepv.problem._problem import Matrix, Problem
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -59,5 +62,28 @@ class DampedProblem(Problem):
 
 
 def damping_of(problem: Problem) -> float:
-    """The rate γ of a problem's damping −γy dt; zero for a problem without damping."""
-    return float(problem.damping)
+    """The rate of a problem's damping: γ for −γy, the largest row sum of |Γ| for −Γy, zero without damping."""
+    damping = np.asarray(problem.damping, dtype=np.float64)
+    return float(np.max(np.sum(np.abs(damping), axis=1)) if damping.ndim else damping)
+
+
+def conformal_rate(problem: Problem) -> float | None:
+    """The number κ with ΓB + BΓᵀ = κB for the constant B of a problem; None if there is none.
+
+    Then the flow of B∇H − Γy has φ′Bφ′ᵀ = e^{−κt}B (R. McLachlan and M. Perlmutter, J. Geom. Phys. 39, 2001): d/dt of
+    φ′Bφ′ᵀ is (BH″ − Γ)X + X(BH″ − Γ)ᵀ with X = φ′Bφ′ᵀ, which is −κX for X = e^{−κt}B. For −γy κ is 2γ, for −γp it is γ.
+    """
+    Gamma, B = damping_matrix(problem), problem.structure(np.zeros(problem.dimension))
+    both, size = Gamma @ B + B @ Gamma.T, np.abs(Gamma) @ np.abs(B)
+    if not both.any():
+        return 0.0
+    at = np.unravel_index(int(np.argmax(np.abs(both))), both.shape)
+    kappa = float(both[at] / B[at]) if B[at] else np.nan
+    return kappa if np.all(np.abs(both - kappa * B) <= 4 * EPS * np.max(size + size.T)) else None
+
+
+def scaled_damping(damping: float | Matrix, factor: float) -> float | Matrix:
+    """The damping γ or Γ of a `PolynomialSystem`, times `factor`."""
+    if isinstance(damping, tuple):
+        return tuple(tuple(factor * v for v in row) for row in damping)
+    return factor * damping

@@ -32,7 +32,7 @@ from typing import Any
 import numpy as np
 
 from sepv.core.arrays import Array, matmul, matvec
-from sepv.core.problem import Function, combined_gradient, differences, hessian, vector_field
+from sepv.core.problem import Function, combined_gradient, damping_matrix, differences, drift, hessian
 from sepv.errors import ProblemError, Skipped, SystemsError, UsageError
 from sepv.problem._checks import sample_states
 from sepv.problem._damped import DampedProblem
@@ -64,6 +64,8 @@ class HamiltoniansProblem(Problem):
         The exact solution y(T) from y0 with W = W(T), (m, M), if the flows commute.
     noise_vectors : sequence of (d,) vectors, optional
         g_1, …, g_m of additive noise Σ c_j g_j dW_j, in the place of the B∇H_j. `casimirs` are still those of B.
+    damping : (d, d) matrix, optional
+        Γ of a friction −Γy dt in the drift, beside additive noise by `noise_vectors` (`sepv.problem.friction`).
 
     Raises
     ------
@@ -94,9 +96,20 @@ class HamiltoniansProblem(Problem):
     noise_flows: tuple[Flow, ...] = ()
     closed_form: ClosedForm | None = None
     noise_vectors: tuple[Any, ...] = ()
+    damping: Any = 0.0
 
     def __post_init__(self, check: bool) -> None:
         super().__post_init__(check)
+        if np.ndim(self.damping) or self.damping:
+            rows = constant("damping", self.damping, (self.dimension, self.dimension))
+            # The number 0 and a tuple without rows are false: `problem.damping` is true where there is friction.
+            object.__setattr__(self, "damping", tuple(map(tuple, rows.tolist())) if rows.any() else 0.0)
+        if self.damping and (self.noise_hamiltonians or self.noise_gradients):
+            raise ProblemError(
+                expected="friction −Γy dt beside noise_vectors",
+                received="damping, and noises with Hamiltonians of their own",
+                remedy="give every noise its vector B∇H_j",
+            )
         if self.noise_vectors:
             vectors = tuple(constant("noise_vectors", g, (self.dimension,)) for g in self.noise_vectors)
             object.__setattr__(self, "noise_vectors", vectors)
@@ -157,6 +170,12 @@ class HamiltoniansProblem(Problem):
 
     def random_step(self, h: float, dW: Array) -> Array:  # noqa: ARG002  (the signature of `Problem`)
         """Raise SystemsError: a step has the random length Δ = h + Σ c_j ΔW_j for a single Hamiltonian only."""
+        if self.damping:
+            raise SystemsError(
+                expected="a scheme for friction, such as baoab",
+                received=f"a scheme for (1.1), which would leave out the friction of {self.name}",
+                remedy="use a scheme with systems='friction'",
+            )
         raise SystemsError(
             expected="a scheme for several Hamiltonians, such as stochastic-midpoint",
             received=f"a scheme that reduces the noise of {self.name} to one random step",
@@ -229,13 +248,14 @@ def drift_bracket(problem: Problem, j: int, y: Array) -> Array:
     """
     turned = structure_slope(problem, y, problem.gradient(y))
     drift_slope = turned + matmul(problem.structure(y), hessian(problem, y))
-    pushed = matvec(noise_slope(problem, j, y), vector_field(problem, y))
+    drift_slope = drift_slope - damping_matrix(problem).reshape(*turned.shape[:2], *(1,) * (y.ndim - 1))
+    pushed = matvec(noise_slope(problem, j, y), drift(problem, y))
     return pushed - matvec(drift_slope, noise_field(problem, j, y))
 
 
 def ito_drift(problem: Problem, y: Array) -> Array:
-    """The drift of the Itô form of a problem, f_0 + ½ Σ_j c_j² f_j′f_j, (d, ...)."""
-    total = vector_field(problem, y)
+    """The drift of the Itô form of a problem, f_0 + ½ Σ_j c_j² f_j′f_j, (d, ...), with f_0 = B∇H_0 − Γy."""
+    total = drift(problem, y)
     for j, c in enumerate(problem.c):
         total = total + 0.5 * c * c * matvec(noise_slope(problem, j, y), noise_field(problem, j, y))
     return total

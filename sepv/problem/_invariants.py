@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
+from sepv.core.problem import damping_matrix
 from sepv.errors import ProblemError
 from sepv.problem._checks import sample_states
 from sepv.problem._derived import Array, Function, recorded_as
@@ -159,7 +160,7 @@ def _fields(problem: Problem, tape: Any, y: Any) -> tuple[Any, list[Any]]:
     B = recorded_as(tape, "structure", problem.structure, y, (d, d))
     slope = _gradient(tape, "hamiltonian", problem.gradient, problem.hamiltonian, y)
     flow = B @ slope
-    drift = flow - getattr(problem, "damping", 0.0) * y
+    drift = flow - damping_matrix(problem) @ y if problem.damping else flow
     if vectors := getattr(problem, "noise_vectors", ()):
         return drift, list(vectors)
     if Hamiltonians := getattr(problem, "noise_hamiltonians", ()):

@@ -14,6 +14,7 @@ from sepv.files import fault, schema
 from sepv.problem._problem import (
     Description,
     GivenProblem,
+    Matrix,
     NamedProblem,
     PolynomialSystem,
     Problem,
@@ -184,13 +185,18 @@ def _polynomial_json(data: PolynomialSystem) -> dict[str, Any]:
         "casimirs": [[_row(row) for row in A] for A in data.casimirs],
         "linear_casimirs": [_row(vector) for vector in data.linear_casimirs],
         **{key: values for key, values in more.items() if values},
-        **({"damping": float(data.damping).hex()} if data.damping else {}),
+        **({"damping": _damping(data.damping)} if data.damping else {}),
         **({"invariants": {name: poly.to_json(I) for name, I in data.invariants}} if data.invariants else {}),
     }
 
 
 def _table(structure: Structure) -> list[Any]:
     return [[i, j, poly.to_json(entry)] for i, j, entry in structure]
+
+
+def _damping(damping: float | Matrix) -> Any:
+    """The rate γ, or the rows of the matrix Γ."""
+    return list(map(_row, damping)) if isinstance(damping, tuple) else float(damping).hex()
 
 
 def _row(values: Any) -> list[str]:
@@ -212,6 +218,7 @@ def _polynomial_system(data: dict[str, Any]) -> PolynomialSystem:
         rows = enumerate(table)
         return tuple((int(i), int(j), polynomial(f"{place}[{n}][2]", entry)) for n, (i, j, entry) in rows)
 
+    damping = data.get("damping", 0.0)
     nambu = None
     if data.get("nambu"):
         factor, casimir = (polynomial(f"nambu[{n}]", p) for n, p in enumerate(data["nambu"]))
@@ -236,7 +243,7 @@ def _polynomial_system(data: dict[str, Any]) -> PolynomialSystem:
             for n, p in enumerate(data.get("noise_hamiltonians", []))
         ),
         noise_vectors=tuple(map(_doubles, data.get("noise_vectors", []))),
-        damping=double(data.get("damping", 0.0)),
+        damping=tuple(map(_doubles, damping)) if isinstance(damping, list) else double(damping),
         invariants=tuple(
             (name, polynomial(f"invariants.{name}", I)) for name, I in data.get("invariants", {}).items()
         ),

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import InitVar, dataclass, field
 from enum import StrEnum
 from inspect import signature
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -68,6 +69,8 @@ class Systems(StrEnum):
         problems give vectors (`sepv.problem.noise_vectors`), others linear H_j with g_j = B∇H_j.
     damped
         dy = (B(y)∇H − γy) dt + Σ c_j B(y)∇H ∘dW_j with a homogeneous H (`sepv.problem.DampedProblem`).
+    friction
+        dq = M⁻¹p dt, dp = (−∇V − γp) dt + σ dW, Langevin dynamics at a temperature (`sepv.problem.friction`).
     """
 
     SINGLE = "single"
@@ -83,6 +86,7 @@ class Systems(StrEnum):
     SEPARABLE_HAMILTONIANS = "separable-hamiltonians"
     ADDITIVE = "additive"
     DAMPED = "damped"
+    FRICTION = "friction"
 
 
 @dataclass(frozen=True)
@@ -107,8 +111,9 @@ class PolynomialSystem:
         H_1, …, H_m: several Hamiltonians (`sepv.problem.HamiltoniansProblem`), whether or not {H, H_j} = 0.
     noise_vectors : tuple of d numbers each, optional
         g_1, …, g_m: additive noise Σ c_j g_j dW_j. Give at most one of the three attributes `noise_…`.
-    damping : float
-        The rate γ of a damping −γy dt (`sepv.problem.DampedProblem`), for systems with none of the three `noise_…`.
+    damping : float or matrix
+        The rate γ of a damping −γy dt (`sepv.problem.DampedProblem`), for systems with none of the three `noise_…`; or
+        the matrix Γ of a friction −Γy dt, row by row, for systems with `noise_vectors` or without noise.
     invariants : tuple of (name, polynomial)
         Other functions I with LI = σ − λI, as in `Problem`.
     """
@@ -124,7 +129,7 @@ class PolynomialSystem:
     noise_structures: tuple[Structure, ...] = ()
     noise_hamiltonians: tuple[Polynomial, ...] = ()
     noise_vectors: Matrix = ()
-    damping: float = 0.0
+    damping: Any = 0.0  # float | Matrix
     invariants: tuple[tuple[str, Polynomial], ...] = ()
 
 

@@ -14,6 +14,9 @@ from sepv.problem import to_json as to_json
 from sepv.problems._common import HAT, UNIT3, canonical, hat, planes, structure
 from sepv.problems._damped_top import damped_top as damped_top
 from sepv.problems._kepler import kepler as kepler
+from sepv.problems._langevin import langevin_double_well as langevin_double_well
+from sepv.problems._langevin import langevin_oscillator as langevin_oscillator
+from sepv.problems._langevin import langevin_pair as langevin_pair
 from sepv.problems._lotka_volterra import lotka_volterra as lotka_volterra
 from sepv.problems._lotka_volterra import random_lotka_volterra as random_lotka_volterra
 from sepv.problems._matrix_algebras import MatrixAlgebra, algebra_of, product
@@ -62,9 +65,10 @@ PAPER = _listed(harmonic_oscillator, rigid_body, pendulum, lotka_volterra)
 EXTENSIONS = _listed(
     figure_eight, harmonic_trap, henon_heiles, kepler, lennard_jones, maxwell_bloch, pendulum_chain, planets, toda
 )  # fmt: skip
-# Problems with several structures or Hamiltonians.
+# Problems with several structures or Hamiltonians, with damping or with friction.
 SEVERAL = _listed(
-    damped_top, commuting_rotations, commuting_oscillators, noncommuting_drift, noncommuting_tops, kubo_oscillator
+    damped_top, commuting_rotations, commuting_oscillators, noncommuting_drift, noncommuting_tops, kubo_oscillator,
+    langevin_double_well, langevin_oscillator, langevin_pair,
 )  # fmt: skip
 # Problems with several Hamiltonians that do not commute.
 HAMILTONIANS = _listed(

@@ -69,9 +69,13 @@ def polynomial_problem(data: PolynomialSystem) -> Problem:
         check=False,
     )
     more = data.noise_structures or data.noise_hamiltonians or data.noise_vectors
+    if isinstance(data.damping, tuple) and not (data.noise_structures or data.noise_hamiltonians):
+        return HamiltoniansProblem(
+            **_shared(problem), noise_vectors=data.noise_vectors, damping=data.damping, check=False
+        )
     if data.damping and more:
         raise ProblemError(
-            expected="damping of a system with one structure and one Hamiltonian",
+            expected="damping of a system with one structure and one Hamiltonian, or a matrix beside noise_vectors",
             received="damping, and noises with structures, Hamiltonians or vectors of their own",
             remedy="leave out one or the other",
         )

@@ -73,7 +73,7 @@ from sepv.schemes._point_distributions import NORMAL, point_law
 from sepv.schemes._point_distributions import PointLaw as PointLaw
 from sepv.schemes._projected import projected as projected
 from sepv.schemes._recorded import Recorded
-from sepv.schemes._scheme import OF_SEVERAL, Step, as_lanes, takes
+from sepv.schemes._scheme import OF_DAMPED, OF_SEVERAL, Step, as_lanes, takes
 from sepv.schemes._scheme import Scheme as Scheme
 from sepv.schemes._scheme import Twin as Twin
 from sepv.schemes._scheme import weakly as weakly

@@ -10,6 +10,7 @@ from sepv.errors import unknown_name
 from sepv.schemes._collocation import collocation
 from sepv.schemes._explicit import explicit
 from sepv.schemes._gauss import gauss
+from sepv.schemes._langevin import obabo
 from sepv.schemes._leapfrog import blanes_moan, yoshida
 from sepv.schemes._projected import projected
 from sepv.schemes._scheme import Scheme
@@ -55,8 +56,10 @@ HAMILTONIANS = _listed(
     "darboux_lie",
     "drift_preserving",
 )
-# Schemes for damped systems.
-DAMPED = _listed("conformal")
+# Schemes for damped systems and for friction.
+DAMPED = _listed("conformal", "langevin", "gronbech_jensen_farago", "friction_euler_maruyama") | {
+    obabo.name: obabo
+}
 # Families of schemes: the name NAME-s is the member with s stages, s = 1 … MAX_STAGES.
 FAMILIES: dict[str, Callable[[int], Scheme]] = {"collocation": collocation, "gauss": gauss}
 

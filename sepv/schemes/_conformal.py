@@ -36,7 +36,7 @@ undamped = implicit(formula, jacobian, parts=undamped_step)
 def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
     """Solve one step of a batch y (d, M), dW (m, M). Raises Skipped for a problem without damping."""
     if not isinstance(problem, DampedProblem):
-        raise Skipped(f"{problem.name} has no damping (sepv.problem.DampedProblem)")
+        raise Skipped(f"{problem.name} has no damping −γy (sepv.problem.DampedProblem)")
     factor = np.exp(-0.5 * h * problem.damping)
     solution = undamped.solve(problem, factor * y, h, dW)
     value = factor * solution.value

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from sepv.core.problem import require_undamped
 from sepv.errors import Skipped
 from sepv.problem import Array, HamiltoniansProblem, Problem, Systems, column, noise_field
 from sepv.schemes._energy_preserving import formula, jacobian
@@ -40,6 +41,7 @@ def step(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array
     """
     if not isinstance(problem, HamiltoniansProblem) or column(problem) != "additive":
         raise Skipped(f"the noise of {problem.name} is not additive")
+    require_undamped(problem)
     state, noise = as_lanes(problem, y, h, dW)
     before = np.reshape(np.asarray(first, dtype=np.float64), noise.shape)
     moved = quiet(problem, pushed(problem, state, before), h, noise)

@@ -32,6 +32,8 @@ OF_SEVERAL = frozenset((
     Systems.SEVERAL, Systems.HAMILTONIANS, Systems.MATRIX_HAMILTONIANS, Systems.SEPARABLE_HAMILTONIANS,
     Systems.ADDITIVE,
 ))  # fmt: skip
+# The classes of systems with damping, in which the exact solution depends on the whole path, and not on Δ alone.
+OF_DAMPED = frozenset((Systems.DAMPED, Systems.FRICTION))
 # A step (problem, y, h, dW) -> y_next, with a fifth argument for a scheme with `Scheme.asks`.
 Step = Callable[..., Array]
 Solve = Callable[[Problem, Array, float, Array], Solution]

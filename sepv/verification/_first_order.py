@@ -28,14 +28,13 @@ from sepv.problem import (
     Array,
     Problem,
     StructuresProblem,
-    damping_of,
+    drift,
     ito_drift,
     matvec,
     mechanics,
     noise_field,
     noise_structures,
     sample_states,
-    vector_field,
 )
 from sepv.schemes import Scheme, StatefulStep, ask_next
 from sepv.verification._units import units_of
@@ -95,7 +94,7 @@ def _correction(scheme: Scheme, problem: Problem, h: float) -> float:
     for y in sample_states(problem, units_of(problem).length):
         with suppress(SepvError, ArithmeticError):
             further = _mean(scheme, problem, y, h) - _field(problem, y, 0)
-            s = ito_drift(problem, y) - vector_field(problem, y)
+            s = ito_drift(problem, y) - drift(problem, y)
             if np.max(np.abs(s)) > SMALLEST_SHARE * np.max(np.abs(_field(problem, y, 0))):
                 share = float(further @ s / (s @ s))
                 # A mean that has another part besides s is no matter of Itô's correction.
@@ -158,7 +157,7 @@ def _moved(scheme: Scheme, problem: Problem, y0: Array, j: int, h: float, before
 def _field(problem: Problem, y: Array, j: int) -> Array:
     """The drift f_0 at y (j = 0), with damping, or the field c_j f_j of noise j, (d,)."""
     if j == 0:
-        return np.asarray(vector_field(problem, y) - damping_of(problem) * y)
+        return drift(problem, y)
     if isinstance(problem, StructuresProblem):
         return np.asarray(problem.c[j - 1] * matvec(noise_structures(problem)[j - 1](y), problem.gradient(y)))
     return np.asarray(problem.c[j - 1] * noise_field(problem, j - 1, y))

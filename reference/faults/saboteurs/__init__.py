@@ -12,7 +12,7 @@ from .record import Saboteur as Saboteur
 
 _MODULES = (
     "formula", "noise", "solver", "arithmetic", "interface", "higher_order", "structure", "historical", "hamiltonians",
-    "damping", "carried", "windows", "long_times", "corners", "bodies", "stated", "twins",
+    "damping", "friction", "carried", "windows", "long_times", "corners", "bodies", "stated", "twins",
 )  # fmt: skip
 _BY_FAMILY = [import_module(f"{__name__}.{name}").SABOTEURS for name in _MODULES]
 SABOTEURS: dict[str, Saboteur] = {s.name: s for family in _BY_FAMILY for s in family}

@@ -24,6 +24,7 @@ from sepv.problem import (
     PolynomialSystem,
     Problem,
     is_several,
+    noise_vectors,
     problem_from_json,
     problem_to_json,
 )
@@ -120,7 +121,10 @@ def quiet_problem(problem: Problem) -> Problem:
     """The problem without noise, c = (); the same problem always gives the same object."""
     data = None if problem.data is None else _with_coefficients(problem.data, ())
     assert not isinstance(data, GivenProblem)
-    return replace(problem, noise=(), data=data, check=False) if problem.noises else problem
+    vectors: dict[str, Any] = {"noise_vectors": ()} if len(noise_vectors(problem)) else {}
+    if vectors and isinstance(data, PolynomialSystem):
+        data = replace(data, noise_vectors=())
+    return replace(problem, noise=(), data=data, check=False, **vectors) if problem.noises else problem
 
 
 @lru_cache(maxsize=256)
@@ -266,7 +270,10 @@ def _describe_problem(data: Description) -> list[str]:
     lines += [f"g{n} = {list(g)}" for n, g in enumerate(data.noise_vectors, 1)]
     if data.nambu is not None:
         lines += [f"g(y) = {data.nambu[0]}", f"C(y) = {data.nambu[1]}"]
-    lines += [f"damping −γy dt with γ = {data.damping!r}"] if data.damping else []
+    term = ("−Γy dt with Γ = {}" if isinstance(data.damping, tuple) else "−γy dt with γ = {!r}").format(
+        data.damping
+    )
+    lines += [f"damping {term}"] if data.damping else []
     lines += [f"invariant {name} = {I}" for name, I in data.invariants]
     lines += [f"Casimir {C}" for C in data.polynomial_casimirs]
     lines += [f"Casimir yᵀAy with A = {[list(row) for row in A]}" for A in data.casimirs]

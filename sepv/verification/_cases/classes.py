@@ -125,6 +125,10 @@ CLASSES: dict[Systems, SystemsClass] = {
     Systems.DAMPED: SystemsClass(
         _space(families.damped, *_GENERAL, kinds=_OF_PATHS, d=_MIDDLE, **_SMALL), problems=("damped-top",)
     ),
+    Systems.FRICTION: SystemsClass(
+        _space(families.friction, strata.MASS, strata.POTENTIAL, kinds=(), d=("2", "4–6"), m=("1",), **_SMALL),
+        problems=("langevin-oscillator", "langevin-double-well", "langevin-pair"),
+    ),
 }  # fmt: skip
 # Narrow classes, which users can name. For a scheme for such a class all cases come from the class.
 FAMILIES = {systems: own for systems, own in CLASSES.items() if own.problems}

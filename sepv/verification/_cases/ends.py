@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 
-from sepv.problem import PolynomialSystem, Structure
+from sepv.problem import PolynomialSystem, Structure, scaled_damping
 from sepv.record import Polynomial, poly
 from sepv.verification._cases.case import Case
 from sepv.verification._cases.strata import EXTREME_SIZES, SIZE, STEP, Levels, Stratum
@@ -90,7 +90,7 @@ def in_other_units(case: Case, power: int, time: int = 0) -> Case:
         hamiltonian=_scaled(system.hamiltonian, w, power, time),
         structure=_of(system.structure, 2 - w, power),
         noise=tuple(math.ldexp(c, time) for c in system.noise),
-        damping=math.ldexp(system.damping, -2 * time),
+        damping=scaled_damping(system.damping, 4.0**-time),
         nambu=system.nambu and (_scaled(system.nambu[0], -1, power), _scaled(system.nambu[1], 2, power)),
         polynomial_casimirs=tuple(_scaled(p, 2, power) for p in system.polynomial_casimirs),
         noise_structures=tuple(_of(G, 2 - w, power) for G in system.noise_structures),

@@ -11,8 +11,9 @@ from random import Random
 
 import numpy as np
 
-from sepv.problem import Matrix, PolynomialSystem, Problem, Structure
-from sepv.problems import HAT, canonical, matrix_system, started
+from sepv.problem import Matrix, PolynomialSystem, Problem, Structure, mechanics
+from sepv.problem import friction as langevin_of
+from sepv.problems import HAT, canonical, matrix_system, polynomial_problem, started
 from sepv.record import Polynomial, poly
 from sepv.verification._cases import random_parts as some
 from sepv.verification._cases import strata
@@ -183,6 +184,30 @@ def damped(levels: Levels, random: Random, attempt: int | None) -> Case | None:
         return None
     gamma = random.choice([1.0, 1.0, -1.0]) * 2.0 ** math.floor(math.log2(0.125 / abs(case.h)))
     return replace(case, problem=replace(case.problem, damping=gamma))
+
+
+_WITHOUT_FRICTION = maker(mechanical, (2, 4, 6), shows=False)
+# The size of the noise of a step in p, relative to |y|: inside the ball of the contraction radius of most cases.
+THERMAL_SHARE = 0.125
+
+
+def friction(levels: Levels, random: Random, attempt: int | None) -> Case | None:
+    """A step of Langevin dynamics with a mechanical H, γ|h| from 1/16 to 1/8, and a noise of THERMAL_SHARE |y| at most.
+
+    There is one noise for each degree of freedom, because the noise of a temperature has the rank of M.
+    """
+    case = _WITHOUT_FRICTION(levels, random, attempt)
+    if case is None or not isinstance(case.problem, PolynomialSystem) or not case.h:
+        return None
+    bare = polynomial_problem(replace(case.problem, noise=()))
+    gamma = 2.0 ** math.floor(math.log2(0.125 / abs(case.h)))
+    largest = max(map(abs, case.y)) or 1.0
+    kT = (THERMAL_SHARE * largest) ** 2 / (2 * gamma * abs(case.h) * float(np.max(mechanics(bare).mass)))
+    made = langevin_of(bare, gamma, kT).data
+    assert isinstance(made, PolynomialSystem)
+    share = math.sqrt(abs(case.h)) / len(made.noise)
+    dW = tuple(random.choice([1.0, -1.0]) * random.uniform(0.125, 1) * share for _ in made.noise)
+    return replace(case, problem=made, dW=dW)
 
 
 def additive(parts: Parts) -> PolynomialSystem:

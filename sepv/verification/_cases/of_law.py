@@ -22,6 +22,7 @@ from sepv.problem import (
     Systems,
     damping_of,
 )
+from sepv.schemes import OF_DAMPED
 from sepv.verification._cases import strata
 from sepv.verification._cases.case import Case, quiet
 from sepv.verification._cases.classes import CLASSES
@@ -43,10 +44,10 @@ NOT_KEPT = "with several Hamiltonians that do not commute with H_0 the exact flo
 UNDAMPED = "the law speaks of systems without damping"
 
 
-def damping_of_case(case: Case) -> float:
-    """The damping γ of the problem of a case."""
+def is_damped(case: Case) -> bool:
+    """True if the problem of a case has damping or friction."""
     data = case.problem
-    return data.damping if isinstance(data, PolynomialSystem) else damping_of(named.build(data))
+    return bool((data if isinstance(data, PolynomialSystem) else named.build(data)).damping)
 
 
 def unchanged(case: Case) -> Case:
@@ -136,7 +137,7 @@ class Cases:
         """Change a case so that the law applies (`adapt`); None if it does not apply to the case or its class."""
         if self.not_of and self.not_of.get(class_of(case.problem)):
             return None
-        if not self.damped and damping_of_case(case):
+        if not self.damped and is_damped(case):
             return None
         return self.adapt(case)
 
@@ -162,7 +163,7 @@ class Cases:
         """The cases for a scheme that accepts all systems of a class, or the reason why there are none."""
         if why := self.not_of.get(systems):
             return why
-        if systems is Systems.DAMPED and not self.damped:
+        if systems in OF_DAMPED and not self.damped:
             return UNDAMPED
         if systems in self.made:
             count, make = self.made[systems]
@@ -249,6 +250,8 @@ def class_of(description: Description | Problem) -> Systems:
     """The class of a problem. With one B, one H and no damping it is the whole class (1.1), never a narrower one."""
     problem = description if isinstance(description, Problem) else named.build(description)
     if isinstance(problem, HamiltoniansProblem):
+        if problem.damping:
+            return Systems.FRICTION
         return Systems.ADDITIVE if problem.noise_vectors else Systems.HAMILTONIANS
     if isinstance(problem, DampedProblem):
         return Systems.DAMPED

@@ -181,5 +181,8 @@ def _without(system: PolynomialSystem, k: int) -> PolynomialSystem:
         noise_structures=tuple(cut(G) for G in system.noise_structures),
         noise_hamiltonians=tuple(restricted(H) for H in system.noise_hamiltonians),
         noise_vectors=tuple(_put(g, k) for g in system.noise_vectors),
+        damping=tuple(_put(row, k) for row in _put(system.damping, k))
+        if isinstance(system.damping, tuple)
+        else system.damping,
         invariants=tuple((name, restricted(I)) for name, I in system.invariants),
     )

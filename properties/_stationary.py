@@ -1,0 +1,195 @@
+"""The stationary covariance of a step and of the exact flow, for friction with a quadratic V: no paths are sampled.
+
+Let the drift be −A(y − μ), with noise G dW. If all eigenvalues of A have positive real parts, the exact solution has
+the stationary distribution N(μ, Σ) with
+
+    AΣ + ΣAᵀ = GGᵀ                                                                                             (S)
+
+(C. W. Gardiner, Handbook of Stochastic Methods, 2004, §4.5.6). Here A = Γ − BH″. A step of most schemes is then an
+affine map too, y1 = b + Φy + Nξ with independent normal ξ, from which all increments and further rows of the step are
+made. This is tested. If the spectral radius of Φ is below 1, the step has the stationary distribution N(ν, S) with
+
+    ν = b + Φν,    S = ΦSΦᵀ + NNᵀ.                                                                             (D)
+
+Increments are not clipped here. A scheme that clips them itself is not affine.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from random import Random
+
+import numpy as np
+from sepv.properties._problems_of import problems_of
+
+from sepv.errors import Unasked
+from sepv.problem import (
+    Array,
+    PolynomialSystem,
+    Problem,
+    Systems,
+    damping_matrix,
+    drift,
+    friction,
+    hessian,
+    matmul,
+    noise_vectors,
+    sample_states,
+)
+from sepv.problems import canonical, started
+from sepv.record import EPS, poly
+from sepv.schemes import Scheme, ask, has_memory
+
+# The largest dimension: (S) and (D) are solved as systems of d² equations.
+MAX_DIMENSION = 12
+# A drift is affine if H″ changes by at most this share between states, and a step if its value differs by at most this
+# share from the affine map. Both are far above rounding, and far below the curvature of a potential.
+AFFINE_TOLERANCE = 2.0**-30
+# The states and normal numbers, in standard deviations, at which a step is compared with its affine map.
+TESTED = (1.0, -0.5, 3.0)
+# Random systems of two or three bodies beside those with names.
+MEMBERS = 2
+
+
+@dataclass(frozen=True)
+class Stationary:
+    """A stationary distribution: mean (d,) and covariance (d, d).
+
+    `condition` is the factor by which (S) or (D) amplifies roundings. `time` is 1/|λ| for the fastest eigenvalue λ of
+    A, or the step.
+    """
+
+    mean: Array
+    covariance: Array
+    condition: float
+    time: float
+
+
+def exact(problem: Problem) -> Stationary | str:
+    """The stationary distribution of the exact solution by (S), or the reason why there is none of this form."""
+    d = problem.dimension
+    if d > MAX_DIMENSION:
+        return f"{problem.name} has more than {MAX_DIMENSION} components"
+    if len(noise_vectors(problem)) != problem.noises or not problem.c.any():
+        return f"the noise of {problem.name} is not given by vectors, or is zero"
+    slopes = [
+        damping_matrix(problem) - matmul(problem.structure(y), hessian(problem, y))
+        for y in sample_states(problem)
+    ]
+    A = slopes[0]
+    if any(np.max(np.abs(other - A)) > AFFINE_TOLERANCE * np.max(np.abs(A)) for other in slopes):
+        return f"V of {problem.name} is not quadratic"
+    if np.min(np.linalg.eigvals(A).real) <= 0:
+        return f"{problem.name} has no stationary distribution"
+    G = noise_vectors(problem).T * problem.c
+    mean = np.asarray(np.linalg.solve(A, drift(problem, np.zeros(d))))
+    operator = np.kron(A, np.eye(d)) + np.kron(np.eye(d), A)
+    return _solved(operator, G @ G.T, mean, float(1 / np.max(np.abs(np.linalg.eigvals(A)))))
+
+
+def of_step(scheme: Scheme, problem: Problem, h: float, around: Stationary) -> Stationary | str:
+    """The stationary distribution of the scheme's step by (D), or the reason why there is none.
+
+    The affine map is found from steps of the size of the exact distribution `around`.
+    """
+    d, rows = problem.dimension, rows_of(scheme, problem, h)
+    k, sizes = rows.shape[1], np.sqrt(np.diag(around.covariance))
+
+    def step(y: Array, xi: Array) -> Array:
+        return ask(scheme, problem, around.mean + sizes * y, h, rows @ xi)
+
+    rest = step(np.zeros(d), np.zeros(k))
+    Phi = np.stack([step(e, np.zeros(k)) - rest for e in np.eye(d)], axis=1) / sizes
+    N = np.stack([step(np.zeros(d), e) - rest for e in np.eye(k)], axis=1)
+    for n, size in enumerate(TESTED):
+        signs = np.resize([1.0, -1.0] if n % 2 else [1.0], d + k)
+        y, xi = size * signs[:d], size * signs[d:]
+        off = np.abs(step(y, xi) - (rest + Phi @ (sizes * y) + N @ xi))
+        if np.any(
+            off > max(AFFINE_TOLERANCE, scheme.eps / EPS * 2.0**-40) * (np.abs(rest) + abs(size) * sizes)
+        ):
+            return f"a step of {problem.name} is not affine in y and the noise"
+    radius = float(np.max(np.abs(np.linalg.eigvals(Phi))))
+    if radius >= 1:
+        return f"the spectral radius of a step of {problem.name} is {radius:.3g} for h = {h:.2g}"
+    about = np.linalg.solve(np.eye(d) - Phi, rest - around.mean)
+    return _solved(np.eye(d * d) - np.kron(Phi, Phi), N @ N.T, around.mean + about, h)
+
+
+def _solved(operator: Array, right: Array, mean: Array, time: float) -> Stationary:
+    d = len(right)
+    inverse = np.linalg.inv(operator)
+    covariance = (inverse @ right.ravel()).reshape(d, d)
+    condition = float(np.max(np.sum(np.abs(inverse), axis=1)) * np.max(np.sum(np.abs(operator), axis=1)))
+    return Stationary(mean, 0.5 * (covariance + covariance.T), condition, time)
+
+
+def rows_of(scheme: Scheme, problem: Problem, h: float) -> Array:
+    """The matrix (m + k, n) that makes the rows of a step's increments of n independent normal numbers."""
+    m = problem.noises
+    own, none = math.sqrt(h) * np.eye(m), np.zeros((m, m))
+    if not scheme.asks:
+        return own
+    if scheme.asks == "halves":
+        half = math.sqrt(0.5) * own
+        return np.block([[half, half], [half, none]])
+    if scheme.asks == "space-time":
+        return np.block([[own, none], [none, own / math.sqrt(12)]])
+    raise Unasked("Lévy areas are not normal, and a step is not affine in them")
+
+
+def balanced(scheme: Scheme, seed: int) -> Iterator[tuple[Problem, Stationary]]:
+    """The scheme's problems with friction and quadratic V, and their stationary distributions.
+
+    A scheme for all systems with friction gets random ones of several bodies too.
+
+    Raises
+    ------
+    Unasked
+        If there are none, or the scheme has a memory, so that a step is no map of y alone.
+    """
+    if has_memory(scheme):
+        raise Unasked("a step of a method with memory is no map of y alone")
+    why, found = "the systems have no friction", False
+    whole = scheme.systems is Systems.FRICTION and not scheme.problems
+    for problem in (*(problems_of(scheme) or ()), *(members(seed) if whole else ())):
+        distribution = exact(problem) if problem.damping else f"{problem.name} has no friction"
+        if isinstance(distribution, Stationary):
+            found = True
+            yield problem, distribution
+        else:
+            why = distribution
+    if not found:
+        raise Unasked(why)
+
+
+@lru_cache(maxsize=16)
+def members(seed: int) -> tuple[Problem, ...]:
+    """Random systems of two and three bodies, with a full mass matrix and a force at q = 0."""
+    return tuple(_bodies(n, Random(f"bodies {seed} {n}")) for n in range(2, 2 + MEMBERS))
+
+
+def _bodies(n: int, random: Random) -> Problem:
+    """Bodies with H = ½ pᵀM⁻¹p + ½ qᵀKq + kᵀq, where M⁻¹ and K are sums of squares, with friction at random kT."""
+
+    def form(places: range) -> poly.Polynomial:
+        rows = np.zeros((n, 2 * n))
+        for i in range(n):
+            rows[i, places.start + i : places.stop] = [
+                1.0 if i == j else random.choice([-0.5, 0.5]) for j in range(i, n)
+            ]
+        forms = [poly.linear(row) for row in rows.tolist()]
+        weights = [random.choice([0.5, 1.0, 2.0]) for _ in forms]
+        return poly.add(
+            *(poly.scale(w / 2, poly.multiply(f, f)) for w, f in zip(weights, forms, strict=True))
+        )
+
+    pull = poly.linear([random.choice([-0.5, 0.25, 1.0]) for _ in range(n)] + [0.0] * n)
+    H = poly.add(form(range(n, 2 * n)), form(range(n)), pull)
+    bare = started(PolynomialSystem(2 * n, H, canonical(2 * n, 1.0), ()), f"{n} bodies", (0.0,) * 2 * n)
+    return friction(
+        bare, random.choice([0.25, 0.5, 1.0]), random.choice([0.5, 1.0, 2.0]), f"{n} random bodies"
+    )

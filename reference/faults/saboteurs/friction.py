@@ -1,0 +1,77 @@
+"""Faults of schemes for Langevin dynamics: BAOAB with one wrong part, which claims what BAOAB claims."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from sepv.problem import Array, Langevin, Problem, langevin
+from sepv.schemes import by_name
+
+from .record import Family
+
+SABOTEURS = Family("friction")
+BAOAB = by_name("baoab")
+
+# The O-step of BAOAB: p after the friction and the noise of a step.
+Refresh = Callable[[Langevin, Array, float, Array], Array]
+
+
+def _step(problem: Problem, y: Array, h: float, dW: Array, refresh: Refresh, last: float = 0.5) -> Array:
+    """BAOAB with another O-step, and with `last` h in place of ½h for the last kick."""
+    own = langevin(problem)
+    q, p = own.mechanics.split(y)
+    p = p + 0.5 * h * own.mechanics.force(q)
+    q = q + 0.5 * h * own.mechanics.velocity(p)
+    p = refresh(own, p, h, dW)
+    q = q + 0.5 * h * own.mechanics.velocity(p)
+    return own.mechanics.join(q, p + last * h * own.mechanics.force(q))
+
+
+@SABOTEURS.like(BAOAB, "σ² = γkT M in place of 2γkT M: half of the temperature", ("equilibrium",))
+def half_the_temperature(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    return BAOAB.step(problem, y, h, np.sqrt(0.5) * dW)
+
+
+@SABOTEURS.like(BAOAB, "the second half of the kick is left out", ("equilibrium", "deterministic-order"))
+def half_a_kick(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    return _step(problem, y, h, dW, Langevin.refreshed, last=0.0)
+
+
+@SABOTEURS.like(
+    BAOAB,
+    "the noise e^(−γh/2)σΔW in place of √((1 − e^(−2γh))/(2γh))σΔW: too cold by (γh)²/6, of the right order of h",
+    ("configurational-equilibrium",),
+)
+def noise_damped_half(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    def refresh(own: Langevin, p: Array, h: float, dW: Array) -> Array:
+        half = np.exp(-0.5 * own.rate * h)
+        return half * half * p + half * own.pushed(dW)
+
+    return _step(problem, y, h, dW, refresh)
+
+
+@SABOTEURS.like(BAOAB, "the friction acts on q too", ("equilibrium", "conformal-symplecticity"))
+def friction_of_positions(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    own = langevin(problem)
+    q, p = own.mechanics.split(BAOAB.step(problem, y, h, dW))
+    return own.mechanics.join(np.exp(-own.rate * h) * q, p)
+
+
+@SABOTEURS.like(BAOAB, "noise of size h in place of √h", ("equilibrium",))
+def noise_of_size_h(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    return BAOAB.step(problem, y, h, np.sqrt(abs(h)) * dW)
+
+
+@SABOTEURS.like(
+    BAOAB,
+    "the friction of a midpoint rule, p ← (1 − γh/2)/(1 + γh/2) p + σΔW/(1 + γh/2)",
+    ("conformal-symplecticity",),
+)
+def rational_friction(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    def refresh(own: Langevin, p: Array, h: float, dW: Array) -> Array:
+        half = 0.5 * own.rate * h
+        return (1 - half) / (1 + half) * p + own.pushed(dW) / (1 + half)
+
+    return _step(problem, y, h, dW, refresh)
