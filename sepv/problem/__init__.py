@@ -40,8 +40,9 @@ from sepv.problem._enclosures import recorded as recorded
 from sepv.problem._fields import casimir_gradients as casimir_gradients
 from sepv.problem._fields import changes_of_invariants, invariants, known_invariants, slope_along
 from sepv.problem._fields import energy_change as energy_change
-from sepv.problem._friction import Langevin, langevin
+from sepv.problem._friction import Langevin as Langevin
 from sepv.problem._friction import friction as friction
+from sepv.problem._friction import langevin as langevin
 from sepv.problem._friction import temperature as temperature
 from sepv.problem._hamiltonians import HamiltoniansProblem as HamiltoniansProblem
 from sepv.problem._hamiltonians import (

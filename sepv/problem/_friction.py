@@ -134,7 +134,7 @@ class Langevin:
         It is e^{−γt}p + √((1 − e^{−2γt})/(2γt)) σ dW.
         """
         x = 2 * self.rate * t
-        return np.exp(-0.5 * x) * p + np.sqrt(-np.expm1(-x) / x if x else 1.0) * self.pushed(dW)
+        return np.asarray(np.exp(-0.5 * x) * p + np.sqrt(-np.expm1(-x) / x if x else 1.0) * self.pushed(dW))
 
 
 @lru_cache(maxsize=1024)
