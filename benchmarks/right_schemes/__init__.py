@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from benchmarks.right_schemes import (
     charges,
+    friction,
     in_single_precision,
     long_times,
     other_formulas,
@@ -25,6 +26,7 @@ RIGHT: dict[str, Scheme] = {
         *solved_otherwise.SCHEMES,
         *other_formulas.SCHEMES,
         *charges.SCHEMES,
+        *friction.SCHEMES,
         *long_times.SCHEMES,
         *in_single_precision.SCHEMES,
         *with_memory.SCHEMES,

@@ -8,6 +8,7 @@ from sepv.properties._stationary import Stationary, exact, of_step
 from sepv.reference.faults.saboteurs import SABOTEURS
 
 import sepv
+from benchmarks.right_schemes import RIGHT
 from sepv.problem import Problem, Systems, friction
 from sepv.problems import harmonic_trap, langevin_oscillator
 from sepv.schemes import Scheme, by_name
@@ -120,3 +121,8 @@ def test_friction_of_different_rates_has_no_conformal_law() -> None:
     problem = friction(harmonic_trap((1.0, 2.0)), (0.5, 0.25), 1.0)
     scheme = replace(by_name("friction-euler-maruyama"), problems=[problem])
     assert verdicts(scheme, "conformal-symplecticity", "equilibrium") == ["holds", "not applicable"]
+
+
+@pytest.mark.parametrize("name", ["aboba-by-velocities", "exact-gaussian-step"])
+def test_right_schemes_written_otherwise_hold_what_they_claim(name: str) -> None:
+    assert verdicts(RIGHT[name]) == ["holds"] * 3

@@ -1,0 +1,95 @@
+"""Right schemes for Langevin dynamics that look unusual: ABOBA by velocities, and the exact Gaussian step.
+
+The exact step for a quadratic V needs the flow e^{Kt} of the drift Ky, and a noise of covariance
+C = ∫₀ʰ e^{Ks}GGᵀe^{Kᵀs}ds. Both are blocks of one matrix exponential
+(C. Van Loan, IEEE Trans. Automat. Control 23, 1978):
+
+    exp(h [[−K, GGᵀ], [0, Kᵀ]]) = [[·, e^{−Kh}C], [0, e^{Kᵀh}]].
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from sepv.errors import Skipped
+from sepv.problem import (
+    Array,
+    Problem,
+    damping_matrix,
+    drift,
+    hessian,
+    langevin,
+    noise_vectors,
+    sample_states,
+)
+from sepv.schemes import Scheme, by_name
+from sepv.schemes._langevin import CLAIMS
+
+# Halvings of the matrix of an exponential, and the terms of its series: for a norm up to 4 the last is below 1e-26.
+HALVINGS, TERMS = 4, 18
+
+
+def exponential(A: Array) -> Array:
+    """The exponential of a small matrix, by its series and repeated squares."""
+    total = term = np.eye(len(A))
+    for n in range(1, TERMS):
+        term = term @ A / (n * 2.0**HALVINGS)
+        total = total + term
+    for _ in range(HALVINGS):
+        total = total @ total
+    return total
+
+
+def gaussian(problem: Problem, y: Array, h: float, dW: Array, bridge: Array) -> Array:
+    """The exact distribution of y(h) for a quadratic V, by the 2m normal numbers ΔW and H; Skipped for another V."""
+    if h <= 0:
+        raise Skipped("the noise of a step back has no covariance")
+    states = [hessian(problem, state) for state in sample_states(problem)]
+    if any(np.max(np.abs(other - states[0])) > 2.0**-30 * np.max(np.abs(states[0])) for other in states):
+        raise Skipped(f"V of {problem.name} is not quadratic")
+    d, at = problem.dimension, np.zeros(problem.dimension)
+    K = problem.structure(at) @ states[0] - damping_matrix(problem)
+    G = noise_vectors(problem).T * problem.c
+    blocks = exponential(h * np.block([[-K, G @ G.T], [np.zeros((d, d)), K.T]]))
+    flow = blocks[d:, d:].T
+    covariance = flow @ blocks[:d, d:]
+    rest = -np.linalg.solve(K, drift(problem, at))
+    normal = np.concatenate([dW, np.sqrt(12.0) * bridge]) / np.sqrt(h)
+    moved = flow @ (y - rest)
+    return rest + moved + np.linalg.cholesky(0.5 * (covariance + covariance.T)) @ normal
+
+
+def by_velocities(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    """ABOBA with v = M⁻¹p in place of p, and one factor for both parts of the noise."""
+    own = langevin(problem)
+    system = own.mechanics
+    q, p = system.split(y)
+    x = own.rate * h
+    spread = np.sqrt(np.sinh(x) / x * np.exp(-x)) if x else 1.0
+    q = q + h / 2 * system.velocity(p)
+    push = h / 2 * system.velocity(system.force(q))
+    v = np.exp(-x) * (system.velocity(p) + push) + spread * system.velocity(own.pushed(dW)) + push
+    return system.join(q + h / 2 * v, system.momentum(v))
+
+
+SCHEMES: tuple[Scheme, ...] = (
+    replace(
+        by_name("baoab"),
+        name="aboba-by-velocities",
+        step=by_velocities,
+        claims=CLAIMS | {"configurational-equilibrium"},
+        source="ABOBA in velocities",
+    ),
+    Scheme(
+        "exact-gaussian-step",
+        gaussian,
+        {"equilibrium", "configurational-equilibrium", "conformal-symplecticity"},
+        "the exact distribution for a quadratic V; Van Loan (1978)",
+        systems=by_name("baoab").systems,
+        problems=("langevin-oscillator", "langevin-pair"),
+        asks="space-time",
+        truncation=None,
+    ),
+)
