@@ -3,8 +3,9 @@
 **Growth.** The errors e(t) = I(y(t)) − I(y(0)) of a single path are cut into 16 to 64 blocks. In each block the errors
 since its start are a sample of how the error grows over the times T_b/2^k, T_b the length of a block. The exponent of
 their rms has a confidence interval by a jackknife over the blocks (`sepv.properties.growth_exponent`). So growth is
-judged up to the time T_b. An oscillation with a longer period than T_b/16 is not told from a trend, and what grows
-faster than linearly is a line within a block: both are called a trend or inconclusive.
+judged up to the time T_b. What grows faster than linearly is a line within a block, and is called a trend. So is an
+oscillation with a period longer than T_b/16, unless its changes over sixteenths of the table have no mean that differs
+from 0: then it is inconclusive.
 
 **Steps.** Row n + 1 is a step of a scheme if |Φ(y_n) − y_{n+1}| is at most what half a unit in the last digit of
 y_n, y_{n+1}, h and dW can change, and what rounding can. The effect of the digits of y_n is measured by steps from
@@ -20,11 +21,13 @@ import numpy as np
 
 from sepv.errors import SepvError, UsageError
 from sepv.problem import Array, Problem
+from sepv.properties import GROWTH_LEVEL as LEVEL
 from sepv.properties import energy_rounding_walk as rounding_walk
 from sepv.properties import growth_exponent as exponent
 from sepv.properties import growth_kind as kind_of
 from sepv.record import EPS
 from sepv.schemes import Scheme, ask
+from sepv.statistics import students_t
 from sepv.studies._energy_growth import DOUBLINGS
 from sepv.studies._table_of_states import Rows, read_rows
 
@@ -68,7 +71,19 @@ class Drift:
         if np.all(np.abs(self.errors) <= self.digits + self.rounding):
             return "digits"
         kind: str = kind_of(*self.exponent)
-        return {"open": "inconclusive", "linear": TREND, "faster than linear": TREND}.get(kind, kind)
+        trend = TREND if self._goes_one_way else "inconclusive"
+        return {"open": "inconclusive", "linear": trend, "faster than linear": trend}.get(kind, kind)
+
+    @property
+    def _goes_one_way(self) -> bool:
+        """True if the changes over sixteenths of the table have a mean that is not 0, at the level of the exponent.
+
+        Within a block, an oscillation with a longer period is a line. Over the table its changes have both signs.
+        """
+        ends = np.linspace(0, self.errors.size - 1, FEWEST_BLOCKS + 1).astype(int)
+        changes = np.diff(self.errors[ends])
+        error = float(np.std(changes, ddof=1)) / FEWEST_BLOCKS**0.5
+        return bool(abs(np.mean(changes)) > students_t(LEVEL / 2, FEWEST_BLOCKS - 1) * error)
 
     def sentence(self) -> str:
         """The verdict on one line."""
@@ -76,7 +91,7 @@ class Drift:
         return {
             "rounding": f"rounding: at most {self.rounding:.1g} over all steps",
             "digits": f"no drift is seen: the digits of the table allow {float(self.digits.max()):.1g}",
-            "inconclusive": f"inconclusive: t^({value:.2f} ± {half:.2f})"
+            "inconclusive": f"inconclusive: t^({value:.2f} ± {half:.2f}) within a block"
             if np.isfinite(half)
             else "inconclusive: too few rows",
         }.get(self.kind, f"{self.kind}: t^({value:.2f} ± {half:.2f})")

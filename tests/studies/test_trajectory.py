@@ -131,3 +131,53 @@ def test_increments_that_are_missing_are_asked_for(tmp_path: Path) -> None:
     np.savetxt(tmp_path / "a.csv", table(30), delimiter=",")
     with pytest.raises(UsageError, match="dW_1"):
         study.first_mismatch(study.read_rows(tmp_path / "a.csv", PENDULUM), PENDULUM, schemes.midpoint)
+
+
+# McLachlan's third-order splitting, as in SUNDIALS' ARKODE_SPRK_MCLACHLAN_3_3; the coefficients of q are those of p,
+# last first.
+OF_P = np.array([0.2683300957817599, -0.18799161879915982, 0.919661523017399857])
+# H(p, q) − H0 at t = 50 by step size, from examples/arkode/C_serial/ark_kepler_…MCLACHLAN_3_3….out
+# of SUNDIALS (LLNL/sundials at 0df4cce2, BSD-3-Clause).
+SUNDIALS = {0.1: 8.9881034690120210e-04, 0.05: 1.2012096161595487e-04, 0.025: 1.3406075334732037e-05}
+# Energies at every 100th step of 1e-4, from src/ts/tutorials/hamiltonian/output/ex1_1.out of PETSc (petsc/petsc at
+# 905158c6, BSD-2-Clause): symplectic Euler on a spring with ω = 64.
+PETSC = ("81.92", "81.6695", "81.7775", "82.09", "82.1612", "81.8895", "81.6625", "81.8041", "82.1122", "82.1473",
+         "81.8593")  # fmt: skip
+
+
+@pytest.mark.parametrize("h", SUNDIALS)
+def test_the_drift_of_a_published_kepler_orbit_is_the_one_that_sundials_printed(
+    tmp_path: Path, h: float
+) -> None:
+    """The log has energies and no states, so its scheme is written here, and its states are read as a table."""
+    kepler = replace(problems.kepler(), noise=(), data=None, check=False)
+    y = np.array(kepler.initial)
+    p, q = y[:2], y[2:]
+    rows = [(0.0, *p, *q)]
+    for n in range(round(50 / h)):
+        for of_p, of_q in zip(OF_P, OF_P[::-1], strict=True):
+            p = p - h * of_p * q / (q @ q) ** 1.5
+            q = q + h * of_q * p
+        rows.append(((n + 1) * h, *p, *q))
+    np.save(tmp_path / "kepler.npy", np.array(rows))
+    drift = study.drifts(study.read_rows(tmp_path / "kepler.npy", kepler), kepler)[0]
+    # Roundings of at most 2,000 steps, √N eps times a condition of the pericentre of about 20; 5e-15 were seen.
+    assert drift.errors[-1] == pytest.approx(SUNDIALS[h], abs=1e-13)
+    assert drift.kind not in ("rounding", "digits", "a random walk")
+
+
+def test_the_energies_of_a_published_spring_are_those_that_petsc_printed(tmp_path: Path) -> None:
+    spring = sepv.Problem(
+        dimension=2, structure=np.array([[0.0, -1.0], [1.0, 0.0]]), noise=(), initial=(0.0, 0.2), name="spring",
+        hamiltonian=lambda y: 0.5 * (y[0] * y[0] + 4096.0 * y[1] * y[1]),
+    )  # fmt: skip
+    v, x, rows = 0.0, 0.2, [(0.0, 0.0, 0.2)]
+    for n in range(1000):
+        v -= 1e-4 * 4096.0 * x
+        x += 1e-4 * v
+        rows.append(((n + 1) * 1e-4, v, x))
+    np.save(tmp_path / "spring.npy", np.array(rows))
+    (drift,) = study.drifts(study.read_rows(tmp_path / "spring.npy", spring), spring)
+    assert tuple(f"{81.92 + e:.6g}" for e in drift.errors[::100]) == PETSC
+    assert drift.kind == "inconclusive"  # a line in blocks of 64 rows, where H has a period of 491
+    assert run(tmp_path / "spring.npy", "-p", "harmonic-oscillator", "--no-noise")[0] == 0
