@@ -18,14 +18,13 @@ from time import perf_counter, process_time
 from typing import Any
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 from scipy.optimize import least_squares
 from scipy.stats import t as student
 
 import sepv
 from benchmarks import over, start
 from sepv import problems, schemes
+from sepv.console import markdown
 
 
 @dataclass(frozen=True)
@@ -144,7 +143,7 @@ def rows(quick: bool) -> list[Row]:
         Row("stages (degree 2s)", (1, 2, 4, 6), lambda s: ensemble(scheme=schemes.collocation(s), paths=2**12)),
         Row("degree of H", (3, 8, 16, 32), degree),
         Row("d, sepv.Problem of functions", (8, 16, 40, 80) if quick else (8, 16, 40, 100, 200), made),
-        Row("d, steps in NumPy", (4, 8, 16, 40), stepped),
+        Row("d, steps in NumPy", (4, 8, 12, 16, 24, 32, 40), stepped),
         Row("terms of a problem file", (1000, 4000, 16_000, 64_000), terms),
         Row("cases of a law", (25, 100) if quick else (25, 100, 400), cases),
         Row("cores (seconds)", some, lambda n: ensemble(paths=2**20, workers=n), perf_counter, False),
@@ -158,7 +157,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--only", default="", help="rows whose name begins so")
     options = parser.parse_args()
-    table = Table("grows", "sizes", "power p", "95 %", "fixed", "smallest", "largest")
+    table = []
     for row in over((r for r in rows(options.quick) if r.what.startswith(options.only)), lambda r: r.what):
         if len(row.sizes) < 2:  # one core
             continue
@@ -168,11 +167,11 @@ def main() -> None:
         low, high = interval([p for _, p in found])
         fixed = np.median([c for c, _ in found])
         median = np.median(costs, axis=0)
-        table.add_row(
+        table.append([
             row.what, f"{row.sizes[0]} … {row.sizes[-1]}", f"{np.mean([p for _, p in found]):.2f}",
-            f"{low:.2f} … {high:.2f}", f"{fixed * 1e3:.2g} ms", f"{median[0]:.3g} s", f"{median[-1]:.3g} s",
-        )  # fmt: skip
-    Console(width=120).print(table)
+            f"{low:.2f} … {high:.2f}", f"{fixed * 1e3:.2g}", f"{median[0]:.3g}", f"{median[-1]:.3g}",
+        ])  # fmt: skip
+    print(markdown(["grows", "sizes", "power p", "95 %", "fixed, ms", "smallest, s", "largest, s"], table))
 
 
 if __name__ == "__main__":
