@@ -231,7 +231,8 @@ def systems() -> list[Fault]:
           for count in (5, 6, 7, 8, 10, 16)),
         *(Fault("little memory", f"ulimit -v {size}000; exec {verify}", (70,) if size <= 150 else (0, 70))
           for size in (60, 100, 150, 300, 500)),
-        *(Fault("cp1252", f"{windows} {SEPV} {words}", (0,)) for words in ("--help", "verify midpoint --law energy", "list")),
+        *(Fault("cp1252", f"{windows} {SEPV} {words}", (0,))
+          for words in ("--help", "verify midpoint --law energy", "list")),
         Fault("cp1252", f"{windows} {PYTHON} -c {report}", (0,), "energy"),
         Fault("FORCE_COLOR into a file", f"FORCE_COLOR=1 {verify} > shown 2>&1", (0,),
               then=r"! grep -qP '\r|\x1b\[[0-9;?]*[^0-9;m]' shown"),
