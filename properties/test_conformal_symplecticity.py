@@ -26,7 +26,7 @@ def conformal(case: Case) -> Case | None:
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:
-    """Measure Φ′BΦ′ᵀ − e^{−κh}B, with the bound of the law "symplecticity"."""
+    """Measure Φ′BΦ′ᵀ − e^{−κh}B, with the bound of the law "poisson-map"."""
     kappa = conformal_rate(case.build()[0])
     assert kappa is not None, "adapt keeps cases with a κ"
     return defect(scheme, case, math.exp(-kappa * case.h))
