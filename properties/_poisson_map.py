@@ -1,4 +1,4 @@
-"""The check of the laws "poisson-map" and "conformal-symplecticity": Φ′(y0) B(y0) Φ′(y0)ᵀ = B(y1), with a derived bound.
+"""The check of the law "poisson-map" and of its conformal kind: Φ′(y0) B(y0) Φ′(y0)ᵀ = B(y1), with a derived bound.
 
 Φ is one step y0 → y1, with the step size h and the increments ΔW held fixed. `sepv.problem._poisson` computes
 Φ′ by central differences, with a bound E of the error of each entry. A Poisson map's computed defect is at
