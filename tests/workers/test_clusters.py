@@ -265,17 +265,20 @@ def test_a_scheduler_that_is_gone_leaves_what_was_finished(
 
 def test_frozen_processes_of_this_machine_hold_no_interruption_up() -> None:
     """SIGTERM does not end a stopped process, and the pool waited for it."""
-
     from doors import ended  # a cluster's workers import this file, and not the folder's others
 
+    others, stopped = set(multiprocessing.active_children()), []
+
     def receive(_number: int, _result: None) -> None:
-        for child in multiprocessing.active_children():
-            os.kill(child.pid, signal.SIGSTOP)
+        stopped.extend(child.pid for child in set(multiprocessing.active_children()) - others)
+        for pid in stopped:
+            os.kill(pid, signal.SIGSTOP)
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         run_all(time.sleep, [0.01, 300, 300], 2, threads=False, receive=receive)
-    assert ended(child.pid for child in multiprocessing.active_children())
+    assert len(stopped) == 2
+    assert ended(stopped)
 
 
 def test_a_scheduler_with_tls_needs_certificates() -> None:
