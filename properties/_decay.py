@@ -1,4 +1,4 @@
-"""Decay of homogeneous invariants under damping, for the laws *conformal-casimir* and *conformal-energy*.
+"""The bound of a step under damping, for the law *invariant*.
 
 Let F be an invariant, homogeneous of degree p. With the damping −γy dt, F(y1) = e^{−pγh}F(y0) after a step h. A scheme
 computes y1 = ρ(ρy0 + z) with ρ = e^{−γh/2}. Here z is the increment from ρy0 by an undamped step that keeps F.
@@ -9,32 +9,16 @@ with ρ. For |γh| ≤ 1 it is at most 4 eps |y|_∞: ρ has a relative error of
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from sepv.errors import Skipped
-from sepv.problem import Array, PolynomialSystem, Problem, damping_of
+from sepv.problem import Array, Problem, damping_of
 from sepv.record import EPS
 from sepv.schemes import Scheme
-from sepv.verification._cases.case import Case
 from sepv.verification._tolerance import step_residual
 
 # LARGEST_DECAY is the largest |γh| for which the error of ρ = e^{−γh/2}, and so the bound, is derived.
 LARGEST_DECAY = 1.0
-
-
-def damped(case: Case) -> Case | None:
-    """Return the case if its problem is data with damping and |γh| ≤ LARGEST_DECAY, else None."""
-    if not isinstance(case.problem, PolynomialSystem) or not case.problem.damping:
-        return None
-    return case if abs(case.problem.damping * case.h) <= LARGEST_DECAY else None
-
-
-def factor(exact: Any, problem: Problem, h: float, degree: int) -> Any:
-    """Return the factor e^{−pγh} for an invariant of degree p, in extended precision."""
-    gamma, length = exact.number(damping_of(problem)), exact.number(h)
-    return exact.ctx.exp(-degree * gamma * length)
 
 
 def residual(scheme: Scheme, problem: Problem, y: Array, y1: Array, h: float, dW: Array) -> Array:

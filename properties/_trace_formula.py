@@ -1,6 +1,6 @@
 """The trace formula after one step, E[F(y1)] = F(y0) + hσ, by quadrature over the increments.
 
-The laws *energy-drift* and *casimir-drift* measure its defect. Their systems are dy = B∇H dt + Σ c_j g_j dW_j, whose
+The law *invariant* measures its defect. For additive noise its systems are dy = B∇H dt + Σ c_j g_j dW_j, whose
 generator L maps F to a constant, LF = σ. A scheme satisfies the formula exactly if it adds the noise of half a step,
 makes a step of y′ = B∇H that keeps F, and adds the noise of the other half. Each noise adds Var(ΔW_j) σ = ½hσ to E[F].
 With clipped increments √h ζ_j, such a scheme has E[F(y1)] = F(y0) + hσ E[ζ²], which is then the expected value.

@@ -58,7 +58,7 @@ law = searched(
         blind={"degree of B": ("0",), "Casimirs": ("linear",)},
         adapt=only(lambda p: len(p.casimirs) or len(p.linear_casimirs)),
         why="the problems name no quadratic or linear Casimir that the exact flow keeps",
-        not_of={Systems.ADDITIVE: "additive noise leaves the Casimirs of B: see the law casimir-drift"},
+        not_of={Systems.ADDITIVE: "additive noise leaves the Casimirs of B: see invariant:casimir"},
     ),
     check=check,
 )

@@ -400,7 +400,7 @@ SCHEMES: tuple[Scheme, ...] = (
         "exact-flow",
         of_lanes(flow),
         "φ_Δ(y0), the flow itself",
-        claims=(CLAIMED - _NOT_ITSELF - {"truncation"}) | {"any-casimir"},
+        claims=(CLAIMED - _NOT_ITSELF - {"truncation"}) | {"invariant:casimir"},
         truncation=None,
         solver_tolerance=FLOW_TOLERANCE,
     ),

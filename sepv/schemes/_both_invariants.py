@@ -33,7 +33,7 @@ step = implicit(formula, requires=required)
 scheme = one_step(
     "both-invariants",
     step,
-    ENERGY_PRESERVING | {"any-casimir"},
+    ENERGY_PRESERVING | {"invariant:casimir"},
     "(2.1) with ∇C averaged too",
     systems=Systems.NAMBU,
 )

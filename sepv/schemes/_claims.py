@@ -20,13 +20,10 @@ LAWS = (
     "reproducibility",
     "identity",
     "energy",
-    "energy-drift",
     "casimir",
-    "casimir-drift",
-    "any-casimir",
     "invariant",
-    "conformal-casimir",
-    "conformal-energy",
+    "invariant:energy",
+    "invariant:casimir",
     "equilibrium",
     "configurational-equilibrium",
     "poisson-map",
@@ -66,7 +63,14 @@ PATHWISE = frozenset(("mean-square-order", "right-limit", "local-mean", "local-m
 
 
 # Names of former versions, and the laws that say now what they said. They work for one version more.
-FORMER = {"symplecticity": "poisson-map:constant"}
+FORMER = {
+    "symplecticity": "poisson-map:constant",
+    "any-casimir": "invariant:casimir",
+    "casimir-drift": "invariant:casimir",
+    "conformal-casimir": "invariant:casimir",
+    "energy-drift": "invariant:energy",
+    "conformal-energy": "invariant:energy",
+}
 
 
 def law_named(name: str) -> str:

@@ -46,7 +46,7 @@ def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
 scheme = one_step(
     "conformal",
     Solved(solve),
-    CLAIMS_OF_ALL | {"conformal-casimir", "conformal-energy", "symmetry"},
+    CLAIMS_OF_ALL | {"invariant:casimir", "invariant:energy", "symmetry"},
     "(2.1) between exponentials; Bréhier, Cohen and Komori, arXiv 2503.01540",
     systems=Systems.DAMPED,
 )

@@ -58,7 +58,7 @@ def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
 scheme = one_step(
     "darboux-lie",
     Solved(solve),
-    CLAIMS_OF_ALL | {"identity", "any-casimir", "poisson-map", "positivity", "symmetry"},
+    CLAIMS_OF_ALL | {"identity", "invariant:casimir", "poisson-map", "positivity", "symmetry"},
     "the midpoint rule in logarithms (Hong et al. 2021; Liu and Wang 2024)",
     weak_order=1.0,
     mean_square_order=Orders(0.5, commutative=1.0),

@@ -58,7 +58,7 @@ def pushed(problem: Problem, y: Array, dW: Array) -> Array:
 scheme = one_step(
     "drift-preserving",
     step,
-    CLAIMS_OF_ALL | {"symmetry", "energy-drift", "casimir-drift"},
+    CLAIMS_OF_ALL | {"symmetry", "invariant:energy", "invariant:casimir"},
     "Cohen and Vilmart (2022)",
     weak_order=2.0,
     truncation=None,

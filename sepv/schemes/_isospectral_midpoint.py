@@ -71,7 +71,7 @@ def solve(problem: Problem, y: Array, h: float, dW: Array) -> Solution:
 scheme = one_step(
     "isospectral-midpoint",
     Solved(solve),
-    CLAIMS_OF_ALL | {"identity", "casimir", "any-casimir", "poisson-map", "symmetry", "noise-sum"},
+    CLAIMS_OF_ALL | {"identity", "casimir", "invariant:casimir", "poisson-map", "symmetry", "noise-sum"},
     "Ephrati, Jansson, Lang and Luesink, arXiv 2408.16701",
     weak_order=1.0,
     mean_square_order=Orders(0.5, commutative=1.0),

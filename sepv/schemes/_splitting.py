@@ -36,7 +36,8 @@ def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 
 
 CLAIMS = CLAIMS_OF_ALL | {
-    "identity", "casimir", "any-casimir", "poisson-map", "poisson-map:constant", "volume", "positivity", "symmetry",
+    "identity", "casimir", "invariant:casimir", "poisson-map", "poisson-map:constant", "volume", "positivity",
+    "symmetry",
 }  # fmt: skip
 scheme = one_step(
     "splitting",

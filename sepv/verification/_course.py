@@ -32,7 +32,7 @@ STEPS, FINER = 40, 3
 # The most seconds for all courses of a report. Steps that were made until then are shown.
 SECONDS = 10.0
 # Laws whose defect is the change of H or of a Casimir.
-OF_INVARIANTS = ("energy", "casimir", "any-casimir")
+OF_INVARIANTS = ("energy", "casimir")
 # A course ends when a state is larger than the first by this factor, because larger states would flatten the picture.
 ESCAPE_FACTOR = 100.0
 
@@ -109,7 +109,8 @@ def _measured(name: str, scheme: Scheme, case: Case, states: list[Array], second
     It is empty for the laws of H and C, whose defect is the change that is drawn, and ends when the time is over.
     """
     (law,) = load_laws([name])
-    if law.measure is None or name in OF_INVARIANTS:
+    drawn = name in OF_INVARIANTS or (name == "invariant:casimir" and case.build()[0].nambu is not None)
+    if law.measure is None or drawn:
         return np.empty((2, 0))
     rows = []
     with suppress(TimedOut), deadline(seconds):
@@ -130,7 +131,7 @@ def _kept(law: str, problem: Problem, path: Array) -> tuple[str, Array, Array]:
     with np.errstate(all="ignore"):
         values, slopes = invariants(problem, path), [problem.gradient(path)]
         slopes += casimir_gradients(problem.casimirs, problem.linear_casimirs, 2 * path)
-        if law == "any-casimir" and problem.nambu is not None:
+        if law == "invariant:casimir" and problem.nambu is not None:
             values, slopes = problem.nambu.casimir(path)[None], [problem.nambu.gradient(path)]
         drift = values - values[:, :1]
         largest = (
@@ -138,7 +139,8 @@ def _kept(law: str, problem: Problem, path: Array) -> tuple[str, Array, Array]:
         )
         which = largest if law == "casimir" else 0
         size = np.max(np.linalg.norm(slopes[which], axis=0) * np.linalg.norm(path, axis=0))
-    return "H" if law not in ("casimir", "any-casimir") else "C", drift[which], size
+    of_casimir = law == "casimir" or (law == "invariant:casimir" and problem.nambu is not None)
+    return "C" if of_casimir else "H", drift[which], size
 
 
 def _rounded(values: Array) -> Any:

@@ -48,7 +48,7 @@ PROFILES = (
     Profile("deterministic-order", "deterministic order", ("deterministic-order",), ordered=True),
     Profile("energy", "energy", ("energy",)),
     Profile("casimir", "Casimirs", ("casimir",)),
-    Profile("every-casimir", "every Casimir", ("any-casimir",)),
+    Profile("every-casimir", "every Casimir", ("invariant:casimir",)),
     Profile("symplectic", "symplectic", ("poisson-map:constant",)),
     Profile("poisson", "Poisson", ("poisson-map",)),
     Profile("symmetric", "symmetric", ("symmetry",)),

@@ -14,8 +14,9 @@ import pytest
 from doors import ROOT, block_in, doc, python, verdicts
 from scipy.optimize import minimize_scalar
 from scipy.stats import beta
+from sepv.properties._stated_functions import energies
 from sepv.properties._trace_formula import mean_after
-from sepv.properties.test_energy_drift import drift_of_energy, quantity
+from sepv.properties.test_invariant import quantity
 from sepv.properties.test_reference import check as check_reference
 from sepv.reference.paper.remarks import _solvable
 
@@ -75,16 +76,15 @@ def energy_errors(scheme: Scheme, problem: Problem, steps: Array) -> Array:
     """E[H(y1)] − H(y0) − hσ for each h."""
     y = np.array(problem.initial)
     assert isinstance(problem.data, PolynomialSystem)
-    rate = drift_of_energy(problem.data)
-    assert rate is not None
-    H = quantity(problem, rate, y)
-    return np.array([mean_after(scheme, problem, y, h, H)[0] - H.value(y) - h * rate for h in steps])
+    (H,) = energies(Case(problem.data, tuple(y), 1.0, (0.0,) * problem.noises))
+    means = [mean_after(scheme, problem, y, h, quantity(H, y))[0] for h in steps]
+    return np.array([mean - H.value(y) - h * H.relation.sigma for h, mean in zip(steps, means, strict=True)])
 
 
 def test_the_midpoint_rule_errs_in_the_mean_energy_by_a_third_power_of_h() -> None:
     """The error over h³ by quadrature over ΔW, extrapolated to h = 0, for V = ½q² + ¼q⁴ at (p, q) = (0.7, 0.3)."""
     printed(
-        "laws/energy-drift.md",
+        "laws/invariant.md",
         "errs by h³(−σ₀²V″(q)/8 + p³V‴(q)/24) + O(h⁴) a step",
         "this is −0.0140 h³ with σ₀ = ½, and −0.1330 h³ with σ₀ = 1.",
     )
@@ -102,7 +102,7 @@ def test_the_midpoint_rule_errs_in_the_mean_energy_by_a_third_power_of_h() -> No
 def test_what_the_midpoint_rule_makes_of_a_casimir_with_damping() -> None:
     """A step of ẏ = B∇H − γy on the rigid body, by iteration to rounding; the formula holds in each step."""
     printed(
-        "laws/conformal-casimir.md",
+        "laws/invariant.md",
         "C(y1) = [(1 − s)²C(y0) + s C(w)]/(1 + s)²",
         "Δ = ¼, ½, 1 this is 0.7797, 0.7831 and 0.7949 of C(y0), instead of e^(−¼) = 0.7788.",
     )
@@ -293,7 +293,7 @@ def test_the_page_has_the_text_of_the_command_and_all_names() -> None:
 
 def test_the_page_says_what_is_measured_now() -> None:
     """The verdicts of the quickest scheme."""
-    laws = "poisson-map,energy-drift,local-mean-square,local-weak"
+    laws = "poisson-map,invariant:energy,local-mean-square,local-weak"
     report = sepv.verify("isospectral-midpoint", laws=laws)
     assert maker.verdicts({"isospectral-midpoint": report}).splitlines()[-1] in PAGE
 

@@ -16,7 +16,7 @@ from sepv.properties._orders.local_errors import local_errors
 from sepv.properties._orders.local_moments import exponents
 from sepv.properties._orders.log_ode import combined_field, log_flow
 from sepv.properties._orders.several_fields import ends, refined
-from sepv.properties.test_energy_drift import drift_of_energy
+from sepv.properties._stated_functions import drift_of_energy
 from sepv.reference.generator import moments
 
 from sepv import problems, schemes

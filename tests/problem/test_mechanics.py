@@ -189,7 +189,7 @@ def test_the_midpoint_rule_loses_the_third_casimir_by_a_formula() -> None:
 
 def test_beyond_dimension_three_right_schemes_hold_and_2_1_is_caught() -> None:
     """The fixed systems of the law: d = 4 and 5 with all their Casimirs."""
-    (law,) = load_laws(["any-casimir"])
+    (law,) = load_laws(["invariant:casimir"])
     assert law.cases is not None
     fixed = list(law.cases.fixed[Systems.SINGLE]())
     assert {case.problem.dimension for case in fixed} == {4, 5}

@@ -14,11 +14,10 @@ from drawn import drawn_systems
 from drawn import steps as drawn_steps
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sepv.properties import test_casimir_drift as casimir_drift
-from sepv.properties import test_energy_drift as energy_drift
 from sepv.properties import test_identity as identity
+from sepv.properties import test_invariant as invariant
+from sepv.properties._stated_functions import casimirs, drift_of_energy
 from sepv.properties._trace_formula import mean_after
-from sepv.properties.test_energy_drift import drift_of_energy
 from sepv.reference.equations_by_class import BOTH_INVARIANTS
 from sepv.reference.generator import moments
 from sepv.reference.steps import reference_step
@@ -133,7 +132,7 @@ def test_no_other_scheme_leaves_the_damping_out_in_silence(name: str) -> None:
         scheme.step(*arguments)
 
 
-DRIFT = ["energy-drift", "casimir-drift"]
+DRIFT = ["invariant:energy", "invariant:casimir"]
 FEW = {"examples": 2, "shrink_checks": 0}
 
 
@@ -148,8 +147,10 @@ def scheme(step: Any) -> Scheme:
 def casimir_change(tried: Scheme, problem: Problem, h: float) -> float:
     """E[C(y1)] − C(y0) − hσ of one step from the initial state, by quadrature."""
     y = np.asarray(problem.initial)
-    C = casimir_drift.quantity(problem, problem.casimirs[0], y, h)
-    return float(mean_after(tried, problem, y, h, C)[0] - C.value(y) - h * C.rate)
+    assert problem.data is not None
+    C = casimirs(Case(problem.data, tuple(y), h, (0.0,) * problem.noises))[0]
+    mean = mean_after(tried, problem, y, h, invariant.quantity(C, y))[0]
+    return float(mean - C.value(y) - h * C.relation.sigma)
 
 
 # Additive noise.
@@ -191,11 +192,12 @@ def test_means_of_casimirs_grow_at_a_constant_rate(system: PolynomialSystem, see
     pairs = [tuple(np.add(a, b).tolist()) for a in units for b in units]
     series = np.array(moments(system, tuple(y.tolist()), (*units, *pairs), 2), dtype=float)
     first, second = series[:d], series[d:].reshape(d, d, -1)
-    for A in problem.casimirs:
+    stated = casimirs(Case(system, tuple(y), 1.0, (0.0,) * problem.noises))
+    for A, C in zip(problem.casimirs, stated, strict=False):
         # C(y0 + x) − C(y0) = 2y0ᵀAx + xᵀAx.
         terms = np.abs(A) @ np.abs(2 * y) @ np.abs(first) + np.einsum("ij,ijk", np.abs(A), np.abs(second))
         change = (2 * y @ A) @ first + np.einsum("ij,ijk", A, second)
-        rate = casimir_drift.quantity(problem, A, y, 1.0).rate
+        rate = C.relation.sigma
         assert abs(change[1] - rate) <= 1e-13 * (terms[1] + rate)
         assert abs(change[2]) <= 1e-13 * terms[2]
 
@@ -212,7 +214,7 @@ def test_they_are_measured_of_functions_too() -> None:
         noise=(0.5,), noise_vectors=((1.0, 0.0, 2.0),), casimirs=(np.eye(3),), initial=(0.8, 0.6, 0.1),
     )  # fmt: skip
     for tried, verdict in ((schemes.drift_preserving, "holds"), (scheme(implicit_euler), "violated")):
-        assert verdicts(tried, "casimir-drift", problem, **FEW) == {"casimir-drift": verdict}
+        assert verdicts(tried, "invariant:casimir", problem, **FEW) == {"invariant:casimir": verdict}
 
 
 def test_euler_maruyama_misses_the_mean_of_a_casimir_by_what_theory_says() -> None:
@@ -248,6 +250,6 @@ def test_an_energy_that_is_harmonic_along_three_noises_is_judged_with_the_error_
     axes = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     data = PolynomialSystem(3, H, problems.random_inertia().data.structure, (1.0,) * 3, noise_vectors=axes)
     assert drift_of_energy(data) == 0
-    case = energy_drift.steady(Case(data, (0.5, 0.25, 0.75), 0.25, (0.0,) * 3))
+    case = invariant.as_data(Case(data, (0.5, 0.25, 0.75), 0.25, (0.0,) * 3))
     assert case is not None
-    assert energy_drift.check(schemes.drift_preserving, case).ratio <= 1
+    assert invariant.check_energy(schemes.drift_preserving, case).ratio <= 1

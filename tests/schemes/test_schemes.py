@@ -113,12 +113,12 @@ def test_a_member_of_a_family_says_what_it_is(family, members, order, k, claimed
 # Those of the paper are measured by the files of `properties`.
 KEPT = [
     ("gauss-2", "poisson-map:constant", ""), ("gauss-3", "poisson-map:constant", ""),
-    ("splitting", "symmetry,any-casimir,poisson-map,positivity", "energy"),
-    ("gonzalez", "energy,casimir", "any-casimir"), ("modified-weak-2", "energy,casimir", ""),
+    ("splitting", "symmetry,invariant:casimir,poisson-map,positivity", "energy"),
+    ("gonzalez", "energy,casimir", "invariant:casimir"), ("modified-weak-2", "energy,casimir", ""),
     *((f"projected-{p}", "identity,energy,casimir,noise-sum", "symmetry,midpoint") for p in (4, 8)),
     ("stochastic-midpoint", "poisson-map:constant", ""), ("area-midpoint", "poisson-map:constant", ""),
     ("stochastic-splitting", "poisson-map,positivity", ""), ("isospectral-midpoint", "casimir,poisson-map", ""),
-    ("darboux-lie", "any-casimir,poisson-map,positivity", ""),
+    ("darboux-lie", "invariant:casimir,poisson-map,positivity", ""),
     ("leapfrog", "poisson-map:constant,poisson-map", "energy"),
     ("explicit-8", "equivariance", ""),
 ]  # fmt: skip

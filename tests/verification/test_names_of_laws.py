@@ -12,7 +12,7 @@ import sepv
 from sepv import Scheme, schemes
 from sepv.schemes import ALL_LAWS, FORMER, page_of
 from sepv.schemes._claims import note_former
-from sepv.verification import Effort, load_expectations, load_laws
+from sepv.verification import Effort, Verdict, load_expectations, load_laws, renamed
 
 FEW = Effort(examples=1)
 step = schemes.midpoint.step
@@ -26,7 +26,7 @@ def unnoted() -> Iterator[None]:
 
 
 def test_there_are_few_laws_and_each_former_name_leads_to_one() -> None:
-    assert len({page_of(law) for law in ALL_LAWS}) <= 36
+    assert len({page_of(law) for law in ALL_LAWS}) <= 34
     assert set(FORMER.values()) <= set(ALL_LAWS)
     assert not set(FORMER) & set(ALL_LAWS)
     assert all(page_of(law) in ALL_LAWS for law in ALL_LAWS)
@@ -52,6 +52,33 @@ def test_the_part_of_a_law_is_claimed_without_the_law() -> None:
     assert report.exit_code == 0
     with pytest.warns(FutureWarning):
         assert report.finding("symplecticity") is report.finding("poisson-map:constant")
+
+
+def test_a_scheme_claims_casimirs_of_friction_and_says_nothing_of_those_of_lotka_and_volterra() -> None:
+    """The step of *conformal* without friction is (2.1), which loses the Casimir ln y1 + bd ln y2 − d ln y3."""
+    report = sepv.verify("conformal", laws="invariant:casimir", problems="lotka-volterra", effort=FEW)
+    (found,) = report.findings
+    assert found.claimed
+    assert found.verdict is Verdict.NOT_APPLICABLE
+    assert "states no other Casimirs" in found.message
+    assert not report.failing
+    unclaimed = sepv.verify(
+        "energy-preserving", laws="invariant:casimir", problems="lotka-volterra", effort=FEW
+    )
+    assert [f.verdict for f in unclaimed.findings] == [Verdict.VIOLATED]
+
+
+def test_laws_of_an_old_report_that_are_one_now_keep_the_verdict_that_says_most() -> None:
+    def law(name: str, verdict: str) -> dict[str, str]:
+        return {"law": name, "verdict": verdict}
+
+    old = [law("any-casimir", "not_applicable"), law("casimir-drift", "holds"), law("energy", "holds")]
+    counts = {"holds": 2, "violated": 0, "not_applicable": 1}
+    with pytest.warns(FutureWarning):
+        new = renamed({"laws": old, "counts": counts, "suite": {"laws": 3}})
+    assert new["laws"] == [law("energy", "holds"), law("invariant:casimir", "holds")]
+    assert new["counts"] == counts | {"not_applicable": 0}
+    assert new["suite"] == {"laws": 2}
 
 
 def test_a_pin_and_a_report_with_former_names_are_read(tmp_path: Path) -> None:

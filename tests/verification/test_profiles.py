@@ -269,8 +269,8 @@ def test_a_pin_is_strict_both_ways(pinned: Path) -> None:
     assert "Expected failures that pass: energy." in gained
     lost = said("discrete-gradient --expected pin.toml -q", 1)
     assert "Claimed and not found to hold: casimir." in lost
-    other = said("my_rule:step --expected pin.toml -q", 1, laws="any-casimir")
-    assert "Violated and not in the pin: any-casimir." in other
+    other = said("my_rule:step --expected pin.toml -q", 1, laws="invariant:casimir")
+    assert "Violated and not in the pin: invariant:casimir." in other
 
 
 def test_a_pin_names_the_laws_that_it_was_written_without(pinned: Path) -> None:

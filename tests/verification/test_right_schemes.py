@@ -24,12 +24,12 @@ from sepv.verification import Effort, Verdict, load_laws, verify
 from sepv.verification._law import NO_NOISE
 from sepv.verification._units import Units, units_of
 
-# Each run measures *energy* or *energy-drift* of all, and *symmetry* of every second one and of those without an energy
-# claim. The other laws take minutes, and have a deep run and `benchmarks.false_alarms`.
+# Each run measures *energy* or *invariant:energy* of all, and *symmetry* of every second one and of those without an
+# energy claim. The other laws take minutes, and have a deep run and `benchmarks.false_alarms`.
 QUICK = {
-    name: {"energy", "energy-drift"} & claims or {"symmetry"} & claims or {"contract"}
+    name: {"energy", "invariant:energy"} & claims or {"symmetry"} & claims or {"contract"}
     if number % 2
-    else {"energy", "energy-drift", "symmetry"} & claims or {"contract"}
+    else {"energy", "invariant:energy", "symmetry"} & claims or {"contract"}
     for number, (name, claims) in enumerate((name, set(scheme.claims)) for name, scheme in RIGHT.items())
 }
 # A thousand exact flows, which *contract* asks for, take a minute.

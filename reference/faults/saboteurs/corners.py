@@ -179,7 +179,7 @@ def sixteen_noises(step: Step, problem: Problem, y: Array, h: float, dW: Array) 
 
 
 @SABOTEURS.like(
-    conformal, "the damping is taken by its size, also where it is negative", ("conformal-casimir",)
+    conformal, "the damping is taken by its size, also where it is negative", ("invariant:casimir",)
 )
 def damped_by_size(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     half = float(np.exp(-0.5 * h * abs(getattr(problem, "damping", 0.0))))

@@ -17,7 +17,7 @@ SABOTEURS = Family("damping")
 @SABOTEURS.like(
     conformal,
     "the midpoint rule between the exponentials: Casimirs decay rightly, a quartic energy does not",
-    ("conformal-energy",),
+    ("invariant:energy",),
 )
 def damped_midpoint(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return _between(problem, y, h, dW, midpoint)
@@ -26,7 +26,7 @@ def damped_midpoint(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 @SABOTEURS.like(
     conformal,
     "the factors 1 − γh/2 and 1/(1 + γh/2) in the place of exponentials, the damping of a midpoint rule",
-    ("conformal-casimir", "conformal-energy"),
+    ("invariant:casimir", "invariant:energy"),
 )
 def damped_rationally(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     share = 0.5 * h * getattr(problem, "damping", 0.0)

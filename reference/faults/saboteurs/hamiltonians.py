@@ -67,7 +67,7 @@ def lie_and_trotter(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 @SABOTEURS.like(
     schemes.isospectral_midpoint,
     "¼MXM is left out: quadratic Casimirs and orders are kept, others and the structure are not",
-    ("poisson-map", "any-casimir"),
+    ("poisson-map", "invariant:casimir"),
 )
 def midpoint_as_isospectral(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     """Take the midpoint rule, x = (y0 + y1)/2 and y1 − y0 = f(x), in place of the isospectral midpoint rule."""
@@ -89,7 +89,7 @@ def arithmetic_middle(problem: Problem, y0: Array, y1: Array, step: Array) -> In
 @SABOTEURS.like(
     schemes.drift_preserving,
     "each half of the step sees half of its increment",
-    ("energy-drift", "casimir-drift"),
+    ("invariant:energy", "invariant:casimir"),
 )
 def halves_alike(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array:
     """Take dW/2 in both halves of the step, where the right scheme takes independent increments."""
@@ -99,7 +99,7 @@ def halves_alike(problem: Problem, y: Array, h: float, dW: Array, first: Array) 
 @SABOTEURS.like(
     schemes.drift_preserving,
     "the additive noise is 2⁻²⁰ too large",
-    ("energy-drift", "casimir-drift", "local-weak"),
+    ("invariant:energy", "invariant:casimir", "local-weak"),
 )
 def pushed_too_far(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array:
     """Multiply all noise increments dW by 1 + 2⁻²⁰, so that the noise is too large by this factor."""
@@ -131,7 +131,7 @@ _explicit_structure = implicit(
 @SABOTEURS.like(
     schemes.drift_preserving,
     "B is taken where the step without noise begins: E[H] is right, E[C] is not",
-    ("casimir-drift", "symmetry"),
+    ("invariant:casimir", "symmetry"),
 )
 def structure_before_the_step(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array:
     """Take B at Y, not at the midpoint: Y + hB(Y)∇̄H, where Y is the state after the first half of the noise."""
@@ -144,7 +144,7 @@ _midpoint = implicit(lambda fields, y, z, step: step[0] * fields.field(y + 0.5 *
 @SABOTEURS.like(
     schemes.drift_preserving,
     "the step without noise is the midpoint rule, which keeps quadratic H alone",
-    ("energy-drift",),
+    ("invariant:energy",),
 )
 def midpoint_between_the_halves(problem: Problem, y: Array, h: float, dW: Array, first: Array) -> Array:
     """Make a midpoint step, in the place of an energy-preserving one, between the halves of the noise."""

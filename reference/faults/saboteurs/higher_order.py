@@ -95,7 +95,7 @@ def _as_both(step: Step) -> Step:
 
 SABOTEURS.rows(
     ("casimir-at-midpoint", "∇C is taken at the midpoint and not averaged: (2.1), which keeps quadratic Casimirs only",
-     ("any-casimir", "reference"),
+     ("invariant:casimir", "reference"),
      imitating(schemes.both_invariants, _as_both(schemes.energy_preserving.step), batched=False)),
 )  # fmt: skip
 

@@ -59,7 +59,7 @@ def time_of_place(problem: Problem, y: Array, step: Array) -> Array:
 
 @SABOTEURS.made(
     "the first flow of the splitting is replaced by a step along its tangent",
-    ("poisson-map", "positivity", "casimir", "any-casimir", "symmetry"),
+    ("poisson-map", "positivity", "casimir", "invariant:casimir", "symmetry"),
     _like_splitting,
 )
 def tangent_of_first(problem: Problem, y: Array, step: Array) -> Array:
