@@ -79,13 +79,13 @@ def check(scheme: Scheme, case: Case) -> Measurement:
 
 
 def check_energy(scheme: Scheme, case: Case) -> Measurement:
-    """Measure H."""
+    """Measure the change of H in a step, or that of its mean."""
     case = affordable(scheme, case)
     return furthest(scheme, case, energies(case))
 
 
 def check_casimir(scheme: Scheme, case: Case) -> Measurement:
-    """Measure Casimirs."""
+    """Measure the changes of Casimirs in a step, or those of their means."""
     case = affordable(scheme, case)
     found = casimirs(case)
     kept = not any(I.relation.decay or I.relation.moved for I in found)

@@ -255,11 +255,17 @@ def summary(detections: Sequence[Detection]) -> Text:
 
 
 def abbreviation(law: str) -> str:
-    """The abbreviation of a law's name: the initials of several words, or the first letters of one word, at least 3."""
+    """The abbreviation of a law's name: the initials of several words, or the first letters of one word, at least 3.
+
+    The initial of a part comes after a colon.
+    """
+    if ":" in law:
+        whole, _, part = law.partition(":")
+        return f"{abbreviation(whole)}:{part[0]}"
     words = law.split("-")
     if len(words) > 1:
         return "".join(w[0] for w in words)
-    alone = [name for name in ALL_LAWS if "-" not in name]
+    alone = [name for name in ALL_LAWS if not {"-", ":"} & set(name)]
     lengths = range(3, len(law) + 1)
     return next(law[:n] for n in lengths if n == len(law) or sum(o.startswith(law[:n]) for o in alone) < 2)
 
