@@ -8,7 +8,7 @@ which this theory applies (`sepv.properties._orders.integrable`). `sepv.properti
 statements. First, there is no trend: the mean energy over a window of time moves by no more than the oscillation that
 such a mean may still contain. Second, the oscillation falls like h^p.
 
-Claims of *symplecticity* and of an order do not imply this law. A scheme without claims is measured too.
+Claims of *poisson-map:constant* and of an order do not imply this law. A scheme without claims is measured too.
 """
 
 from __future__ import annotations
