@@ -36,7 +36,7 @@ from sepv.verification._cases.ends import beyond, is_long
 from sepv.verification._cases.fixed_cases import may_be_refused
 from sepv.verification._cases.from_problem import describe, start_of
 from sepv.verification._cases.of_law import ALL_CASES, Cases, Question
-from sepv.verification._cases.shrink import in_strange_units, shrunk
+from sepv.verification._cases.shrink import in_known_units, in_strange_units, shrunk
 from sepv.verification._cases.users_problems import objects_of, sources
 from sepv.verification._law import Effort, Finding, Law, Measurement, Middle, Run, Verdict, in_units
 from sepv.verification._laws import laws_in
@@ -300,11 +300,15 @@ def _simplify(log: SearchLog, scheme: Scheme, effort: Effort, question: _Questio
     assert case is not None
     checks = log.checks
     best, budget = (log.violation, log.fault, log.worst), _Budget(effort.shrink_checks)
+    tried = {case}  # each candidate is tried once, also if several simplified cases lead to it
+    known = in_known_units(case) if in_strange_units(case) else case
+    rescaled = known if question.where.in_units(known) else None
 
     def fails(candidate: Case) -> bool | None:
         nonlocal best
-        if not question.where.admits(candidate):
+        if candidate in tried or not (candidate == rescaled or question.where.admits(candidate)):
             return False
+        tried.add(candidate)
         if not budget.spend():
             return None
         trial = SearchLog()

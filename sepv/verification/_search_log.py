@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 from sepv.console import counted
@@ -17,8 +17,9 @@ from sepv.verification._law import Finding, Law, Measurement, Verdict
 from sepv.verification._power_of_h import least_power, words
 
 Check = Callable[[Scheme, Case], Measurement]
-# The share of a law's cases that must be measured if the scheme states its longest step. No share is required of a
-# scheme that skips cases because of their problems: it may be made for few problems.
+# The share of a law's cases that must be measured if the scheme states its longest step, or if the law says nothing of
+# the others: a path that goes back by nothing known still returns where it rests. No share is required of a scheme that
+# skips cases because of their problems: it may be made for few problems.
 LEAST_SHARE = 0.25
 
 
@@ -64,9 +65,11 @@ def conclude(law: Law, scheme: Scheme, log: SearchLog, check: Check) -> Finding:
         seen |= {"defect": measured.defect, "bound": measured.bound}
     if log.violation is not None:
         case, measured = log.violation
-        hints = advice(law, scheme, case, measured, log.largest, partial(_measured_again, scheme, check))
+        # Without noise both kinds of advice halve the same step, which is measured once.
+        again = cache(partial(_measured_again, scheme, check))
+        hints = advice(law, scheme, case, measured, log.largest, again)
         if law.preserves:
-            seen["power"] = least_power([log.violation, log.found], partial(_measured_again, scheme, check))
+            seen["power"] = least_power([log.violation, log.found], again)
             hints += f"\n{words(seen['power'])}"
         message = f"{case.describe()}\n{measured.detail}{hints}"
         if log.crash is None:
@@ -88,7 +91,7 @@ def conclude(law: Law, scheme: Scheme, log: SearchLog, check: Check) -> Finding:
         }
         return law.finding(Verdict.ERROR, **_witness(law, case), **seen)
     skipped = "\n".join(f"{counted(n, 'case')} skipped: {reason}" for reason, n in log.skipped.items())
-    if not log.checks:
+    if log.checks <= LEAST_SHARE * (log.checks + log.unasked):
         verdict = Verdict.NOT_APPLICABLE if skipped else Verdict.ERROR
         refused = 0 if log.unasked else log.refused
         return law.finding(verdict, message=skipped or "no case was measured", skipped=refused)

@@ -10,13 +10,17 @@ from doors import Reader, command
 
 import sepv
 from sepv import Effort, Scheme, StatefulStep, problems, schemes
-from sepv.problem import Array, Problem, vector_field
-from sepv.verification import Case, Measurement, verify
+from sepv.problem import Array, PolynomialSystem, Problem, vector_field
+from sepv.record import poly
+from sepv.verification import Case, Cases, Measurement, verify
 from sepv.verification._advice import is_explicit
 from sepv.verification._cases.ends import in_other_units
 from sepv.verification._cases.shrink import in_strange_units, shrunk
+from sepv.verification._cases.users_problems import items
 from sepv.verification._first_order import first_order
 from sepv.verification._power_of_h import power_of_h, words
+from sepv.verification._search import _Question, _simplify
+from sepv.verification._search_log import SearchLog
 
 
 def factor(problem: Problem, y: Array, *shares: float) -> Array:
@@ -223,6 +227,24 @@ def test_a_counterexample_in_strange_units_is_shown_in_known_ones() -> None:
     assert not in_strange_units(shown)
     alone = shrunk(strange, in_strange_units)
     assert in_strange_units(alone)
+
+
+@pytest.mark.parametrize(
+    ("asked", "strange"), [("canonical-separable", False), ("harmonic-oscillator", True)]
+)
+def test_a_familys_counterexample_is_shown_in_known_units_and_a_users_problem_stays(asked, strange) -> None:
+    """A family has its systems in all units; another problem than the user's would be none of the scheme's."""
+    where = Cases().of_problems(items(asked))
+    assert not isinstance(where, str)
+    one = PolynomialSystem(
+        2, poly.squares((0.5, 0.5)), ((0, 1, poly.polynomial(2, {(0, 0): -1.0})),), noise=()
+    )
+    case = in_other_units(Case(one, (1.0, 0.5), 0.125, ()), 0, 20)
+    assert in_strange_units(case)
+    log, violates = SearchLog(), Measurement(2.0, 1.0)
+    log.violation = case, violates
+    _simplify(log, schemes.midpoint, Effort(), _Question(where, lambda *_: violates, False, ()))
+    assert in_strange_units(log.violation[0]) == strange
 
 
 MODULE = """

@@ -149,6 +149,11 @@ def test_a_path_goes_back_by_the_reversed_state_alone() -> None:
     says(two_steps(lambda s: (1.5 * s[0], *s[1:])), SYMMETRY, "error", "at the y of the state", **LEAST)
 
 
+def test_states_at_rest_alone_do_not_show_that_a_path_goes_back() -> None:
+    """A scheme that stands still after its first step returns from nowhere else."""
+    says(SABOTEURS["midpoint-once"].scheme, SYMMETRY, "not applicable", "says how it goes back", **LEAST)
+
+
 def test_a_stored_force_goes_back_without_a_reversed_state_and_a_late_one_does_not() -> None:
     laws = f"{SYMMETRY},reversibility"
     assert set(verdicts(RIGHT["stored-force"], laws, **LEAST).values()) == {"holds"}

@@ -73,6 +73,8 @@ class Question:
     strategy: Strategy
     admits: Callable[[Case], bool]  # True for cases to which a counterexample may be simplified
     fixed: tuple[Case, ...] = ()
+    # True for cases to which a change of units alone may lead: a family has its systems in all units.
+    in_units: Callable[[Case], bool] = lambda _: False
 
 
 @dataclass(frozen=True)
@@ -214,6 +216,7 @@ class Cases:
             self._adapting(drawn),
             lambda _: False,
             tuple(self.all_adapted(fixed)),
+            self.admits if len(families) == len(usable) else lambda _: False,
         )
 
     def all_adapted(self, cases: Iterable[Case]) -> list[Case]:

@@ -60,11 +60,8 @@ def _candidates(case: Case) -> Iterator[Case]:
     if case.given != "data":
         yield replace(case, given="data")
     yield from (replace(case, after=n) for n in (0, *range(1, case.after)) if case.after)
-    if in_strange_units(case):
-        size = max(map(abs, case.y), default=0.0) or 1.0
-        time = -round(math.log2(abs(case.h)) / 2) if case.h else 0
-        if not in_strange_units(known := in_other_units(case, -round(math.log2(size)), time)):
-            yield known
+    if in_strange_units(case) and not in_strange_units(known := in_known_units(case)):
+        yield known
     if case.batch > 2:
         yield from (replace(case, batch=b) for b in (2, case.batch // 2, case.batch - 1))
     system = case.problem
@@ -90,6 +87,13 @@ def in_strange_units(case: Case) -> bool:
         return False
     sizes = [v for v in (abs(case.h), max(map(abs, case.y), default=0.0)) if v]
     return any(not 1 / UNITS_LIMIT <= size <= UNITS_LIMIT for size in sizes)
+
+
+def in_known_units(case: Case) -> Case:
+    """The case in units of y and of time in which |y| and |h| are near 1."""
+    size = max(map(abs, case.y), default=0.0) or 1.0
+    time = -round(math.log2(abs(case.h)) / 2) if case.h else 0
+    return in_other_units(case, -round(math.log2(size)), time)
 
 
 def _put(entries: tuple[Any, ...], n: int, *new: Any) -> tuple[Any, ...]:
