@@ -43,6 +43,12 @@ def test_a_path_of_an_ensemble_is_the_single_path() -> None:
     assert np.array_equal(few.W, many.W[:, :5])
 
 
+def test_a_path_prints_its_first_and_its_last_state() -> None:
+    path = sepv.integrate(EP, PENDULUM, h=0.25, T=1.0)
+    for n in (0, 4):
+        assert f"({path.y[0, n]:.6g}, {path.y[1, n]:.6g})" in repr(path)
+
+
 def test_a_single_path_that_fails_is_an_error() -> None:
     """Path 0 of a seed is path 0 of its ensemble: at this step size 41 % of the paths meet a step without solution."""
     run = {"h": 1 / 8, "T": 1.0}
