@@ -264,6 +264,17 @@ def test_a_pin_holds_what_was_found(pinned: Path) -> None:
     assert "All 3 claimed laws hold." in again
 
 
+def test_a_run_complains_of_claims_alone() -> None:
+    """A law that holds, one that is violated and not claimed, and one whose failure is expected are no complaints."""
+    found = findings(("energy", "casimir", "midpoint"), energy=Verdict.VIOLATED, symmetry=Verdict.VIOLATED)
+    expected = [
+        replace(f, expected="known", verdict=Verdict.VIOLATED) if f.law == "casimir" else f for f in found
+    ]
+    text = summary(reported(expected)).plain
+    assert "Claimed and not found to hold: energy." in text
+    assert not re.search("Claimed and not measured|Expected failures that pass|not in the pin", text)
+
+
 def test_a_pin_is_strict_both_ways(pinned: Path) -> None:
     gained = said("energy-preserving --expected pin.toml -q", 1)
     assert "Expected failures that pass: energy." in gained

@@ -138,6 +138,13 @@ def test_the_interval_of_a_quantile_owes_nothing_to_the_tails() -> None:
     assert misses <= 36
 
 
+def test_a_quantile_of_few_paths_or_at_the_rounding_floor_shows_no_order() -> None:
+    few = errors_of(np.array([[1.0, 4.0, 9.0], [0.25, 1.0, 2.25]]), (4, 16))
+    assert quantile_slope(few, 1e-5).high == np.inf
+    at_the_floor = np.stack([np.linspace(1, 2, 512), np.r_[np.zeros(500), np.full(12, 1e-4)]])
+    assert quantile_slope(errors_of(at_the_floor, (4, 16)), 1e-5).high == np.inf
+
+
 def test_heavy_tails_alone_do_not_lower_an_order() -> None:
     """Order 1 exactly, with a mean square that most samples miss: no interval lies below, at 5 %, in 200 batches."""
     rng = np.random.default_rng(2)
