@@ -244,12 +244,13 @@ def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> Non
     if not findings:
         return
     terminalreporter.section("laws (+ claimed)")
+    width = max(20, *(len(row["sepv_law"]) + 1 for row in findings))
     for scheme in dict.fromkeys(row["sepv_scheme"] for row in findings):
         terminalreporter.write_line(scheme)
         for row in findings:
             if row["sepv_scheme"] == scheme:
                 claimed = " +" if row["sepv_claimed"] == "yes" else ""
-                terminalreporter.write_line(f"  {row['sepv_law']:<20}{row['sepv_verdict']}{claimed}")
+                terminalreporter.write_line(f"  {row['sepv_law']:<{width}}{row['sepv_verdict']}{claimed}")
     # --expected is about one scheme.
     for gap in config.stash[_EXPECTED].gaps(
         dict.fromkeys(row["sepv_law"] for row in findings), findings[0]["sepv_name"]
