@@ -20,11 +20,9 @@ from sepv.core.problem import (
     combined_gradient,
     combined_hessian,
     combined_slope,
-    damping_matrix,
     each_noise,
     hessian,
 )
-from sepv.core.problem import drift as drift
 from sepv.core.problem import field_jacobian as field_jacobian
 from sepv.core.problem import vector_field as vector_field
 from sepv.problem import _poisson as poisson
@@ -35,6 +33,8 @@ from sepv.problem._damped import conformal_rate, damping_of, scaled_damping
 from sepv.problem._derived import PartFlow, derivatives
 from sepv.problem._directional import derivative_along, structure_slope
 from sepv.problem._directions import Directions, directions, projections
+from sepv.problem._drift import damping_matrix
+from sepv.problem._drift import drift as drift
 from sepv.problem._enclosures import over_box as over_box
 from sepv.problem._enclosures import recorded as recorded
 from sepv.problem._fields import casimir_gradients as casimir_gradients

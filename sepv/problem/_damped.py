@@ -20,8 +20,8 @@ import numpy as np
 
 from sepv._arguments import is_number
 from sepv.core.arrays import EPS, Array
-from sepv.core.problem import damping_matrix
 from sepv.errors import ProblemError, SystemsError
+from sepv.problem._drift import damping_matrix
 from sepv.problem._problem import Matrix, Problem
 
 

@@ -20,8 +20,8 @@ from numpy.typing import ArrayLike
 
 from sepv._arguments import is_number
 from sepv.core.arrays import EPS, Array, matvec
-from sepv.core.problem import damping_matrix
 from sepv.errors import ProblemError, UsageError
+from sepv.problem._drift import damping_matrix
 from sepv.problem._hamiltonians import HamiltoniansProblem, noise_vectors
 from sepv.problem._mechanics import Mechanics, mechanics
 from sepv.problem._problem import Matrix, PolynomialSystem, Problem, constant

@@ -32,12 +32,13 @@ from typing import Any
 import numpy as np
 
 from sepv.core.arrays import Array, matmul, matvec
-from sepv.core.problem import Function, combined_gradient, damping_matrix, differences, drift, hessian
+from sepv.core.problem import Function, combined_gradient, differences, hessian
 from sepv.errors import ProblemError, Skipped, SystemsError, UsageError
 from sepv.problem._checks import sample_states
 from sepv.problem._damped import DampedProblem
 from sepv.problem._derived import derive
 from sepv.problem._directional import structure_slope
+from sepv.problem._drift import damping_matrix, drift
 from sepv.problem._problem import Flow, Problem, constant, require_one_for_each_noise
 from sepv.problem._structures import ClosedForm, CommutingStructure, StructuresProblem
 

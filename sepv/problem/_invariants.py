@@ -20,10 +20,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
-from sepv.core.problem import damping_matrix
 from sepv.errors import ProblemError
 from sepv.problem._checks import sample_states
 from sepv.problem._derived import Array, Function, recorded_as
+from sepv.problem._drift import damping_matrix
 from sepv.record import EPS, CannotRecord, Tape, gradient, replay
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ import pytest
 from doors import ROOT, block_in, doc, python, verdicts
 from scipy.optimize import minimize_scalar
 from scipy.stats import beta
-from sepv.properties._stated_functions import energies
+from sepv.properties._stated_functions import _polynomial, drift_of_energy
 from sepv.properties._trace_formula import mean_after
 from sepv.properties.test_invariant import quantity
 from sepv.properties.test_reference import check as check_reference
@@ -25,7 +25,7 @@ from benchmarks import hamiltonians as maker
 from sepv import Scheme, exact_flow, external, integrate, problems, schemes
 from sepv.external import Program, check_protocol, load_program
 from sepv.external._errors import StepRefused
-from sepv.problem import Array, PolynomialSystem, Problem, vector_field
+from sepv.problem import Array, PolynomialSystem, Problem, Relation, vector_field
 from sepv.problems import planes
 from sepv.problems._common import hat, skew
 from sepv.problems._polynomial_system import started
@@ -76,9 +76,11 @@ def energy_errors(scheme: Scheme, problem: Problem, steps: Array) -> Array:
     """E[H(y1)] − H(y0) − hσ for each h."""
     y = np.array(problem.initial)
     assert isinstance(problem.data, PolynomialSystem)
-    (H,) = energies(Case(problem.data, tuple(y), 1.0, (0.0,) * problem.noises))
+    rate = drift_of_energy(problem.data)
+    assert rate is not None
+    H = _polynomial("H", problem.data.hamiltonian, Relation(rate, 0.0, (), drifts=False))
     means = [mean_after(scheme, problem, y, h, quantity(H, y))[0] for h in steps]
-    return np.array([mean - H.value(y) - h * H.relation.sigma for h, mean in zip(steps, means, strict=True)])
+    return np.array([mean - H.value(y) - h * rate for h, mean in zip(steps, means, strict=True)])
 
 
 def test_the_midpoint_rule_errs_in_the_mean_energy_by_a_third_power_of_h() -> None:
