@@ -313,7 +313,7 @@ def _run(own: Law, scheme: Scheme, this_run: Run) -> Finding:
     alone = sum(tally.alone.values())
     if not tally.steps and (tally.both_refuse or alone):
         return own.finding(Verdict.NOT_APPLICABLE, message=f"{text}\nno step was made by both", skipped=alone)
-    if finding.verdict is Verdict.HOLDS and tally.steps < LEAST_SHARE * (tally.steps + alone):
+    if tally.steps < LEAST_SHARE * (tally.steps + alone):
         finding = replace(finding, verdict=Verdict.INCONCLUSIVE)
         text += f"\nboth make {tally.steps} of {tally.steps + alone} steps: too few for a verdict"
     return replace(finding, message=f"{text}\n{finding.message}".rstrip())
