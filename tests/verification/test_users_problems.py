@@ -182,8 +182,9 @@ def cases_of_families() -> list[Question | str]:
         law.cases.of_problems(items(str(name)))
         for name in FAMILIES
         for law in load_laws(["energy", "identity", "noise-sum", "reduction"])
-        # Several Hamiltonians and additive noise keep no H, and have no equation of (2.1); damping has own laws.
-        if name != "damped"
+        # Several Hamiltonians and additive noise keep no H, and have no equation of (2.1); damping has own laws, and
+        # so has friction.
+        if name not in ("damped", "friction")
         and not (name.endswith(("-hamiltonians", "additive")) and law.name in ("energy", "reduction"))
     ]
 
