@@ -9,9 +9,9 @@ import re
 from pathlib import Path
 
 import click
-from sepv.reference.paper.errata import ENTRIES, Erratum, errata
 
 from benchmarks import start
+from sepv.paper.errata import ENTRIES, Erratum, errata
 
 # The most letters that a formula and an omission between two quoted pieces may have.
 FORMULA, OMISSION = 250, 3000

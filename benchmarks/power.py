@@ -19,10 +19,10 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from sepv.reference.faults.saboteurs import SABOTEURS
 
 from benchmarks import over, start
 from sepv.errors import SchemeFault, SepvError
+from sepv.faults.saboteurs import SABOTEURS
 from sepv.problem import Array, Problem, Systems
 from sepv.schemes import Scheme, Step, both_invariants, energy_preserving, page_of, several_structures
 from sepv.verification import load_laws

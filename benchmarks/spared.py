@@ -14,10 +14,10 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from sepv.reference.faults.saboteurs.solver import _fixed_point, _iterated
 
 from benchmarks import over, start
 from sepv import schemes, verify
+from sepv.faults.saboteurs.solver import _fixed_point, _iterated
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme, Step
 from sepv.verification import Effort

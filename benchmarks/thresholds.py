@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import argparse
 
-from sepv.reference.faults.saboteurs.record import claiming
-
 from benchmarks import over, start
+from sepv.faults.saboteurs.record import claiming
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme, implicit
 from sepv.schemes import energy_preserving_formula as formula

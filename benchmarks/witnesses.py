@@ -17,12 +17,12 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from sepv.reference.faults.saboteurs import SABOTEURS
 from sepv.reference.vector import digest
 
 from benchmarks import over, start
 from sepv import schemes
 from sepv.errors import SchemeFault, SepvError
+from sepv.faults.saboteurs import SABOTEURS
 from sepv.problem import GivenProblem, Systems
 from sepv.schemes import Scheme
 from sepv.verification import Case, Effort, Law, Run, Verdict, load_laws

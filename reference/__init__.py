@@ -1,6 +1,5 @@
 """Reference values in arbitrary precision, computed by mpmath from the problem description without any scheme's code.
 
-Four subpackages do import schemes and problems: `faults` (schemes broken on purpose, by which laws are measured),
-`hard` (the catalogue of hard cases), `paper` (the paper's experiments measured again) and `peers` (solvers of other
-libraries). No module outside these four imports a scheme, a problem or one of the four.
+No module imports a scheme or a built-in problem. `vectors` are test vectors for any program, and `witnesses` are
+known counterexamples, as data.
 """

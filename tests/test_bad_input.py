@@ -16,16 +16,15 @@ from typing import Any
 import numpy as np
 import pytest
 from drawn import J, by_hand
-from sepv.reference import hard
 from sepv.reference.elliptic import closed_form
-from sepv.reference.faults import detection
 from sepv.reference.flow import taylor
-from sepv.reference.paper.several_with_areas import step_with_areas
 from sepv.reference.problem import exact_problem
 from sepv.reference.steps import reference_step
 
 import sepv
-from sepv import PolynomialSystem, SepvError, Skipped, StepFailure, problems, schemes
+from sepv import PolynomialSystem, SepvError, Skipped, StepFailure, hard_cases, problems, schemes
+from sepv.faults import detection
+from sepv.paper.several_with_areas import step_with_areas
 from sepv.posing import pose, pose_fields
 from sepv.problem import HamiltoniansProblem, NamedProblem, StructuresProblem, Systems, mechanics
 from sepv.problems._common import canonical
@@ -226,7 +225,7 @@ CHECKS: dict[str, Check] = {
     "h: an array": refused(lambda: step(h=np.array([0.1, 0.2]))),
     "h: infinite": refused(lambda: step(h=float("inf"))),
     "h: complex": refused(lambda: step(h=0.1j)),
-    "a step of 1e300": refused(lambda: step(Y[:2], 1e300, problem=hard.by_name("huge-constant").problem)),
+    "a step of 1e300": refused(lambda: step(Y[:2], 1e300, problem=hard_cases.by_name("huge-constant").problem)),
     "a step of a name": refused(lambda: schemes.midpoint.step("pendulum", [0, 1], 0.1, [0, 0]), "by_name"),
     "integrate: h = 0": path(h=0.0),
     "integrate: h NaN": path(h=float("nan")),
@@ -433,9 +432,10 @@ CHECKS: dict[str, Check] = {
     "truncation: h": each(
         (1.0, 1.5, 0.0, -0.1, np.nan), lambda h: bounded.truncate(np.zeros(3), h), "0 < h < 1"),
     "truncation: k": each((0, -1, 1.5), lambda k: bounded.truncate(np.zeros(3), 0.1, k), "integer ≥ 1"),
-    "structure: off by 1e-12": refused(lambda: replace(hard.by_name("nearly-skew-1e-12").problem, check=True), "skew"),
+    "structure: off by 1e-12": refused(
+        lambda: replace(hard_cases.by_name("nearly-skew-1e-12").problem, check=True), "skew"),
     "structure: off by 1e-16": right(
-        lambda: replace(hard.by_name("nearly-skew-1e-16").problem, check=True).dimension, 2),
+        lambda: replace(hard_cases.by_name("nearly-skew-1e-16").problem, check=True).dimension, 2),
     "branch: of the midpoint rule":
         right(lambda: follow(BODY, Y[:, None], 0.1, schemes.midpoint).end, [End.RANGE]),
     "branch: no range": refused(lambda: follow(BODY, Y[:, None], 0.0), "not 0"),

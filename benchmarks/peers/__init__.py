@@ -1,4 +1,4 @@
-"""The pages about other libraries' solvers, made from the adapters of `sepv.reference.peers`.
+"""The pages about other libraries' solvers, made from the adapters of `sepv.peers`.
 
 ``python -m benchmarks.peers.compliance`` makes the table of verdicts (docs/compliance.md). ``python -m
 benchmarks.peers.solvers`` makes the table of orders by kind of noise (docs/solvers.md). For this table `solver` holds a

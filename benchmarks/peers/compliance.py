@@ -1,6 +1,6 @@
 """The compliance table of other libraries' solvers: ``python -m benchmarks.peers.compliance --out docs/compliance.md``.
 
-The table has the verdict of every law on every solver of `sepv.reference.peers`, as by `sepv verify`, and energy
+The table has the verdict of every law on every solver of `sepv.peers`, as by `sepv verify`, and energy
 defects in numbers. A solver is marked if a script in the folder ``peers`` beside the output shows that it deviates from
 its documentation (`benchmarks.peers.deviations`).
 """
@@ -16,7 +16,6 @@ from typing import Any
 import click
 import numpy as np
 from sepv.properties._sequential import FALSE_ALARM, FIRST_LOOK
-from sepv.reference.peers.peer import load
 
 from benchmarks.peers.compliance_measurements import (
     LIBRARIES,
@@ -33,6 +32,7 @@ from sepv import problems
 from sepv._version import __version__
 from sepv.console import Shown, markdown
 from sepv.errors import TargetError
+from sepv.peers.peer import load
 from sepv.problem import Problem
 from sepv.schemes import Scheme, energy_preserving
 from sepv.simulate import ensemble

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 from sepv.properties._setups import setups
-from sepv.reference.peers.peer import load
 
 from benchmarks.peers.environments import VERSIONS
 from benchmarks.peers.kept_measurements import Cell
 from sepv._version import __version__
+from sepv.peers.peer import load
 from sepv.schemes import Scheme, page_of
 from sepv.verification import Effort, Law, Verdict, verify
 

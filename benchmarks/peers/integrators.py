@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import click
-from sepv.reference.peers.peer import installed, load, names
 
 from benchmarks.peers.compliance import KEPT, UNNAMED, _listed, kept
 from benchmarks.peers.compliance_measurements import law_cells, release
@@ -24,6 +23,7 @@ from benchmarks.peers.options import measuring, page_options, put
 from sepv._version import __version__
 from sepv.console import Shown, markdown
 from sepv.files import write_atomically
+from sepv.peers.peer import installed, load, names
 from sepv.schemes import Scheme
 from sepv.verification import Effort, Verdict, load_laws
 from sepv.verification._report import MARKS

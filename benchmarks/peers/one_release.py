@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import click
-from sepv.reference.peers.peer import load
 
 from benchmarks.peers import compliance_measurements as measurements
 from benchmarks.peers.compliance_measurements import LIBRARIES, release
@@ -24,6 +23,7 @@ from sepv._version import __version__
 from sepv.console import showing
 from sepv.errors import SepvError
 from sepv.files import finite, json_text, write_atomically
+from sepv.peers.peer import load
 from sepv.verification import SUITE, Effort, Law, load_laws
 
 FORMAT = 1

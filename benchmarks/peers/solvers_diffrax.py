@@ -10,9 +10,9 @@ import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
-from sepv.reference.peers.diffrax import _Given, enable_x64
 
 from benchmarks.peers.solver import Solver
+from sepv.peers.diffrax import _Given, enable_x64
 from sepv.posing import LANES, Path, PosedFields, in_blocks, pose_fields
 from sepv.problem import Array, Problem
 from sepv.schemes import Step

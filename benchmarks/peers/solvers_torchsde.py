@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import torch
 import torchsde
-from sepv.reference.peers.torchsde import Given
 
 from benchmarks.peers.solver import Solver
 from sepv.errors import Skipped
+from sepv.peers.torchsde import Given
 from sepv.posing import LANES, Path, in_blocks, pose_fields
 from sepv.problem import Array, Problem
 from sepv.schemes import Step

@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from sepv.reference.faults.saboteurs.stated import BODIES, SPINS, TOPS
+from sepv.faults.saboteurs.stated import BODIES, SPINS, TOPS
 
 SCHEMES = (BODIES, SPINS, TOPS)

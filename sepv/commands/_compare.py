@@ -142,7 +142,7 @@ def _show(comparison: Comparison, *, alone: bool, quiet: bool) -> None:
 
 def _peers() -> list[str]:
     """The names of whole-path solvers in the other libraries that are installed, such as diffrax-heun."""
-    from sepv.reference.peers.peer import installed
+    from sepv.peers.peer import installed
 
     return [f"{peer.library}-{name}" for peer in installed() for name in peer.drivers()]
 

@@ -49,7 +49,7 @@ def hard(
     from rich.text import Text
 
     from sepv.console import console, print_sentence
-    from sepv.reference.hard import CATALOGUE, by_name
+    from sepv.hard_cases import CATALOGUE, by_name
     from sepv.schemes import load_problem
     from sepv.studies import long_steps
 

@@ -21,7 +21,7 @@ def peers() -> None:
     A package adds its own library by an entry point of the group sepv.peers (docs/maintainers.md, point 6).
     """
     from sepv.console import console
-    from sepv.reference.peers.peer import installed, names
+    from sepv.peers.peer import installed, names
 
     here = {peer.library: peer for peer in installed()}
     rows = []

@@ -48,9 +48,9 @@ def reproduce(figures: cli.Names, out: str | None, json_file: str | None, **opti
     Exit code 0, or 2 for wrong usage.
     """  # fmt: skip
     from sepv.console import console, print_sentence
-    from sepv.reference.paper.on_terminal import show, summary, watching
-    from sepv.reference.paper.record import Size
-    from sepv.reference.paper.suite import reproduce as run
+    from sepv.paper.on_terminal import show, summary, watching
+    from sepv.paper.record import Size
+    from sepv.paper.suite import reproduce as run
 
     if options["errata"]:
         _errata()
@@ -73,7 +73,7 @@ def _errata() -> None:
     from rich.text import Text
 
     from sepv.console import console
-    from sepv.reference.paper.errata import errata
+    from sepv.paper.errata import errata
 
     out = console()
     for e, measured in errata():
@@ -114,6 +114,6 @@ def _write(reproduction: Any, folder: Path, *, draws: bool) -> None:
         write_atomically(str(folder / f"{panel.key}.json"), json_text(panel.to_json(), indent=None))
         write_atomically(str(folder / f"{panel.key}.csv"), panel.to_csv())
         if draws:
-            from sepv.reference.paper.record import draw
+            from sepv.paper.record import draw
 
             draw(panel, folder)

@@ -37,7 +37,7 @@ def teeth(
     sepv teeth --matrix                 the whole matrix, an hour or more
     """
     from sepv.console import console, print_sentence, showing
-    from sepv.reference.faults import detection as fault_detection
+    from sepv.faults import detection as fault_detection
     from sepv.verification import Effort
 
     bare = not (names or laws or matrix)

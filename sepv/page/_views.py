@@ -13,8 +13,8 @@ from sepv._arguments import hex_float
 from sepv.page._pictures import Pictures
 from sepv.page._sources import Sources
 from sepv.page._text import name, number, plain
+from sepv.paper.record import in_words
 from sepv.pictures import FLOOR, Axis, Series, power
-from sepv.reference.paper.record import in_words
 from sepv.schemes import Look
 
 WORDS = {

@@ -120,8 +120,8 @@ def _named(target: str, problems: Iterable[Problem]) -> Scheme:
     try:
         return by_name(target)
     except UsageError as error:
-        # `sepv.reference.peers` imports `sepv.schemes`: it is imported here, only for names that are not built in.
-        peers = importlib.import_module("sepv.reference.peers.peer")
+        # `sepv.peers` imports `sepv.schemes`: it is imported here, only for names that are not built in.
+        peers = importlib.import_module("sepv.peers.peer")
         if peers.library_of(target):
             solver: Scheme = peers.scheme(target)
             return solver

@@ -1,4 +1,4 @@
-"""Steps of a scheme on hard cases (`sepv.reference.hard`): how they end, and their errors of H in extended precision.
+"""Steps of a scheme on hard cases (`sepv.hard_cases`): how they end, and their errors of H in extended precision.
 
 A step ends well in one of two ways: a value within the derived bound of `sepv.verification._tolerance`, or a
 refusal that the case allows. Every other end is counted as a fault: a value that is not finite or outside the domain, a
@@ -15,9 +15,9 @@ import numpy as np
 
 from sepv.core.newton import Status
 from sepv.errors import SepvError, StepFailure
+from sepv.hard_cases import CATALOGUE, HardCase, Sample
 from sepv.problem import Array, Description, GivenProblem, Problem, matvec
 from sepv.reference.exact_energy import exact_energy
-from sepv.reference.hard import CATALOGUE, HardCase, Sample
 from sepv.reference.problem import exact_problem
 from sepv.schemes import Scheme
 from sepv.schemes import gauss_amplification as amplification

@@ -19,12 +19,12 @@ from click.testing import CliRunner
 from doors import ROOT, command
 from rich.cells import cell_len
 from rich.console import Console
-from sepv.reference.faults import detection as fault_detection
 
 import sepv
 from sepv.commands._cli import COMMANDS, main
 from sepv.commands._watch import DEFECT
 from sepv.console import Table, ascii_text, columns, console, kept, print_table
+from sepv.faults import detection as fault_detection
 from sepv.schemes import midpoint
 from sepv.studies._bench import store
 from sepv.studies._bench.store import record_table

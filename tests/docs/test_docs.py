@@ -18,10 +18,10 @@ import pytest
 import yaml
 from doors import PAGES, ROOT, Reader, block_in, doc, shape
 from doors import blocks as blocks_in
-from sepv.reference.peers.peer import GROUP
 
 from benchmarks import law_pages
 from sepv.commands._cli import main
+from sepv.peers.peer import GROUP
 
 RUN = (
     "samplers", "rigid-bodies", "vortices", "maintainers", "ten-minutes", "teeth", "choosing", "ci", "adapting",

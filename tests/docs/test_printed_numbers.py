@@ -18,13 +18,13 @@ from sepv.properties._stated_functions import _polynomial, drift_of_energy
 from sepv.properties._trace_formula import mean_after
 from sepv.properties.test_invariant import quantity
 from sepv.properties.test_reference import check as check_reference
-from sepv.reference.paper.remarks import _solvable
 
 import sepv
 from benchmarks import hamiltonians as maker
 from sepv import Scheme, exact_flow, external, integrate, problems, schemes
 from sepv.external import Program, check_protocol, load_program
 from sepv.external._errors import StepRefused
+from sepv.paper.remarks import _solvable
 from sepv.problem import Array, PolynomialSystem, Problem, Relation, vector_field
 from sepv.problems import planes
 from sepv.problems._common import hat, skew
@@ -403,6 +403,6 @@ asked.write(sys.stdin.readline())
 def test_energy_and_two_casimirs_in_four_dimensions_are_kept_to_rounding():
     out = python((ROOT / "examples" / "casimirs_in_four_dimensions.py").read_text(encoding="utf-8"))
     kept, lost = ([float(v) for v in re.findall(r"[HCD] (\S+?)(?:,|$)", line)] for line in out.splitlines())
-    # 1000 steps round y ~ 1 by eps each: 8 eps √1000 as in `sepv.reference.paper.runs.rounding_bound`.
+    # 1000 steps round y ~ 1 by eps each: 8 eps √1000 as in `sepv.paper.runs.rounding_bound`.
     assert max(kept) < 8 * 2.0**-52 * 1000**0.5
     assert lost[0] < 8 * 2.0**-52 * 1000**0.5 < 1e-7 < min(lost[1:])

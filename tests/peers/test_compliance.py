@@ -13,7 +13,6 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 from doors import ROOT
-from sepv.reference.peers.peer import Peer, load
 
 from benchmarks.peers import changes as trend
 from benchmarks.peers import compliance, deviations
@@ -29,6 +28,7 @@ from benchmarks.peers.trend import main as trends
 from benchmarks.peers.trend_page import page
 from sepv import Scheme, TargetError, UsageError
 from sepv.console import Shown
+from sepv.peers.peer import Peer, load
 from sepv.verification import Effort, load_laws
 
 DOCS = ROOT / "docs"

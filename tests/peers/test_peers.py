@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from doors import command, doc, measured, verdicts
 from hypothesis import given
-from sepv.reference.peers.peer import names
 
 import sepv
 from sepv import TargetError, problems
+from sepv.peers.peer import names
 from sepv.posing import field_in, in_blocks, pose
 from sepv.problem import vector_field
 from sepv.schemes import SchemeCrash, ask, load_scheme
@@ -28,7 +28,7 @@ FEW = {"examples": 20, "paths": 256, "shrink_checks": 30}
 
 def adapter(library: str) -> ModuleType:
     pytest.importorskip(library, reason=f"{library} is not installed: the extra `peers`")
-    return import_module(f"sepv.reference.peers.{library}")
+    return import_module(f"sepv.peers.{library}")
 
 
 # The problems as data
@@ -203,7 +203,7 @@ def test_a_path_goes_on_with_the_state_that_the_solver_carries(library: str) -> 
 def test_a_package_offers_a_library_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One file and one entry point: the other commands know it by name then."""
     (tmp_path / "stepper.py").write_text(
-        "from sepv.reference.peers.peer import Peer\n"
+        "from sepv.peers import Peer\n"
         "from sepv.schemes import Scheme, midpoint\n"
         "from sepv.studies._compare.method import from_scheme\n"
         "from sepv.problems import rigid_body\n"
@@ -224,8 +224,8 @@ def test_a_package_offers_a_library_of_its_own(tmp_path: Path, monkeypatch: pyte
 
 def test_an_entry_point_that_gives_no_peer_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     point = EntryPoint("other", "sepv.problems:PAPER", "sepv.peers")
-    monkeypatch.setattr("sepv.reference.peers.peer.metadata.entry_points", lambda **_: [point])
-    with pytest.raises(TargetError, match=r"a sepv.reference.peers.peer.Peer at sepv.problems:PAPER"):
+    monkeypatch.setattr("sepv.peers.peer.metadata.entry_points", lambda **_: [point])
+    with pytest.raises(TargetError, match=r"a sepv.peers.Peer at sepv.problems:PAPER"):
         load_scheme("other-heun")
 
 

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from sepv.reference.peers.peer import Peer, load, names
 
 from benchmarks.peers import integrators as page
 from benchmarks.peers import solver_measurements as measurements
@@ -17,6 +16,7 @@ from benchmarks.peers import solvers
 from benchmarks.peers.deviations import _notes
 from benchmarks.peers.solver import KINDS, Solver, problem_of
 from sepv import Effort, Skipped, TargetError, exact_flow, integrate, problems, verify
+from sepv.peers.peer import Peer, load, names
 from sepv.posing import pose_fields
 from sepv.problem import Array, Problem, column, ito_drift, noise_field, vector_field
 from sepv.problems import by_name, henon_heiles, pendulum, planets, rigid_body
@@ -239,7 +239,7 @@ NONE = np.zeros(0)
 
 def loaded(library: str) -> Peer:
     pytest.importorskip(library, reason=f"{library} is not installed: the extras `samplers` and `simulators`")
-    found: Peer = import_module(f"sepv.reference.peers.{library}").PEER
+    found: Peer = import_module(f"sepv.peers.{library}").PEER
     return found
 
 

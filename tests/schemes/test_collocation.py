@@ -12,13 +12,12 @@ from doors import says
 from drawn import by_hand
 from hypothesis import given
 from hypothesis import strategies as st
-from sepv.reference import hard
 from sepv.reference.arithmetic import decimal
 from sepv.reference.steps import reference_step
 from sepv.reference.tableau import stage_table
 
 import sepv
-from sepv import StepFailure, exact_flow, problems, schemes
+from sepv import StepFailure, exact_flow, hard_cases, problems, schemes
 from sepv.core.equations import Equations
 from sepv.core.newton import Status
 from sepv.record import EPS, gauss_legendre
@@ -216,7 +215,7 @@ def test_a_step_is_the_same_with_the_signs_of_state_and_time_turned_and_in_any_u
 
 @pytest.mark.parametrize("name", ["toda-steep", "lotka-volterra-coarse"])
 def test_steps_that_overflow_or_leave_the_domain_say_so_without_a_warning(name: str) -> None:
-    case, seen = hard.by_name(name), set()
+    case, seen = hard_cases.by_name(name), set()
     y, h, dW = case.sample(np.random.default_rng(0), 24)
     for scheme in (schemes.collocation(2), schemes.gauss(2)):
         solution = scheme.solve(case.problem, y, h, dW)

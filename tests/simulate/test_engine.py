@@ -222,8 +222,7 @@ def coefficients(draw: st.DrawFn, count: int, low: float, high: float) -> list[f
 
 
 def test_the_engine_takes_the_formula_of_any_scheme_and_nothing_that_is_around_one() -> None:
-    from sepv.reference.faults.saboteurs import SABOTEURS
-
+    from sepv.faults.saboteurs import SABOTEURS
     from sepv.schemes import energy_preserving
     from sepv.simulate._compiled.schemes import formula_of
 

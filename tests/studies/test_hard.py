@@ -7,18 +7,17 @@ import numpy as np
 import pytest
 from doors import command, obeys
 from drawn import refusing
-from sepv.reference import hard
 
-from sepv import Problem, Scheme, StepFailure, schemes
+from sepv import Problem, Scheme, StepFailure, hard_cases, schemes
 from sepv.core.newton import Status
 from sepv.core.step import Solution
 from sepv.studies._hard_cases import Seen, run
 from sepv.verification import LAWS
 
 
-@pytest.mark.parametrize("case", hard.CATALOGUE, ids=lambda c: c.name)
-def test_every_case_says_why_it_is_hard_and_what_is_expected(case: hard.HardCase) -> None:
-    assert hard.by_name(case.name.replace("-", "_")) is case  # so that no name stands twice
+@pytest.mark.parametrize("case", hard_cases.CATALOGUE, ids=lambda c: c.name)
+def test_every_case_says_why_it_is_hard_and_what_is_expected(case: hard_cases.HardCase) -> None:
+    assert hard_cases.by_name(case.name.replace("-", "_")) is case  # so that no name stands twice
     assert case.reason
     assert case.expected
     assert set(case.refusals) <= {s.name for s in Status} - {"CONVERGED"}
@@ -30,8 +29,8 @@ def test_every_case_says_why_it_is_hard_and_what_is_expected(case: hard.HardCase
     assert case.problem.domain is None or case.problem.domain(sample.y).all()
 
 
-@pytest.mark.parametrize("case", hard.CATALOGUE, ids=lambda c: c.name)
-def test_the_energy_preserving_scheme_solves_to_its_bound_or_refuses(case: hard.HardCase) -> None:
+@pytest.mark.parametrize("case", hard_cases.CATALOGUE, ids=lambda c: c.name)
+def test_the_energy_preserving_scheme_solves_to_its_bound_or_refuses(case: hard_cases.HardCase) -> None:
     (seen,) = run(schemes.energy_preserving, [case], steps=300, laws=2)
     assert seen.as_expected, f"{seen.statuses} {seen.wrong} {seen.laws} {seen.worst}"
     assert sum(seen.statuses.values()) == seen.steps == 300
@@ -44,7 +43,7 @@ def test_the_energy_preserving_scheme_solves_to_its_bound_or_refuses(case: hard.
 )
 def test_the_other_implicit_schemes_leave_nothing_unmarked(scheme) -> None:
     # Stages may lie higher up the walls of the Toda chain than y0 and y1, where the bound looks.
-    cases = [c for c in hard.CATALOGUE if scheme.stages == 1 or c.name != "toda-steep"]
+    cases = [c for c in hard_cases.CATALOGUE if scheme.stages == 1 or c.name != "toda-steep"]
     for seen in run(scheme, cases, steps=60, laws=0):
         assert not seen.wrong, f"{seen.case.name}: {seen.wrong}, {seen.worst}"
         assert sum(seen.statuses.values()) == 60
@@ -57,7 +56,7 @@ def broken(change) -> list[Seen]:
         return change(schemes.energy_preserving.solve(problem, y, h, dW))
 
     scheme = replace(schemes.energy_preserving, solve=solve)
-    return run(scheme, [hard.by_name(n) for n in ("henon-heiles", "huge-constant")], steps=50, laws=0)
+    return run(scheme, [hard_cases.by_name(n) for n in ("henon-heiles", "huge-constant")], steps=50, laws=0)
 
 
 @pytest.mark.parametrize(
@@ -83,7 +82,7 @@ def test_refusals_that_a_case_does_not_allow_are_not_as_expected() -> None:
 
 def test_collocation_solves_where_the_argument_of_the_sine_is_rounded() -> None:
     for name in ("pendulum-far-angles", "pendulum-separatrix"):
-        (seen,) = run(schemes.collocation(2), [hard.by_name(name)], steps=60, laws=0)
+        (seen,) = run(schemes.collocation(2), [hard_cases.by_name(name)], steps=60, laws=0)
         assert seen.solved == 60
 
 
@@ -95,7 +94,7 @@ def test_a_third_party_step_is_run_state_by_state() -> None:
             raise RuntimeError("out of order")
         return y.copy()
 
-    (seen,) = run(Scheme("mine", step), [hard.by_name("rank-0")], steps=60, laws=0)
+    (seen,) = run(Scheme("mine", step), [hard_cases.by_name("rank-0")], steps=60, laws=0)
     assert set(seen.statuses) == {"CONVERGED", "REFUSED", "CRASH"}
     assert sum(seen.statuses.values()) == 60
     assert not seen.as_expected
@@ -107,7 +106,7 @@ def test_a_third_party_step_is_run_state_by_state() -> None:
 @pytest.mark.parametrize(("name", "right"), [("overflowing-energy", True), ("rank-0", False)])
 def test_a_refusal_without_a_status_is_right_where_the_case_allows_one(name: str, right: bool) -> None:
     scheme = Scheme("mine", refusing(StepFailure("no convergence")))
-    (seen,) = run(scheme, [hard.by_name(name)], steps=4, laws=0)
+    (seen,) = run(scheme, [hard_cases.by_name(name)], steps=4, laws=0)
     assert seen.statuses == {"REFUSED": 4}
     assert seen.as_expected == right
     assert (seen.worst is None) == right
@@ -128,11 +127,11 @@ def test_the_command_shows_the_table_and_writes_json(tmp_path) -> None:
 
 def test_the_command_explains() -> None:
     explained = command("hard --explain").output
-    assert not [case.name for case in hard.CATALOGUE if case.name not in explained]
+    assert not [case.name for case in hard_cases.CATALOGUE if case.name not in explained]
 
 
 @pytest.mark.deep
 def test_a_million_steps() -> None:
-    found = run(schemes.energy_preserving, steps=1_000_000 // len(hard.CATALOGUE) + 1, laws=50, seed=1)
+    found = run(schemes.energy_preserving, steps=1_000_000 // len(hard_cases.CATALOGUE) + 1, laws=50, seed=1)
     assert sum(s.steps for s in found) >= 1_000_000
     assert all(s.as_expected for s in found)

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 from doors import ROOT, command, obeys
-from sepv.reference.faults.saboteurs import SABOTEURS
-from sepv.reference.faults.saboteurs.twins import euler_heun, port_of
 
 import sepv
 from benchmarks.right_schemes.twins import ports
 from sepv import Effort, Scheme, StatefulStep, schemes
+from sepv.faults.saboteurs import SABOTEURS
+from sepv.faults.saboteurs.twins import euler_heun, port_of
 from sepv.problem import Array, Problem
 from sepv.schemes import Twin
 from sepv.verification import ALL_LAWS, LAWS, Finding, Run, Verdict, load_laws, measure

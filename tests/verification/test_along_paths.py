@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sepv.reference.faults.saboteurs import SABOTEURS
 
 import sepv
 from benchmarks.right_schemes import RIGHT
 from sepv import problems
+from sepv.faults.saboteurs import SABOTEURS
 from sepv.schemes import Scheme, energy_preserving
 from sepv.verification import Effort, Run, replay
 from sepv.verification._along_paths import CASIMIR, ENERGY, taken, watching

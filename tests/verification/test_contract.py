@@ -12,12 +12,12 @@ from doors import finding, says
 from drawn import refusing
 from sepv.properties import _without_memory
 from sepv.properties._without_solution import legendre_sum, made, proof
-from sepv.reference.faults.saboteurs import SABOTEURS
 
 import sepv
 from benchmarks.right_schemes import RIGHT
 from sepv import SchemeFault, StepFailure, schemes
 from sepv._arithmetic import is_default
+from sepv.faults.saboteurs import SABOTEURS
 from sepv.problem import Array, Problem, Systems
 from sepv.schemes import Scheme, collocation, energy_preserving, midpoint
 from sepv.verification import Case, Effort, Verdict, replay, verify

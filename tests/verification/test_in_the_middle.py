@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from doors import doc, finding, measured, obeys, says, verdicts
 from sepv.properties._orders.without_noise import path_errors
-from sepv.reference.faults.saboteurs import SABOTEURS
 
 import sepv
 from benchmarks.law_pages import middles
 from benchmarks.right_schemes import RIGHT
 from benchmarks.right_schemes.with_memory import SCHEMES
 from sepv import Scheme, StatefulStep, problems
+from sepv.faults.saboteurs import SABOTEURS
 from sepv.problem import Array, Problem
 from sepv.schemes import energy_preserving, has_memory, resumed, several
 from sepv.verification import Case, Effort, Measurement, Middle, load_laws, replay, require, searched

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from sepv.properties._stationary import Stationary, exact, of_step
-from sepv.reference.faults.saboteurs import SABOTEURS
 
 import sepv
 from benchmarks.right_schemes import RIGHT
+from sepv.faults.saboteurs import SABOTEURS
 from sepv.problem import Problem, Systems, friction
 from sepv.problems import harmonic_trap, langevin_oscillator
 from sepv.schemes import Scheme, by_name

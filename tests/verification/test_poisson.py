@@ -15,11 +15,11 @@ from sepv.properties import test_volume as volume
 from sepv.properties._reversal import momentum_flip
 from sepv.properties._structures import is_constant, is_poisson
 from sepv.properties.test_poisson_map import constant
-from sepv.reference.faults.saboteurs import SABOTEURS
 
 import sepv
 from benchmarks.right_schemes import RIGHT
 from sepv import Skipped, problems, schemes, verify
+from sepv.faults.saboteurs import SABOTEURS
 from sepv.problem import Array, PolynomialSystem, Problem, Systems, jacobi_defect, mechanics
 from sepv.problem import _poisson as poisson
 from sepv.record import _polynomial as poly

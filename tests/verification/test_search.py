@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 from doors import ROOT, command, says
 from hypothesis import strategies as st
-from sepv.reference.faults import detection as fault_detection
-from sepv.reference.faults.saboteurs import SABOTEURS
-from sepv.reference.faults.saboteurs.noise import _with
 from sepv.reference.vector import digest
 
 from benchmarks import witnesses as maker
 from benchmarks.power import FAULTS, Fault, measured, power
 from benchmarks.right_schemes import RIGHT
 from sepv import Scheme, problems, schemes
+from sepv.faults import detection as fault_detection
+from sepv.faults.saboteurs import SABOTEURS
+from sepv.faults.saboteurs.noise import _with
 from sepv.files import fault
 from sepv.problem import Array, Problem, Systems
 from sepv.verification import Case, Cases, Effort, Law, Measurement, Run, Verdict, load_laws, searched, verify

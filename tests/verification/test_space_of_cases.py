@@ -13,9 +13,9 @@ from doors import command, says
 from drawn import refusing
 from sepv.properties import test_energy as energy
 from sepv.properties._long_steps import for_energy, long_steps
-from sepv.reference.faults.saboteurs import SABOTEURS
 
 from sepv import Skipped, problems, schemes
+from sepv.faults.saboteurs import SABOTEURS
 from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem, Systems, mechanics
 from sepv.problems.shown_to_schemes import GIVEN, shown
 from sepv.schemes import Scheme, ask, energy_preserving, milstein

@@ -28,13 +28,13 @@ from sepv.properties._orders.long_times import (
 )
 from sepv.properties._orders.without_noise import RATIO, judge
 from sepv.properties._reversal import mirrors
-from sepv.reference.faults.saboteurs import SABOTEURS
 
 import sepv
 from benchmarks.right_schemes import RIGHT
 from benchmarks.right_schemes.other_formulas import MECHANICAL
 from sepv import Scheme, Skipped, problems, schemes
 from sepv.exact import PHASES
+from sepv.faults.saboteurs import SABOTEURS
 from sepv.problem import Array, Problem, Systems, mechanics
 from sepv.record import EPS
 from sepv.schemes._leapfrog import composed

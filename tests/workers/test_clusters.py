@@ -365,8 +365,8 @@ def test_errors_of_a_comparison_are_those_of_one_process(client: Any) -> None:
 
 
 def test_a_figure_is_the_same_from_the_cluster(client: Any) -> None:
-    from sepv.reference.paper.record import Size
-    from sepv.reference.paper.suite import reproduce
+    from sepv.paper.record import Size
+    from sepv.paper.suite import reproduce
 
     size = Size(share=0.001)
     here, there = (reproduce(["4.1"], size=size, workers=w) for w in (1, client))

@@ -246,7 +246,7 @@ def load_method(target: str, problem: Problem) -> Method:
     """
     if target == EXACT:
         return exact_time_change()
-    peers = import_module("sepv.reference.peers.peer")  # imported late, because it imports this module
+    peers = import_module("sepv.peers.peer")  # imported late, because it imports this module
     driven: Method | None = peers.method(target) if peers.library_of(target) else None
     if driven is not None:
         return driven
