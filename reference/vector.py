@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -104,13 +103,6 @@ def digest(data: dict[str, Any]) -> str:
         ensure_ascii=True,
     )
     return hashlib.sha256(text.encode("ascii")).hexdigest()[:16]
-
-
-def to_text(scheme: str, source: str, vectors: Iterable[ReferenceVector]) -> str:
-    """The text of a whole file: a head, then one case a line."""
-    head = {"format": FORMAT, "scheme": scheme, "source": source, "digits": DIGITS}
-    lines = ",\n".join(json.dumps(to_json(v), separators=(",", ":"), ensure_ascii=True) for v in vectors)
-    return json.dumps(head, ensure_ascii=True, indent=1)[:-2] + ',\n "cases": [\n' + lines + "\n ]\n}\n"
 
 
 def schemes_with_vectors(folder: Path = FOLDER) -> list[str]:

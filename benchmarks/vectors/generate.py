@@ -7,9 +7,10 @@ and proved by ball arithmetic (the extra `certify`) before it is written; a file
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from math import isfinite
 from pathlib import Path
@@ -22,11 +23,11 @@ from sepv.reference.certify import certify
 from sepv.reference.equations import Equation, make_step
 from sepv.reference.flow import enclosed, taylor
 from sepv.reference.problem import binary64_problem
-from sepv.reference.rounding import UNIT, error_units
 from sepv.reference.solve import BROKEN
 from sepv.reference.steps import ReferenceStep, find_equation, reference_step
-from sepv.reference.vector import DIGITS, FLOW, FOLDER, ReferenceVector, load, to_text
+from sepv.reference.vector import DIGITS, FLOW, FOLDER, FORMAT, ReferenceVector, load, to_json
 
+from benchmarks.vectors.rounding import UNIT, error_units
 from benchmarks.vectors.selection import SCHEMES, Candidate, candidates
 from sepv.errors import SepvError
 from sepv.files import write_atomically
@@ -40,6 +41,13 @@ _ZERO = 390
 
 class GenerationError(SepvError):
     """A case whose answer could not be computed or proved; nothing was written."""
+
+
+def to_text(scheme: str, source: str, vectors: Iterable[ReferenceVector]) -> str:
+    """The text of a whole file: a head, then one case a line."""
+    head = {"format": FORMAT, "scheme": scheme, "source": source, "digits": DIGITS}
+    lines = ",\n".join(json.dumps(to_json(v), separators=(",", ":"), ensure_ascii=True) for v in vectors)
+    return json.dumps(head, ensure_ascii=True, indent=1)[:-2] + ',\n "cases": [\n' + lines + "\n ]\n}\n"
 
 
 def answer(candidate: Candidate, name: str) -> ReferenceVector:

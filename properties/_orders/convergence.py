@@ -225,12 +225,6 @@ def slope(errors: StrongErrors, alpha: float) -> Estimate:
     )
 
 
-def log_decay(errors: StrongErrors, alpha: float) -> Estimate:
-    """Estimate ln(rms error at the finest step / at the coarsest). It is about 0 if the scheme's limit is wrong."""
-    ends = errors.squared[[0, -1]]
-    return jackknife(ends, lambda mean: float(0.5 * np.log(mean[1] / mean[0])), alpha)
-
-
 def quantile_slope(errors: StrongErrors, alpha: float) -> Estimate:
     """Estimate the order at which the QUANTILE of |e| falls, over the step sizes with errors above rounding.
 

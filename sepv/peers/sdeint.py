@@ -62,11 +62,9 @@ def _kp2is_path(problem: Problem, y0: Array, h: float, dW: Array) -> Array:
         raise StepFailure(f"sdeint: {error}".partition(" with args")[0]) from error
 
 
-def _scheme(
-    integrator: Callable[..., Any], source: str, order: float = 1.0, note: str = "", integrals: bool = False
-) -> Scheme:
-    name, step = f"sdeint {integrator.__name__}{note}", _step_by(integrator, integrals)
-    return Scheme(name=name, step=step, mean_square_order=order, source=source, truncation=None)
+def _scheme(integrator: Callable[..., Any], source: str, integrals: bool = False) -> Scheme:
+    name, step = f"sdeint {integrator.__name__}", _step_by(integrator, integrals)
+    return Scheme(name=name, step=step, mean_square_order=1.0, source=source, truncation=None)
 
 
 strat_heun = _scheme(sdeint.stratHeun, "sdeint.stratHeun; order 1 because all noises drive one field")
@@ -76,9 +74,6 @@ strat_kp2is = Scheme(
     name="sdeint stratKP2iS", step=PathSolver(_kp2is_path), mean_square_order=1.0, truncation=None,
     source="sdeint.stratKP2iS: two-step implicit order 1.0 strong algorithm",
 )  # fmt: skip
-# A user who overlooks the difference gives Stratonovich coefficients to an Itô solver without conversion.
-_GIVEN = "sdeint.itoEuler, given the coefficients of the Stratonovich form"
-ito_euler = _scheme(sdeint.itoEuler, _GIVEN, order=0.5, note=", unconverted")
 
 
 def _run(problem: Problem, y0: Array, h: float, dW: Array, _keep: bool) -> Callable[[], Array]:

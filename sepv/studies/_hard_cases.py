@@ -26,8 +26,6 @@ from sepv.verification import Case, energy_bound, energy_ulp, step_residual
 
 # The number of steps in a batch, which are solved together and have the same random h.
 BATCH = 500
-# The kinds of wrong values that a scheme returned as solutions, without reporting a failure.
-UNMARKED_KINDS = ("not finite", "outside the domain", "beyond the bound", "residual beyond the bound")
 
 
 @dataclass
@@ -35,7 +33,8 @@ class Seen:
     """The results of one scheme on one hard case, collected over batches of steps.
 
     statuses : status -> number of steps, by name of `Status`; REFUSED after StepFailure, CRASH after another error
-    wrong : kind -> number of wrong values that the scheme returned as solutions; the kinds are in UNMARKED_KINDS
+    wrong : kind -> number of wrong values that the scheme returned as solutions; kinds are "not finite", "outside
+        the domain", "beyond the bound" and "residual beyond the bound"
     defects : (n,), energy defects of the solved steps, in energy ulps
     ratio : the largest quotient of a defect and its bound
     iterations : (n,), Newton iterations of the solved steps, if the scheme reports them

@@ -62,14 +62,12 @@ def test_an_adapter_of_sdeint_runs_its_own_code(name: str) -> None:
     """Euler's rule of Itô's kind gets Stratonovich's coefficients, as a user would hand them over by mistake."""
     sdeint, module = pytest.importorskip("sdeint"), adapter("sdeint")
     problem, h, dW = problems.pendulum(), 0.1, np.array([0.2, -0.1])
-    y, scheme = (
-        np.asarray(problem.initial),
-        {"stratHeun": module.strat_heun, "itoEuler": module.ito_euler}[name],
-    )
+    y, integrator = np.asarray(problem.initial), getattr(sdeint, name)
+    step = {"stratHeun": module.strat_heun.step, "itoEuler": module._step_by(integrator, False)}[name]
     f = lambda state, _t: vector_field(problem, np.asarray(state))  # noqa: E731  (sdeint wants a callable)
     G = lambda state, _t: np.outer(f(state, _t), problem.c)  # noqa: E731  (the same)
-    theirs = getattr(sdeint, name)(f, G, y, np.array([0.0, h]), dW=dW[None])[-1]
-    assert np.array_equal(scheme.step(problem, y, h, dW), theirs)
+    theirs = integrator(f, G, y, np.array([0.0, h]), dW=dW[None])[-1]
+    assert np.array_equal(step(problem, y, h, dW), theirs)
 
 
 def test_sdeints_runge_kutta_method_gets_its_repeated_integrals_and_does_not_keep_the_energy() -> None:

@@ -14,11 +14,11 @@ from sepv.reference.arithmetic import context
 from sepv.reference.elliptic import closed_form
 from sepv.reference.flow import taylor
 from sepv.reference.problem import exact_problem
-from sepv.reference.rounding import error_units
 from sepv.reference.steps import reference_step
-from sepv.reference.vector import FLOW, FOLDER, ReferenceVector, digest, load, schemes_with_vectors, to_text
+from sepv.reference.vector import FLOW, FOLDER, ReferenceVector, digest, load, schemes_with_vectors
 
 from benchmarks.vectors import generate
+from benchmarks.vectors.rounding import error_units
 from benchmarks.vectors.selection import SCHEMES
 from sepv import Scheme, StepFailure, UsageError, exact_flow, problems, schemes
 from sepv.core.arrays import EPS, TINY
@@ -117,7 +117,7 @@ def test_files_are_as_the_schema_says_and_small(scheme: str) -> None:
     path = FOLDER / f"{scheme}.json"
     jsonschema.Draft202012Validator(SCHEMA).validate(json.loads(path.read_text()))
     assert path.stat().st_size < 1e6
-    assert to_text(scheme, generate.source_of(scheme), load(scheme)) == path.read_text()
+    assert generate.to_text(scheme, generate.source_of(scheme), load(scheme)) == path.read_text()
 
 
 def test_the_vectors_cover_what_they_should() -> None:
