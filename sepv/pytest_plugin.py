@@ -135,9 +135,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
     if config.getoption("sepv_twin"):
         return
-    asked = [item for item in items if _law_of(item) not in OF_TWINS]
-    config.hook.pytest_deselected(items=[item for item in items if item not in asked])
-    items[:] = asked
+    of_twins = [item for item in items if _law_of(item) in OF_TWINS]
+    config.hook.pytest_deselected(items=of_twins)
+    items[:] = [item for item in items if _law_of(item) not in OF_TWINS]
 
 
 def _law_of(item: pytest.Item) -> str | None:

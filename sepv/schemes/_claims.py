@@ -103,5 +103,7 @@ def page_of(law: str) -> str:
 def require_laws(names: Iterable[str]) -> None:
     """Raise a UsageError for a name that is not a law; the message has the closest law."""
     for name in names:
-        if name not in ALL_LAWS:  # the closest law is searched for only where there is none, as each scheme asks
+        if (
+            name not in ALL_LAWS
+        ):  # only then is the closest law searched for: 30 ms for the claims of a scheme
             require_one_of("a law", name, ALL_LAWS, "see `sepv list`", did_you_mean(name, ALL_LAWS))
