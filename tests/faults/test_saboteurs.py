@@ -1,5 +1,6 @@
 """The suite detects: every saboteur is killed, every law is needed, and faults that real programs had are found."""
 
+import math
 from io import StringIO
 
 import numpy as np
@@ -96,6 +97,16 @@ def test_each_saboteur_claims_what_the_scheme_claims(name: str) -> None:
     else:
         right = by_name("energy-preserving")
     assert saboteur.scheme.claims == right.claims
+
+
+@pytest.mark.parametrize(("name", "order"), [("explicit-heun", 2), ("runge-kutta", 4)])
+def test_explicit_saboteurs_are_the_methods_that_they_are_named_after(name: str, order: int) -> None:
+    """For y′ = Ay a step is Σ_{k ≤ p} (ΔA)^k/k! y, with p stages of order p."""
+    problem, y = problems.harmonic_oscillator(), np.array([0.3, -0.7])
+    moved = 0.25 * np.array([[0.0, -1.0], [1.0, 0.0]])
+    series = sum(np.linalg.matrix_power(moved, k) / math.factorial(k) for k in range(order + 1))
+    y1 = SABOTEURS[name].scheme.step(problem, y, 0.25, np.zeros(problem.noises))
+    assert y1 == pytest.approx(series @ y, rel=1e-15)
 
 
 @pytest.mark.parametrize("name", [s.name for s in SABOTEURS.values() if s.family == "interface"])

@@ -4,6 +4,7 @@ import csv
 import html
 import io
 import json
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -27,7 +28,7 @@ from sepv.paper import (
     runs,
 )
 from sepv.paper.errata import ENTRIES, Erratum, Evidence
-from sepv.paper.record import OURS, STATED, Size, draw, rms_points
+from sepv.paper.record import HEIGHT, OURS, STATED, Size, draw, rms_points
 from sepv.paper.suite import Reproduction, reproduce
 from sepv.paper.suite import _run as run_jobs
 from sepv.pictures import Axis, draw_curves, figure, looks, looks_of
@@ -158,6 +159,19 @@ def test_figures_are_the_same_files_for_the_same_numbers(rigid: Reproduction, tm
         assert "<svg" in svg.read_text()
     for name in ("4.3-order.svg", "4.3-order.png", "4.3-order.pdf"):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+
+
+def test_a_legend_of_long_labels_has_one_column_and_makes_the_figure_higher(
+    rigid: Reproduction, tmp_path: Path
+) -> None:
+    panel = rigid.panels[2]
+    assert len(panel.series) > 3
+    for letters, rows in ((22, math.ceil(len(panel.series) / 2)), (23, len(panel.series))):
+        named = [replace(s, name=s.name[:1].ljust(letters, "x")) for s in panel.series]
+        svg, _, _ = draw(replace(panel, series=named), tmp_path)
+        height = re.search(r'<svg [^>]*height="([\d.]+)pt"', svg.read_text())
+        assert height is not None
+        assert float(height[1]) == pytest.approx(72 * (HEIGHT + 0.14 * max(0, rows - 3)), abs=0.01)
 
 
 def test_curves_have_one_order_in_all_legends_and_no_two_look_alike(rigid: Reproduction) -> None:

@@ -20,6 +20,7 @@ from sepv.simulate._ensembles.collectors import Reducing
 from sepv.simulate._ensembles.task import NumpyChunk, Task
 from sepv.simulate._results.reductions import summary
 from sepv.simulate._results.sketch import Sketch, sketch
+from sepv.simulate.targets import _numba as numba_target
 from sepv.simulate.targets import registry
 from sepv.simulate.targets._target import CannotCompile, Target
 from sepv.simulate.targets.cuda import chunk, devices, text
@@ -361,3 +362,12 @@ def test_every_scheme_and_problem_agrees_with_numpy(problem: str) -> None:
         solved = plain.status == 0
         bound = 64 * 8 * EPS * np.max(np.abs(plain.y), initial=1.0)
         assert np.max(np.abs(card.y - plain.y)[:, solved], initial=0.0) <= bound, name
+
+
+@pytest.mark.parametrize("workers", [2, 3])
+def test_each_thread_has_a_few_chunks_of_an_ensemble(workers: int) -> None:
+    """One alone has as few as memory allows, because nothing is gained by more."""
+    whole = task(problems.pendulum(), 2**13, 4096)
+    chunks = -(-whole.count // numba_target._size(whole, workers, False))
+    assert workers < chunks <= numba_target.SHARES * workers
+    assert numba_target._size(whole, 1, False) == whole.count

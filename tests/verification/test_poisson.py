@@ -25,6 +25,7 @@ from sepv.problem import _poisson as poisson
 from sepv.record import _polynomial as poly
 from sepv.schemes import Scheme, midpoint
 from sepv.verification import Case, Effort, Finding
+from sepv.verification._cases.families import _ALGEBRAS, algebra
 from sepv.verification._contraction import contraction_ball
 
 QUICK = {"examples": 10, "shrink_checks": 0}
@@ -38,6 +39,17 @@ def test_structures_of_the_strategies_satisfy_jacobis_identity(system: Polynomia
     assert np.abs(jacobi_defect(problem, y)).max() <= 1e-13 * system.dimension * terms
     assert is_poisson(problem, y)
     assert is_poisson(replace(problem, structure_derivative=None, data=None, check=False), y)
+
+
+@pytest.mark.parametrize("name", _ALGEBRAS)
+def test_the_algebras_that_systems_are_drawn_from_have_jacobis_identity_and_their_casimirs(name: str) -> None:
+    d, B, quadratic, linear = algebra(name)
+    system, y = PolynomialSystem(d, poly.squares((1.0,) * d), B), np.arange(1.0, d + 1)
+    problem = problems.build(system)
+    assert np.all(jacobi_defect(problem, y) == 0)
+    assert quadratic or linear
+    for slope in (*(2 * np.array(A) @ y for A in quadratic), *map(np.array, linear)):
+        assert np.all(problem.structure(y) @ slope == 0)
 
 
 def test_a_structure_without_the_identity_is_told() -> None:

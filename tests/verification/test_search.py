@@ -106,6 +106,11 @@ def test_a_law_of_which_few_cases_are_left_does_not_hold() -> None:
     assert report.findings[0].verdict is Verdict.INCONCLUSIVE
     assert "% of the cases were measured: a law holds on 25 % at least" in report.findings[0].message
     assert report.exit_code == 1
+    (law,), log = load_laws(["energy"]), search.SearchLog()
+    log.checks = 1
+    for share, verdict in ((0.25, Verdict.HOLDS), (0.249, Verdict.INCONCLUSIVE)):
+        log.share = share
+        assert search.conclude(law, some, log, lambda *_: Measurement(0.0, 1.0)).verdict is verdict
 
 
 # Of the subtler faults, those that err by a power of the step: their cases have to be made for them.

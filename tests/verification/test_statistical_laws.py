@@ -183,6 +183,10 @@ def test_the_shares_of_the_limit_are_what_the_fault_is() -> None:
     share = leading(samples, errors.h, 0)
     k = names.index("noise")
     assert abs(share.value[k] - 0.03) < 5 * share.error[k] + 2 * 0.03**2
+    # The bound of a violation is what the interval and higher powers of h may add to the share: the latter 1e-7 of it.
+    found = limit.assessing(False)(problem, errors, 1e-3, 1.0)
+    assert found.verdict is Verdict.VIOLATED
+    assert found.bound == pytest.approx(found.value - found.low, rel=1e-9)
 
 
 def test_noises_that_commute_give_order_one_with_a_drift_that_does_not() -> None:

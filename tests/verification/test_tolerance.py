@@ -362,6 +362,8 @@ def test_errors_of_a_contraction_are_amplified_by_no_more_than_the_bound() -> No
     slope = np.stack([(right(y1 + e) - right(y1 - e)) / 2e-6 for e in 1e-6 * np.eye(2)], axis=1)
     size = np.abs(np.linalg.inv(np.eye(2) - slope)).sum(axis=1).max()
     assert 1 < size <= amplified(schemes.energy_preserving, case)
+    # R(z) = κz amplifies errors by 1/(1 − κ): no bound may be smaller.
+    assert amplified(schemes.energy_preserving, case) >= 1 / (1 - CONTRACTION)
 
 
 def test_the_ball_of_a_contraction_may_be_smaller_than_the_state() -> None:

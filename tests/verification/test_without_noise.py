@@ -189,6 +189,16 @@ def test_a_limit_of_the_error_over_h_is_told_from_powers_and_from_rounding(power
     assert limit(h, scattered, rounding) is None
 
 
+@pytest.mark.parametrize(("roundings", "fits"), [(1.5, True), (2.5, False)])
+def test_errors_that_alternate_by_more_than_two_roundings_fit_no_power_of_h(
+    roundings: float, fits: bool
+) -> None:
+    """No polynomial of degree five follows 25 signs that alternate."""
+    h = 2.0 ** -np.arange(4.0, 16.5, 0.5)
+    errors = h**3 + roundings * 64 * EPS * (-1.0) ** np.arange(h.size)
+    assert (limit(h, errors[:, None], 64 * EPS) is not None) is fits
+
+
 def test_errors_that_do_not_fall_accuse_nobody() -> None:
     h = 4 * RATIO ** -np.arange(31.0)
     flat = judge(h, np.full(31, 1e-7), 4.5, 1e-14, 2e-11)
