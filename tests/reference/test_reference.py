@@ -15,6 +15,7 @@ from sepv.reference.elliptic import closed_form
 from sepv.reference.flow import taylor
 from sepv.reference.problem import exact_problem
 from sepv.reference.steps import reference_step
+from sepv.reference.taylor import flow_series
 from sepv.reference.vector import FLOW, FOLDER, ReferenceVector, digest, load, schemes_with_vectors
 
 from benchmarks.vectors import generate
@@ -22,10 +23,22 @@ from benchmarks.vectors.rounding import error_units
 from benchmarks.vectors.selection import SCHEMES
 from sepv import Scheme, StepFailure, UsageError, exact_flow, problems, schemes
 from sepv.core.arrays import EPS, TINY
+from sepv.problem import PolynomialSystem
+from sepv.record import poly
 from sepv.verification import Case, strategies
 
 energy_preserving = partial(reference_step, "energy-preserving")
 midpoint = partial(reference_step, "midpoint")
+
+
+def test_the_series_of_a_flow_has_the_coefficients_of_known_solutions() -> None:
+    """cos t and sin t, and 1/(1 − t) for y1′ = y1² (H = y2, B12 = y1²)."""
+    circle = PolynomialSystem(2, poly.squares((1, 1)), ((0, 1, poly.constant(2, -1.0)),))
+    for k, (p, q) in enumerate(flow_series(circle, (0.0, 1.0), 8)):
+        assert abs(p * math.factorial(k) - (0, -1, 0, 1)[k % 4]) < 1e-38
+        assert abs(q * math.factorial(k) - (1, 0, -1, 0)[k % 4]) < 1e-38
+    riccati = PolynomialSystem(2, poly.linear((0.0, 1.0)), ((0, 1, poly.polynomial(2, {(2, 0): 1.0})),))
+    assert flow_series(riccati, (1.0, 0.5), 8) == [[1, 0.5], *[[1, 0]] * 8]
 
 
 @given(strategies.any_steps())

@@ -113,6 +113,14 @@ def test_a_law_of_which_few_cases_are_left_does_not_hold() -> None:
         assert search.conclude(law, some, log, lambda *_: Measurement(0.0, 1.0)).verdict is verdict
 
 
+def test_skipped_cases_are_counted_by_their_reason() -> None:
+    log = search.SearchLog()
+    log.checks = 4
+    for reason, may in (("too long", True), ("too long", False), ("extreme", True)):
+        log.skip(reason, may=may)
+    assert (log.skipped, log.refused, log.lacking, log.checks) == ({"too long": 2, "extreme": 1}, 3, 1, 1)
+
+
 # Of the subtler faults, those that err by a power of the step: their cases have to be made for them.
 BROKEN = ("one-point-quadrature", "b-at-y0", "(2.1)")
 SUBTLE = [f for f in FAULTS if f.broken in BROKEN and f.law != "reference"]

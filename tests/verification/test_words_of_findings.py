@@ -16,9 +16,10 @@ import numpy as np
 import pytest
 from doors import ROOT, ended
 from drawn import euler, stretched
+from sepv.properties.test_midpoint import check as check_midpoint
 
 import sepv
-from sepv import Scheme, TargetError, exact_flow, problems
+from sepv import Scheme, TargetError, exact_flow, problems, schemes
 from sepv.children import Journal, Notes
 from sepv.commands._shared import candidates
 from sepv.console import _progress as display
@@ -387,3 +388,11 @@ def test_laws_of_few_steps_are_asked_first_and_shown_in_the_order_of_the_suite()
     assert [f.law for f in report.findings] == asked_for.split(",")
     assert asked == ["contract", "energy", "poisson-map:constant", "local-mean", "local-weak", "mean-square-order",
                      "right-limit"]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("scheme", "method"), [("midpoint", "the midpoint rule"), ("gauss-2", "the 2-stage Gauss method")]
+)
+def test_the_law_midpoint_names_the_method_that_a_step_is_compared_with(scheme: str, method: str) -> None:
+    case = Case(problems.harmonic_oscillator().data, (0.2, 0.1), 0.25, (0.5,))
+    assert check_midpoint(schemes.by_name(scheme), case).detail.endswith(f"ulp from {method}")
