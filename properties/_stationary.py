@@ -12,6 +12,14 @@ made. This is tested. If the spectral radius of Φ is below 1, the step has the 
     ν = b + Φν,    S = ΦSΦᵀ + NNᵀ.                                                                             (D)
 
 Increments are not clipped here. A scheme that clips them itself is not affine.
+
+**Roundings.** Both equations are solved in standard deviations of the exact distribution, as LX = R
+with the matrix L of a linear map of covariances. A computed X has the error
+|L⁻¹|(|LX − R| + γ(|L||X| + |R|) + δ), where γ is the rounding of d² + d sums and δ that of L and R.
+For (S) δ comes from K operations behind each entry of A and G. For (D) a step errs by e in each
+component, which is its residual (`sepv.verification._tolerance`) times the largest ‖(I + chA)⁻¹‖ for
+c = 0, ½, 1: right for explicit steps, the midpoint rule and an implicit Euler step, an estimate for
+others. So Φ and N, differences of steps, err by 2e, and δ = 4e(‖Φ‖ Σ|S| + ‖N‖) in the norm of row sums.
 """
 
 from __future__ import annotations
@@ -42,6 +50,7 @@ from sepv.problem import (
 from sepv.problems import canonical, started
 from sepv.record import EPS, poly
 from sepv.schemes import Scheme, ask, has_memory
+from sepv.verification._tolerance import operations, step_residual
 
 # The largest dimension: (S) and (D) are solved as systems of d² equations.
 MAX_DIMENSION = 12
@@ -58,14 +67,15 @@ MEMBERS = 2
 class Stationary:
     """A stationary distribution: mean (d,) and covariance (d, d).
 
-    `condition` is the factor by which (S) or (D) amplifies roundings. `time` is 1/|λ| for the fastest eigenvalue λ of
-    A, or the step.
+    `rounding` bounds the roundings of both, in standard deviations of the exact distribution. `time` is 1/|λ| for the
+    fastest eigenvalue λ of A, or the step. `drift` is A.
     """
 
     mean: Array
     covariance: Array
-    condition: float
+    rounding: float
     time: float
+    drift: Array
 
 
 def exact(problem: Problem) -> Stationary | str:
@@ -86,8 +96,22 @@ def exact(problem: Problem) -> Stationary | str:
         return f"{problem.name} has no stationary distribution"
     G = noise_vectors(problem).T * problem.c
     mean = np.asarray(np.linalg.solve(A, drift(problem, np.zeros(d))))
-    operator = np.kron(A, np.eye(d)) + np.kron(np.eye(d), A)
-    return _solved(operator, G @ G.T, mean, float(1 / np.max(np.abs(np.linalg.eigvals(A)))))
+    solved = _solved(_of_flow(A), G @ G.T, np.zeros((d, d)))[0]
+    sizes = np.sqrt(np.diag(solved))
+    A_hat, G_hat = A * sizes / sizes[:, None], G / sizes[:, None]
+    each = 0.5 * EPS * operations(problem)
+    spread = np.abs(A_hat) @ np.abs(solved / np.outer(sizes, sizes))
+    delta = 2 * each * (spread + spread.T + np.abs(G_hat) @ np.abs(G_hat).T)
+    _, rounding = _solved(_of_flow(A_hat), G_hat @ G_hat.T, delta)
+    about = np.linalg.norm(np.linalg.inv(A_hat), np.inf) * each * np.linalg.norm(A_hat, np.inf)
+    rounding += 2 * float(about * np.max(np.abs(mean / sizes)))
+    return Stationary(mean, solved, rounding, float(1 / np.max(np.abs(np.linalg.eigvals(A)))), A)
+
+
+def _of_flow(A: Array) -> Array:
+    """The matrix (d², d²) of the map Σ → AΣ + ΣAᵀ."""
+    one = np.eye(len(A))
+    return np.asarray(np.kron(A, one) + np.kron(one, A))
 
 
 def of_step(scheme: Scheme, problem: Problem, h: float, around: Stationary) -> Stationary | str:
@@ -97,34 +121,51 @@ def of_step(scheme: Scheme, problem: Problem, h: float, around: Stationary) -> S
     """
     d, rows = problem.dimension, rows_of(scheme, problem, h)
     k, sizes = rows.shape[1], np.sqrt(np.diag(around.covariance))
+    error = 0.0
 
     def step(y: Array, xi: Array) -> Array:
-        return ask(scheme, problem, around.mean + sizes * y, h, rows @ xi)
+        """A step in standard deviations from the exact mean; `error` bounds the residuals of all."""
+        nonlocal error
+        start, row = around.mean + sizes * y, rows @ xi
+        end = ask(scheme, problem, start, h, row)
+        residual = step_residual(problem, start, end, h, row[: problem.noises], scheme)
+        error = max(error, float(np.max((residual + EPS * np.abs(end)) / sizes)))
+        return (end - around.mean) / sizes
 
     rest = step(np.zeros(d), np.zeros(k))
-    Phi = np.stack([step(e, np.zeros(k)) - rest for e in np.eye(d)], axis=1) / sizes
+    Phi = np.stack([step(e, np.zeros(k)) - rest for e in np.eye(d)], axis=1)
     N = np.stack([step(np.zeros(d), e) - rest for e in np.eye(k)], axis=1)
     for n, size in enumerate(TESTED):
         signs = np.resize([1.0, -1.0] if n % 2 else [1.0], d + k)
         y, xi = size * signs[:d], size * signs[d:]
-        off = np.abs(step(y, xi) - (rest + Phi @ (sizes * y) + N @ xi))
-        if np.any(
-            off > max(AFFINE_TOLERANCE, scheme.eps / EPS * 2.0**-40) * (np.abs(rest) + abs(size) * sizes)
-        ):
+        off = np.abs(step(y, xi) - (rest + Phi @ y + N @ xi))
+        if np.any(off > max(AFFINE_TOLERANCE, scheme.eps / EPS * 2.0**-40) * (np.abs(rest) + abs(size))):
             return f"a step of {problem.name} is not affine in y and the noise"
     radius = float(np.max(np.abs(np.linalg.eigvals(Phi))))
     if radius >= 1:
         return f"the spectral radius of a step of {problem.name} is {radius:.3g} for h = {h:.2g}"
-    about = np.linalg.solve(np.eye(d) - Phi, rest - around.mean)
-    return _solved(np.eye(d * d) - np.kron(Phi, Phi), N @ N.T, around.mean + about, h)
+    A_hat = around.drift * sizes / sizes[:, None]
+    error *= max(float(np.linalg.norm(np.linalg.inv(np.eye(d) + c * h * A_hat), np.inf)) for c in (0, 0.5, 1))
+    back = np.linalg.inv(np.eye(d) - Phi)
+    about = back @ rest
+    operator, right = np.eye(d * d) - np.kron(Phi, Phi), N @ N.T
+    S, _ = _solved(operator, right, np.zeros((d, d)))
+    delta = 4 * error * (np.linalg.norm(Phi, np.inf) * float(np.sum(np.abs(S))) + np.linalg.norm(N, np.inf))
+    _, rounding = _solved(operator, right, np.full((d, d), delta))
+    of_mean = np.linalg.norm(back, np.inf) * (error * (1 + 2 * np.sum(np.abs(about))) + d * EPS)
+    found = S * np.outer(sizes, sizes)
+    return Stationary(around.mean + sizes * about, found, max(rounding, float(of_mean)), h, around.drift)
 
 
-def _solved(operator: Array, right: Array, mean: Array, time: float) -> Stationary:
-    d = len(right)
+def _solved(operator: Array, right: Array, delta: Array) -> tuple[Array, float]:
+    """The solution X (d, d) of LX = R, and a bound of its error ("Roundings" in the module)."""
     inverse = np.linalg.inv(operator)
-    covariance = (inverse @ right.ravel()).reshape(d, d)
-    condition = float(np.max(np.sum(np.abs(inverse), axis=1)) * np.max(np.sum(np.abs(operator), axis=1)))
-    return Stationary(mean, 0.5 * (covariance + covariance.T), condition, time)
+    x = inverse @ right.ravel()
+    gamma = EPS * (len(operator) + len(right))
+    residual = np.abs(operator @ x - right.ravel()) + delta.ravel()
+    residual += gamma * (np.abs(operator) @ np.abs(x) + np.abs(right.ravel()))
+    X = x.reshape(right.shape)
+    return 0.5 * (X + X.T), float(np.max(np.abs(inverse) @ residual))
 
 
 def rows_of(scheme: Scheme, problem: Problem, h: float) -> Array:

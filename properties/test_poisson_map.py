@@ -8,16 +8,22 @@ If B satisfies Jacobi's identity, the exact flow is a Poisson map (Hairer, Lubic
 Integration*, VII.2). The energy-preserving scheme (2.1) is not a Poisson map: if a system has no invariants but
 functions of H and the Casimirs, a Poisson map that keeps H is the exact flow at another time (Ge and Marsden, Phys.
 Lett. A 133, 1988).
+
+The part *conformal* is about damping −Γy with ΓB + BΓᵀ = κB for a constant B. The exact flow then has
+Φ′BΦ′ᵀ = e^{−κh}B, for every H and every additive noise (`sepv.problem._damped.conformal_rate`). For
+friction −γp on all momenta κ is γ, for −γy it is 2γ. In one degree of freedom it says det Φ′ = e^{−κh}.
 """
 
 from __future__ import annotations
 
+import math
+
 from sepv.properties._poisson_map import check
 from sepv.properties._structures import is_constant, is_poisson
 
-from sepv.problem import Systems
-from sepv.schemes import Scheme
-from sepv.verification import Case, Cases, Effort, Middle, require, searched
+from sepv.problem import Systems, conformal_rate
+from sepv.schemes import OF_DAMPED, Scheme
+from sepv.verification import Case, Cases, Effort, Measurement, Middle, require, searched
 from sepv.verification._contraction import shortened
 
 
@@ -31,6 +37,19 @@ def constant(case: Case) -> Case | None:
     """Keep a case if its B is constant, and shorten its step to at most half the contraction radius."""
     problem, y, _, _ = case.build()
     return shortened(case) if is_constant(problem, y) else None
+
+
+def conformal(case: Case) -> Case | None:
+    """Keep a case of constant B if its damping has a κ."""
+    problem = case.build()[0]
+    return constant(case) if problem.damping and conformal_rate(problem) is not None else None
+
+
+def check_conformal(scheme: Scheme, case: Case) -> Measurement:
+    """Measure Φ′BΦ′ᵀ − e^{−κh}B."""
+    kappa = conformal_rate(case.build()[0])
+    assert kappa is not None, "adapt keeps cases with a κ"
+    return check(scheme, case, math.exp(-kappa * case.h))
 
 
 SIZES = {
@@ -83,7 +102,25 @@ for_constant_structure = searched(
     ),
     check=check,
 )
-laws = (law, for_constant_structure)
+
+for_damping = searched(
+    name="poisson-map:conformal",
+    statement="with damping −Γy, Φ′(y0) B Φ′(y0)ᵀ = e^(−κh)B for constant B with ΓB + BΓᵀ = κB",
+    source="McLachlan & Perlmutter (2001)",
+    unit="ulp of B",
+    preserves=True,
+    cost=0.1,
+    middle=Middle.MAP,
+    cases=Cases(
+        where={"degree of B": ("0",), "Casimirs": ("none",), "d": SIZES["d"]},
+        adapt=conformal,
+        why="the problems have no damping −Γy with ΓB + BΓᵀ = κB and constant B",
+        not_of={s: "the systems have no damping" for s in Systems if s not in OF_DAMPED},
+        damped=True,
+    ),
+    check=check_conformal,
+)
+laws = (law, for_constant_structure, for_damping)
 
 
 def test_poisson_map(scheme: Scheme, effort: Effort) -> None:
@@ -92,3 +129,7 @@ def test_poisson_map(scheme: Scheme, effort: Effort) -> None:
 
 def test_poisson_map_for_constant_structure(scheme: Scheme, effort: Effort) -> None:
     require(for_constant_structure, scheme, effort)
+
+
+def test_poisson_map_for_damping(scheme: Scheme, effort: Effort) -> None:
+    require(for_damping, scheme, effort)

@@ -28,6 +28,6 @@ def step(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 scheme = of_friction(
     "gronbech-jensen-farago",
     step,
-    CLAIMS_OF_ALL | {"equilibrium", "configurational-equilibrium"},
+    CLAIMS_OF_ALL | {"equilibrium", "equilibrium:positions"},
     "Grønbech-Jensen and Farago (2013)",
 )

@@ -23,7 +23,7 @@ from sepv.problem import Array, Langevin, Problem, Systems, langevin
 from sepv.schemes._one_step import CLAIMS_OF_ALL, one_step
 from sepv.schemes._scheme import Scheme
 
-CLAIMS = CLAIMS_OF_ALL | {"symmetry", "conformal-symplecticity", "equilibrium"}
+CLAIMS = CLAIMS_OF_ALL | {"symmetry", "poisson-map:conformal", "equilibrium"}
 
 
 def parts_of(problem: Problem) -> Langevin:
@@ -68,5 +68,5 @@ def of_friction(name: str, step: Any, claims: Any, source: str, weak: float = 2.
     return replace(one_step(name, step, claims, source, **usual | facts), order=weak)
 
 
-scheme = baoab = splitting("BAOAB", CLAIMS | {"configurational-equilibrium"})
+scheme = baoab = splitting("BAOAB", CLAIMS | {"equilibrium:positions"})
 obabo = splitting("OBABO", source="G. Bussi and M. Parrinello, Phys. Rev. E 75 (2007)")

@@ -42,7 +42,7 @@ def half_a_kick(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 @SABOTEURS.like(
     BAOAB,
     "the noise e^(−γh/2)σΔW in place of √((1 − e^(−2γh))/(2γh))σΔW: too cold by (γh)²/6, of the right order of h",
-    ("configurational-equilibrium",),
+    ("equilibrium:positions",),
 )
 def noise_damped_half(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     def refresh(own: Langevin, p: Array, h: float, dW: Array) -> Array:
@@ -52,7 +52,7 @@ def noise_damped_half(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return _step(problem, y, h, dW, refresh)
 
 
-@SABOTEURS.like(BAOAB, "the friction acts on q too", ("equilibrium", "conformal-symplecticity"))
+@SABOTEURS.like(BAOAB, "the friction acts on q too", ("equilibrium", "poisson-map:conformal"))
 def friction_of_positions(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     own = langevin(problem)
     q, p = own.mechanics.split(BAOAB.step(problem, y, h, dW))
@@ -67,7 +67,7 @@ def noise_of_size_h(problem: Problem, y: Array, h: float, dW: Array) -> Array:
 @SABOTEURS.like(
     BAOAB,
     "the friction of a midpoint rule, p ← (1 − γh/2)/(1 + γh/2) p + σΔW/(1 + γh/2)",
-    ("conformal-symplecticity",),
+    ("poisson-map:conformal",),
 )
 def rational_friction(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     def refresh(own: Langevin, p: Array, h: float, dW: Array) -> Array:
