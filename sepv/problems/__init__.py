@@ -12,6 +12,7 @@ from sepv.problem import Description, GivenProblem, NamedProblem, PolynomialSyst
 from sepv.problem import from_json as from_json
 from sepv.problem import to_json as to_json
 from sepv.problems._common import HAT, UNIT3, canonical, hat, planes, structure
+from sepv.problems._damped_spin import damped_spin as damped_spin
 from sepv.problems._damped_top import damped_top as damped_top
 from sepv.problems._kepler import kepler as kepler
 from sepv.problems._langevin import langevin_double_well as langevin_double_well
@@ -67,8 +68,8 @@ EXTENSIONS = _listed(
 )  # fmt: skip
 # Problems with several structures or Hamiltonians, with damping or with friction.
 SEVERAL = _listed(
-    damped_top, commuting_rotations, commuting_oscillators, noncommuting_drift, noncommuting_tops, kubo_oscillator,
-    langevin_double_well, langevin_oscillator, langevin_pair,
+    damped_spin, damped_top, commuting_rotations, commuting_oscillators, noncommuting_drift, noncommuting_tops,
+    kubo_oscillator, langevin_double_well, langevin_oscillator, langevin_pair,
 )  # fmt: skip
 # Problems with several Hamiltonians that do not commute.
 HAMILTONIANS = _listed(
