@@ -106,7 +106,7 @@ for_constant_structure = searched(
 for_damping = searched(
     name="poisson-map:conformal",
     statement="with damping −Γy, Φ′(y0) B Φ′(y0)ᵀ = e^(−κh)B for constant B with ΓB + BΓᵀ = κB",
-    source="McLachlan & Perlmutter (2001)",
+    source="J. Geom. Phys. 39",
     unit="ulp of B",
     preserves=True,
     cost=0.1,
