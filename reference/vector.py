@@ -43,7 +43,7 @@ class ReferenceVector:
     condition : float
         ‖∂y1/∂residual‖_∞.
     rounding : d floats
-        The possible error of plain binary64 arithmetic, see `sepv.reference.rounding`.
+        The possible error of plain binary64 arithmetic (`benchmarks.vectors.rounding`).
     flags : words that classify the case
     proof : str
         The kind of proof: "krawczyk" for implicit schemes, "balls" for explicit schemes and the exact flow.
