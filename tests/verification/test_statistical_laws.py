@@ -15,6 +15,7 @@ from sepv.properties import test_mean_square_order as mean_square
 from sepv.properties import test_right_limit as limit
 from sepv.properties import test_rounding as rounding
 from sepv.properties import test_weak_order as weak
+from sepv.properties._longest_step import divisor
 from sepv.properties._orders.convergence import (
     StrongErrors,
     mean_square_order,
@@ -62,6 +63,14 @@ def test_a_scheme_of_weak_order_two_and_mean_square_order_one_is_not_accused(ord
 @pytest.mark.parametrize("name", ["energy-preserving", "euler-heun"])
 def test_a_scheme_of_weak_order_one_that_claims_two_is_violated(name: str) -> None:
     says(replace(schemes.by_name(name), weak_order=2.0), "weak-order", "violated", paths=2048)
+
+
+@pytest.mark.parametrize(("share", "parts"), [(1.0, 1), (0.3, 4), (0.25, 4), (1e-9, 2**12)])
+def test_a_step_is_divided_into_the_least_power_of_two_that_the_scheme_takes(
+    share: float, parts: int
+) -> None:
+    limited = replace(schemes.energy_preserving, longest_step=share * 0.5)
+    assert divisor(limited, problems.pendulum(noise=()), 0.5) == parts
 
 
 @pytest.mark.parametrize("name", ["divided-long-steps", "equal-substeps", "sra1"])
