@@ -12,8 +12,8 @@ import sepv
 from sepv import Effort, Scheme, StatefulStep, problems, schemes
 from sepv.problem import Array, PolynomialSystem, Problem, vector_field
 from sepv.record import poly
-from sepv.verification import Case, Cases, Measurement, verify
-from sepv.verification._advice import is_explicit
+from sepv.verification import Case, Cases, Measurement, load_laws, verify
+from sepv.verification._advice import advice, is_explicit
 from sepv.verification._cases.ends import in_other_units
 from sepv.verification._cases.shrink import in_strange_units, shrunk
 from sepv.verification._cases.users_problems import items
@@ -170,6 +170,21 @@ def test_a_power_is_not_named_where_none_is_clear() -> None:
     assert words(0.01) == "the defect does not fall with h"
     assert words(-1.0) == "the defect grows like h^-1 (h halved, ΔW ~ √h)"
     assert words(1.73) == "the defect falls like h^1.7 (h halved, ΔW ~ √h)"
+
+
+def test_where_equal_bits_are_asked_no_part_of_the_step_is_looked_for() -> None:
+    """The defect is one of roundings there, and each part costs a measurement of a batch of thousands of states."""
+    (law,), asked = load_laws(["reproducibility"]), list[Case]()
+    case = Case(problems.rigid_body().data, (0.8, 0.6, 0.1), 0.125, (0.25,))
+
+    def again(other: Case) -> Measurement:
+        asked.append(other)
+        return Measurement(1.0, 0.0)
+
+    assert advice(law, schemes.midpoint, case, Measurement(1.0, 0.0), 1.0, again) == ""
+    assert asked == [case]
+    advice(law, schemes.midpoint, case, Measurement(1.0, 0.5), 1.0, again)
+    assert len(asked) > 3
 
 
 def test_a_counter_is_called_memory_and_no_fault_of_arrays_records_or_units() -> None:
