@@ -72,12 +72,26 @@ TOGETHER = {
 }  # fmt: skip
 
 
-# Files and folders of the marker `quick`: a look at each floor of the core, in less than a minute of one core.
+# What begins so has the marker `quick`: a look at each floor of the core, in less than a minute of one core. Compiled
+# code is in `tests/core`, a search of all cases of a law in the two tests of test_search.py.
+SEARCHES = ("test_a_fault_of_a_pair_of_strata_is_found_in_that_pair[single", "test_a_wrong_term_is_named")
 QUICK = (
     "tests/record/", "tests/core/", "tests/problem/test_problems.py", "tests/problem/test_structures.py",
-    "tests/verification/test_tolerance.py", "tests/verification/test_search.py",
-    "tests/test_imports.py", "tests/docs/test_names.py",
+    "tests/verification/test_tolerance.py", "tests/test_imports.py", "tests/docs/test_names.py",
+    *(f"tests/verification/test_search.py::{name}" for name in SEARCHES),
 )  # fmt: skip
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """With ``-m quick`` no file is read that has no such test: to read all takes longer than to run these."""
+    if (
+        config.option.markexpr != "quick"
+        or collection_path.is_dir()
+        or not collection_path.is_relative_to(ROOT)
+    ):
+        return None
+    name = collection_path.relative_to(ROOT).as_posix()
+    return None if name.startswith(tuple(begin.partition("::")[0] for begin in QUICK)) else True
 
 
 @pytest.fixture(autouse=True, scope="session")

@@ -51,6 +51,13 @@ def block_in(page: str, language: str, word: str = "") -> str:
     return found
 
 
+def but_deep(values: Iterable[Any], *deep: Any) -> list[Any]:
+    """Parameters, of which these run only with ``-m deep``; the others, and what they prove, run each time."""
+    rows, apart = ([v if type(v) is tuple else (v,) for v in given] for given in (values, deep))
+    assert all(row in rows for row in apart), [row for row in apart if row not in rows]
+    return [pytest.param(*row, marks=[pytest.mark.deep] * (row in apart)) for row in rows]
+
+
 class Tags(HTMLParser):
     """Every tag of a page with its attributes."""
 

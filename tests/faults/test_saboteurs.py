@@ -5,7 +5,7 @@ from io import StringIO
 
 import numpy as np
 import pytest
-from doors import command, doc
+from doors import but_deep, command, doc
 from sepv.properties._long_steps import for_energy
 
 from sepv import problems
@@ -57,7 +57,21 @@ def expected(name: str) -> list[str]:
     return [law for law in ALL_LAWS if law in laws]
 
 
-@pytest.mark.parametrize("name", SABOTEURS)
+# Found in one of thousands of steps or after hundreds of them: five to fourteen seconds each. Others of the same family
+# and law are killed each time, as the next test says.
+RARELY_WRONG = (
+    "refuses-once", "integers-at-rest", "draws-if-refused", "roundings-of-all-paths", "off-each-five-thousandth",
+    "still-near-rest", "thousandth-call", "b-of-the-step-before", "midpoint-once", "silent-cap",
+    "wrong-cell-of-a-table",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("law", sorted({law for name in RARELY_WRONG for law in expected(name)}))
+def test_each_law_that_kills_rare_faults_kills_others_in_every_run(law: str) -> None:
+    assert any(law in expected(name) for name in SABOTEURS if name not in RARELY_WRONG)
+
+
+@pytest.mark.parametrize("name", but_deep(SABOTEURS, *RARELY_WRONG))
 def test_each_saboteur_is_killed_by_a_law_that_theory_names(name: str) -> None:
     # By one of the laws that theory names with one of two seeds; `sepv teeth --matrix --first` asks for each of ten.
     asked = (fault_detection.detect(name, seed, expected(name), first=True) for seed in range(2))

@@ -287,10 +287,12 @@ def test_a_drift_that_symplecticity_does_not_leave_refutes_the_papers_sentence()
     """Made errors: the walk of theory, and a drift of that size, of another, or too small to be seen."""
     times, rng = 2.0 ** np.arange(10), np.random.default_rng(0)
     verdicts = {}
+    theories = {
+        h: energy_diffusion(schemes.midpoint, problems.pendulum(), h) for h in figures_4_4_and_4_5.MEAN_H
+    }
     for case, drift, paths in (("theory", 1.0, 4000), ("another", 5.0, 4000), ("unseen", 1.0, 64)):
         found = {}
-        for h in figures_4_4_and_4_5.MEAN_H:
-            theory = energy_diffusion(schemes.midpoint, problems.pendulum(), h)
+        for h, theory in theories.items():
             widths = np.sqrt(2 * theory.diffusion * np.diff(times, prepend=0))[:, None]
             walk = np.cumsum(widths * rng.standard_normal((times.size, paths)), axis=0)
             errors = walk + theory.offset + drift * theory.drift * times[:, None]

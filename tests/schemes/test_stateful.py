@@ -177,7 +177,12 @@ def test_a_solver_of_whole_paths_is_judged_by_its_paths() -> None:
     for euler, verdict in ((False, "holds"), (True, "violated")):
         scheme = Scheme("whole", PathSolver(partial(by_hand, euler=euler)), mean_square_order=1.0)
         assert scheme.claims == {"mean-square-order", "right-limit"}
-        assert set(verdicts(scheme, ",".join(scheme.claims)).values()) == {verdict}
+        assert set(verdicts(scheme, ",".join(scheme.claims), "pendulum").values()) == {verdict}
+
+
+@pytest.mark.deep  # a step of it is a whole path; tests of the contract have schemes of paths that are quicker
+def test_a_solver_of_whole_paths_keeps_the_contract_of_a_step() -> None:
+    scheme = Scheme("whole", PathSolver(by_hand), mean_square_order=1.0)
     assert verdicts(scheme, "contract", examples=5) == {"contract": "holds"}
 
 

@@ -97,7 +97,7 @@ def test_of_other_classes_too(scheme: str, problem: str) -> None:
 def test_the_line_stands_beside_order_zero_and_the_limit_and_no_tolerance_is_advised() -> None:
     faulty = Scheme("half a kick", half_kick, claims=["deterministic-order"])
     report = verify(
-        faulty, laws="deterministic-order,right-limit", problems="pendulum", effort=Effort(paths=512)
+        faulty, laws="deterministic-order,right-limit", problems="pendulum", effort=Effort(paths=128)
     )
     for law in ("deterministic-order", "right-limit"):
         message = report.finding(law).message

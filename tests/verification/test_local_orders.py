@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from doors import says
+from doors import but_deep, says
 from drawn import clipping, euler, refusing, right
 from sepv.properties import test_truncation as truncation
 from sepv.properties._orders import any_step
@@ -63,7 +63,8 @@ def hermite(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return (flow(problem, y0, h, noise) + bump).reshape(np.shape(y))
 
 
-@pytest.mark.parametrize("name", sorted({*BUILT_IN}))
+# Of the projected schemes another one runs each time.
+@pytest.mark.parametrize("name", but_deep(sorted({*BUILT_IN}), "projected-8"))
 def test_every_scheme_has_the_local_orders_that_it_claims(name: str) -> None:
     report = measured(schemes.by_name(name))
     assert [f.verdict for f in report.findings] == [Verdict.HOLDS] * 3
@@ -328,8 +329,8 @@ RIGHT: dict[str, Step] = {
 }
 
 
-@pytest.mark.parametrize("name", RIGHT)
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("name", but_deep(RIGHT, "parts of 1e-5"))
+@pytest.mark.parametrize("seed", but_deep(range(3), 1, 2))
 def test_right_schemes_with_lengths_of_their_own_hold(name: str, seed: int) -> None:
     """Their errors have other constants below and above some h, or a low slope where they are small."""
     for law in ("truncation", "local-mean-square"):

@@ -153,7 +153,7 @@ def test_another_scheme_is_not_taken_for_it(report: dict[str, Any]) -> None:
 @pytest.mark.parametrize("other", [*_against._BITS, "effort", "none"])
 def test_defects_are_compared_only_where_bits_can_be_the_same(report: dict[str, Any], other: str) -> None:
     changed = copy.deepcopy(report)
-    law(changed, "identity")["defect"] = 1e-300
+    changed["laws"] = [law(changed, "identity") | {"defect": 1e-300}]
     if other == "effort":
         changed["suite"]["examples"] = 5  # cut to what the reader allows
     elif other != "none":

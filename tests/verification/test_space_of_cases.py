@@ -9,7 +9,7 @@ from itertools import combinations
 import doors
 import numpy as np
 import pytest
-from doors import command, says
+from doors import but_deep, command, says
 from drawn import refusing
 from sepv.properties import test_energy as energy
 from sepv.properties._long_steps import for_energy, long_steps
@@ -19,7 +19,7 @@ from sepv.faults.saboteurs import SABOTEURS
 from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem, Systems, mechanics
 from sepv.problems.shown_to_schemes import GIVEN, shown
 from sepv.schemes import Scheme, ask, energy_preserving, milstein
-from sepv.verification import Case, Cases, Verdict, load_laws, replay, step_residual, verify
+from sepv.verification import Case, Cases, Effort, Verdict, load_laws, replay, step_residual, verify
 from sepv.verification import _corpus as corpus
 from sepv.verification import _coverage as coverage
 from sepv.verification._cases import case as cases
@@ -57,13 +57,13 @@ ALL = [(k, law.name) for law in load_laws() if law.cases for k in KINDS if law.c
 
 # *invariant* speaks of problems that state functions, and random problems state none.
 @pytest.mark.parametrize(("kind", "law"), [(kind, law) for kind, law in ALL if law != "invariant"])
-def test_a_law_speaks_of_each_case_of_its_design_and_leaves_what_it_made_of_it(kind, law):
+@pytest.mark.parametrize("seed", but_deep([0, 3], 3))
+def test_a_law_speaks_of_each_case_of_its_design_and_leaves_what_it_made_of_it(seed, kind, law):
     asked = cases_of(law)
-    for seed in (0, 3):
-        for _, case in space_of(kind, law).cases(seed):
-            adapted = asked.adapted(case)
-            assert adapted is not None, case.describe()
-            assert asked.admits(adapted), case.describe()
+    for _, case in space_of(kind, law).cases(seed):
+        adapted = asked.adapted(case)
+        assert adapted is not None, case.describe()
+        assert asked.admits(adapted), case.describe()
 
 
 @pytest.mark.parametrize(("kind", "law"), ALL)
@@ -435,5 +435,5 @@ def verlet(problem, y, h, dW, *, threshold):
 def test_a_threshold_is_found_where_usual_states_meet_it_alone(threshold, verdict):
     step = partial(verlet, threshold=threshold)
     scheme = Scheme("verlet", step, claims=["symmetry"], order=2, systems="mechanical")
-    report = verify(scheme, laws="symmetry,reversibility")
+    report = verify(scheme, laws="symmetry,reversibility", effort=Effort(shrink_checks=0))
     assert {finding.verdict.text for finding in report.findings} == {verdict}

@@ -368,7 +368,7 @@ def test_a_figure_is_the_same_from_the_cluster(client: Any) -> None:
     from sepv.paper.record import Size
     from sepv.paper.suite import reproduce
 
-    size = Size(share=0.001)
+    size = Size(share=0.001, engine="numpy")  # compiled, each process would compile for ten seconds
     here, there = (reproduce(["4.1"], size=size, workers=w) for w in (1, client))
     assert there.workers == 2
     assert [vars(s) for s in here.statements] == [vars(s) for s in there.statements]
