@@ -31,9 +31,9 @@ from sepv.properties._setups import Setup, setups_for
 
 from benchmarks import over, start
 from sepv import problems, schemes
+from sepv.law import Verdict
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme
-from sepv.verification import Verdict
 
 ALPHAS = (0.05, 0.01, 0.001)
 # The alphas of --deep, and the number of batches that it draws at once.

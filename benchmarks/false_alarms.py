@@ -25,8 +25,9 @@ from scipy.stats import beta
 from benchmarks import start, tell
 from benchmarks.right_schemes import RIGHT
 from sepv import schemes
+from sepv.law import Effort, Verdict
 from sepv.schemes import Scheme
-from sepv.verification import Effort, Verdict, load_laws, verify
+from sepv.verification import load_laws, verify
 from sepv.workers import run_all
 
 GROUPS: dict[str, dict[str, Scheme]] = {

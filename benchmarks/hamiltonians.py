@@ -12,7 +12,8 @@ from collections.abc import Iterable, Sequence
 import sepv
 from benchmarks import additive_noise, over, start
 from sepv.console import markdown
-from sepv.verification import LAWS, Finding, Report, Verdict
+from sepv.law import Finding, Verdict
+from sepv.verification import LAWS, Report
 
 SCHEMES = (
     "stochastic-midpoint",

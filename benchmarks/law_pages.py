@@ -10,8 +10,9 @@ import re
 from pathlib import Path
 
 from benchmarks import start
+from sepv.law import Law, Middle
 from sepv.schemes import page_of as name_of_page
-from sepv.verification import ALL_LAWS, Law, Middle, load_laws
+from sepv.verification import ALL_LAWS, load_laws
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 # Parts of a page that are written by hand, in their order; each begins a paragraph. The last part is present only if

@@ -15,8 +15,9 @@ from rich.table import Table
 
 from benchmarks import over, start
 from sepv import schemes
+from sepv.law import Finding, Verdict
 from sepv.schemes import Scheme, weakly
-from sepv.verification import Finding, Verdict, verify
+from sepv.verification import verify
 
 LAWS = ("local-mean", "local-mean-square", "local-weak")
 POINTS = (

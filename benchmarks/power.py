@@ -23,10 +23,10 @@ import numpy as np
 from benchmarks import over, start
 from sepv.errors import SchemeFault, SepvError
 from sepv.faults.saboteurs import SABOTEURS
+from sepv.law.cases.strata import Space
 from sepv.problem import Array, Problem, Systems
 from sepv.schemes import Scheme, Step, both_invariants, energy_preserving, page_of, several_structures
 from sepv.verification import load_laws
-from sepv.verification._cases.strata import Space
 
 
 class Fault(NamedTuple):

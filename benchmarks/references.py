@@ -17,8 +17,8 @@ from benchmarks import over, start
 from benchmarks.vectors.selection import SCHEMES
 from sepv import problems, schemes
 from sepv.errors import SepvError, StepFailure
+from sepv.law import Case, state_ulp
 from sepv.record import EPS, TINY
-from sepv.verification import Case, state_ulp
 
 
 def family(v: ReferenceVector) -> str:

@@ -2,7 +2,7 @@
 
 The energy-preserving scheme (2.1) runs on the paper's four problems with the compiled engine. The table has the random
 walk of H and the Casimirs by rounding, with plain and with compensated summation, beside the prediction of
-`sepv.verification._tolerance.rounding_walk`. Invariants are evaluated in extended precision. Bias is the mean defect
+`sepv.law.tolerance.rounding_walk`. Invariants are evaluated in extended precision. Bias is the mean defect
 over paths at the end, per step and in standard errors. Growth is the exponent of the rms defect over the last
 ten doublings of the time, with a 99 % bootstrap interval over paths. Lotka-Volterra has h = 2⁻²⁰, because (2.1) does
 not keep its Casimir, which is not quadratic: over 10⁸ steps of 2⁻¹⁰ every path drifts to a step without a solution.
@@ -23,11 +23,11 @@ from sepv.reference.problem import exact_problem
 import sepv
 from benchmarks import over, start
 from sepv import problems, schemes
+from sepv.law import casimir_ulp, energy_ulp
+from sepv.law.tolerance import rounding_walk
 from sepv.problem import Array
 from sepv.record import EPS
 from sepv.simulate._compiled import newton
-from sepv.verification import casimir_ulp, energy_ulp
-from sepv.verification._tolerance import rounding_walk
 
 RUNS = (
     ("harmonic-oscillator", 0.01),

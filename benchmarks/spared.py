@@ -18,9 +18,9 @@ import numpy as np
 from benchmarks import over, start
 from sepv import schemes, verify
 from sepv.faults.saboteurs.solver import _fixed_point, _iterated
+from sepv.law import Effort
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme, Step
-from sepv.verification import Effort
 
 LAWS = ("mean-square-order", "weak-order", "right-limit", "rounding")
 RIGHT = ("midpoint", "energy-preserving", "euler-heun", "milstein", "explicit-8")

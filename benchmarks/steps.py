@@ -12,8 +12,8 @@ from typing import Any
 
 from benchmarks import over, start
 from sepv import schemes, verify
+from sepv.law import Finding, Law
 from sepv.problem import Array, Problem
-from sepv.verification import Finding, Law
 
 
 def counted(name: str) -> Counter[str]:

@@ -10,8 +10,8 @@ from sepv.reference.steps import reference_step
 
 import sepv
 from sepv import problems, schemes
+from sepv.law import Effort, Verdict
 from sepv.problem import NamedProblem
-from sepv.verification import Effort, Verdict
 
 
 @pytest.mark.parametrize("law", ["energy", "symmetry", "reference"])

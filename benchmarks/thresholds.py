@@ -11,10 +11,11 @@ import argparse
 
 from benchmarks import over, start
 from sepv.faults.saboteurs.record import claiming
+from sepv.law import Effort, Verdict
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme, implicit
 from sepv.schemes import energy_preserving_formula as formula
-from sepv.verification import LAWS, Effort, Verdict, verify
+from sepv.verification import LAWS, verify
 
 # The smallest power of ten: an error below an ulp of Δ has no effect.
 LEAST_POWER = -16

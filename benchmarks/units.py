@@ -19,11 +19,12 @@ from sepv.properties._orders.local_errors import five_noises
 
 from benchmarks import over, start
 from sepv import problems, schemes
+from sepv.law import Effort, Finding, Verdict
 from sepv.problem import Problem
 from sepv.problems import started
 from sepv.record import poly
 from sepv.schemes import Scheme
-from sepv.verification import Effort, Finding, Verdict, verify
+from sepv.verification import verify
 
 
 class Scale(NamedTuple):

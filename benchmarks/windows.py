@@ -13,10 +13,11 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks import over, start
+from sepv.law import Effort, Verdict
 from sepv.problem import Array, Problem, vector_field
 from sepv.schemes import Scheme, energy_preserving
 from sepv.schemes._scheme import Step
-from sepv.verification import Effort, Verdict, verify
+from sepv.verification import verify
 
 DECADES = range(-10, -1)
 

@@ -23,11 +23,11 @@ from benchmarks import over, start
 from sepv import schemes
 from sepv.errors import SchemeFault, SepvError
 from sepv.faults.saboteurs import SABOTEURS
+from sepv.law import Case, Effort, Law, Run, Verdict, corpus
+from sepv.law.cases.case import from_json, to_json
 from sepv.problem import GivenProblem, Systems
 from sepv.schemes import Scheme
-from sepv.verification import Case, Effort, Law, Run, Verdict, load_laws
-from sepv.verification import _corpus as corpus
-from sepv.verification._cases.case import from_json, to_json
+from sepv.verification import load_laws
 
 FOLDER = Path(__file__).resolve().parents[1] / "reference" / "witnesses"
 # The most witnesses of a law and a class of systems; faults that they do not show are left to the search.

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from sepv._lazy import lazily
 
 if TYPE_CHECKING:
+    from sepv.properties._by_name import listed, load_laws, renamed
     from sepv.properties._growth import LEVEL as GROWTH_LEVEL
     from sepv.properties._growth import exponent as growth_exponent
     from sepv.properties._growth import kind_of as growth_kind
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 __getattr__, __dir__ = lazily(
     __name__,
     {
+        "_by_name": "listed load_laws renamed",
         "_growth": "GROWTH_LEVEL=LEVEL energy_rounding_walk=rounding_walk growth_exponent=exponent "
         "growth_kind=kind_of",
         "_orders.convergence": "StrongErrors mean_square_slope=slope",

@@ -12,10 +12,10 @@ from __future__ import annotations
 import numpy as np
 
 from sepv.errors import Skipped
+from sepv.law.tolerance import step_residual
 from sepv.problem import Array, Problem, damping_of
 from sepv.record import EPS
 from sepv.schemes import Scheme
-from sepv.verification._tolerance import step_residual
 
 # LARGEST_DECAY is the largest |γh| for which the error of ρ = e^{−γh/2}, and so the bound, is derived.
 LARGEST_DECAY = 1.0

@@ -10,8 +10,8 @@ from sepv.reference.equations import Equation
 from sepv.reference.steps import reference_step
 
 from sepv._kept import kept, key_of
+from sepv.law.tolerance import DIGITS
 from sepv.problem import Description
-from sepv.verification._tolerance import DIGITS
 
 
 def exact_step(

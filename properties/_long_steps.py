@@ -8,12 +8,12 @@ from functools import cache
 import numpy as np
 
 from sepv import problems
+from sepv.law.cases.case import Case
+from sepv.law.cases.fixed_cases import FAST_PENDULUM_STATE, longest, split
+from sepv.law.tolerance import CONTRACTION
 from sepv.problem import NamedProblem, PolynomialSystem
 from sepv.problems import planes
 from sepv.record import poly
-from sepv.verification._cases.case import Case
-from sepv.verification._cases.fixed_cases import FAST_PENDULUM_STATE, longest, split
-from sepv.verification._tolerance import CONTRACTION
 
 
 @cache

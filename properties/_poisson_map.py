@@ -8,7 +8,7 @@ most the sum of
 
 Cauchy's estimate gives E from a disc |ζ| ≤ ρ of complex ζ in which |Φ(y0 + ζe_j) − (y0 + ζe_j)| ≤ M. If the
 problem is polynomial data and |Δ| is at most half the contraction radius, then ρ = M = r/2 with the radius r
-of the ball of `sepv.verification._contraction.contraction_ball`: states within r/2 of y0 move by at most r/2
+of the ball of `sepv.law.contraction.contraction_ball`: states within r/2 of y0 move by at most r/2
 and stay in the ball. For other problems the truncation error of Φ′ is estimated by the difference of the
 formulas of order six and four.
 """
@@ -20,14 +20,13 @@ from typing import NamedTuple
 import numpy as np
 
 from sepv.errors import Skipped
+from sepv.law import Measurement, amplification
+from sepv.law.cases.case import Case
+from sepv.law.contraction import contraction_ball
+from sepv.law.tolerance import accumulated, operations, step_residual, structure_majorant
 from sepv.problem import Array, Problem, derivative_of_structure, poisson
 from sepv.record import EPS, TINY, PolynomialMap
 from sepv.schemes import Scheme, ask
-from sepv.verification._amplification import amplification
-from sepv.verification._cases.case import Case
-from sepv.verification._contraction import contraction_ball
-from sepv.verification._law import Measurement
-from sepv.verification._tolerance import accumulated, operations, step_residual, structure_majorant
 
 # JACOBIAN_MAX_ERROR is the largest relative error of Φ′ with which a step is judged. Steps with a larger
 # error are skipped.

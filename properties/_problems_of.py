@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from sepv.errors import Skipped
+from sepv.law.cases.case import Case, quiet, quiet_problem
+from sepv.law.cases.users_problems import sources
+from sepv.law.units import Units, units_of
 from sepv.problem import Array, Problem, is_several
 from sepv.schemes import Scheme
-from sepv.verification._cases.case import Case, quiet, quiet_problem
-from sepv.verification._cases.users_problems import sources
-from sepv.verification._units import Units, units_of
 
 NO_START = "the problems have no initial state: name one that has, or give initial= when making it"
 

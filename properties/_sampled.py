@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+from sepv.law import Effort, Finding, Law, Measure, Run, Verdict, about_noise
 from sepv.schemes import Scheme, has_memory, point_law
-from sepv.verification import Effort, Finding, Law, Run, Verdict
-from sepv.verification._law import Measure, about_noise
 
 
 def pathwise(run: Measure) -> Measure:

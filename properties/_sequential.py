@@ -16,6 +16,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from sepv.properties._by_name import load_laws
 from sepv.properties._failed_step import row
 from sepv.properties._longest_step import divisor
 from sepv.properties._orders.convergence import StrongErrors, first, join, strong_errors
@@ -24,14 +25,12 @@ from sepv.properties._sampled import sparing
 from sepv.properties._setups import TILTED, Setup, setups_for
 
 from sepv.errors import Skipped
+from sepv.law import Effort, Finding, Law, Run, Verdict, first_order
+from sepv.law.advice import is_explicit
+from sepv.law.along_paths import watching
+from sepv.law.cases.users_problems import sources
 from sepv.problem import Problem, is_several
 from sepv.schemes import OF_DAMPED, OF_SEVERAL, Scheme, guarded
-from sepv.verification._advice import is_explicit
-from sepv.verification._along_paths import watching
-from sepv.verification._cases.users_problems import sources
-from sepv.verification._first_order import first_order
-from sepv.verification._law import Effort, Finding, Law, Run, Verdict
-from sepv.verification._laws import load_laws
 
 FALSE_ALARM = 1e-4
 FIRST_LOOK = 512

@@ -10,10 +10,10 @@ from sepv.properties._problems_of import problems_of
 from sepv.properties._sampled import sparing
 
 from sepv import problems
+from sepv.law import Effort
+from sepv.law.units import units_of
 from sepv.problem import NamedProblem, Problem, Systems
 from sepv.schemes import Scheme, order_of
-from sepv.verification._law import Effort
-from sepv.verification._units import units_of
 
 # The claimed order from which on the mean square error depends on increments too rare for plain sampling.
 TILTED = 1.5

@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sepv import problems
+from sepv.law.cases.case import Case
 from sepv.problem import (
     Array,
     Function,
@@ -36,7 +37,6 @@ from sepv.problem import (
 )
 from sepv.problems import bracket
 from sepv.record import Polynomial, PolynomialMap, poly
-from sepv.verification._cases.case import Case
 
 
 class Stated(NamedTuple):

@@ -17,7 +17,7 @@ Increments are not clipped here. A scheme that clips them itself is not affine.
 with the matrix L of a linear map of covariances. A computed X has the error
 |L⁻¹|(|LX − R| + γ(|L||X| + |R|) + δ), where γ is the rounding of d² + d sums and δ that of L and R.
 For (S) δ comes from K operations behind each entry of A and G. For (D) a step errs by e in each
-component, which is its residual (`sepv.verification._tolerance`) times the largest ‖(I + chA)⁻¹‖ for
+component, which is its residual (`sepv.law.tolerance`) times the largest ‖(I + chA)⁻¹‖ for
 c = 0, ½, 1: right for explicit steps, the midpoint rule and an implicit Euler step, an estimate for
 others. So Φ and N, differences of steps, err by 2e, and δ = 4e(‖Φ‖ Σ|S| + ‖N‖) in the norm of row sums.
 """
@@ -34,6 +34,7 @@ import numpy as np
 from sepv.properties._problems_of import problems_of
 
 from sepv.errors import Unasked
+from sepv.law.tolerance import operations, step_residual
 from sepv.problem import (
     Array,
     PolynomialSystem,
@@ -50,7 +51,6 @@ from sepv.problem import (
 from sepv.problems import canonical, started
 from sepv.record import EPS, poly
 from sepv.schemes import Scheme, ask, has_memory
-from sepv.verification._tolerance import operations, step_residual
 
 # The largest dimension: (S) and (D) are solved as systems of d² equations.
 MAX_DIMENSION = 12

@@ -20,14 +20,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from sepv.properties._orders.gaussian import rule_for
 
+from sepv.law import Measurement
+from sepv.law.cases.case import Case
+from sepv.law.cases.from_problem import measured_radius
+from sepv.law.contraction import contraction_ball
+from sepv.law.tolerance import operations, step_residual
 from sepv.problem import Array, Problem
 from sepv.record import EPS, TINY, PolynomialMap
 from sepv.schemes import Scheme, ask
-from sepv.verification._cases.case import Case
-from sepv.verification._cases.from_problem import measured_radius
-from sepv.verification._contraction import contraction_ball
-from sepv.verification._law import Measurement
-from sepv.verification._tolerance import operations, step_residual
 
 # The roundings of hσ E[ζ²]: those of the rule's weights, and of a sum of rounded products that is itself rounded once.
 MOMENT = 8

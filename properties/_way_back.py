@@ -4,13 +4,13 @@ Let Φ be the step and Ψ the step back in exact arithmetic, Ψ∘Φ = id. A rou
 first step or at the start of the way back reaches y0′ as Ψ′ times itself. One at the start of the
 first step or at the end of the way back arrives unchanged, and one between them as it is between
 both. So |y0′ − y0| ≤ (I + |Ψ′|) r, where r is the sum of the residuals that the roundings of two
-steps may cause (`sepv.verification._tolerance`). Ψ′ comes from the scheme's own step back, from
+steps may cause (`sepv.law.tolerance`). Ψ′ comes from the scheme's own step back, from
 states next to y1: a scheme may have another equation than (2.1), which moves far where (2.1) hardly
 moves, and its rounding errors grow as that equation makes them grow. For (2.1), y1 = y0 + R(y0,
 y1), a residual r moves y0′ by (I + ∂R/∂y0)⁻¹ r. Because Ψ′ = (I + ∂R/∂y0)⁻¹(I − ∂R/∂y1), and both
 derivatives of R are equal up to O(Δ²), this is ½(I + Ψ′) r, half of the bound.
 
-**Memory.** A scheme with a state makes N steps there and N steps back (`sepv.verification._middle`, MAP). Its
+**Memory.** A scheme with a state makes N steps there and N steps back (`sepv.law.middle`, MAP). Its
 `StatefulStep.reverse` gives the state that leads back. Without it, a path that begins anew at y_N leads back
 only if y alone determines the path, as with a stored force. Then a path of N ≥ 2 steps equals one in which
 every step begins anew, up to the sum of the residuals of both. If it does not, the laws say nothing. A scheme
@@ -30,6 +30,9 @@ from typing import Any
 import numpy as np
 
 from sepv.errors import SchemeFault, Skipped, StepFailure, Unasked
+from sepv.law import Measurement, amplification
+from sepv.law.cases.case import Case
+from sepv.law.tolerance import ACCUMULATED, state_ulp, step_residual
 from sepv.problem import Array, Problem
 from sepv.schemes import (
     Scheme,
@@ -42,10 +45,6 @@ from sepv.schemes import (
     several,
     translated,
 )
-from sepv.verification._amplification import amplification
-from sepv.verification._cases.case import Case
-from sepv.verification._law import Measurement
-from sepv.verification._tolerance import ACCUMULATED, state_ulp, step_residual
 
 # The y of a reversed state may differ from y_N by REVERSED_STATE_TOLERANCE times |y_N|_∞, because a state may
 # use other coordinates.

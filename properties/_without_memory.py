@@ -16,10 +16,10 @@ import numpy as np
 from sepv.properties._surroundings import watched
 
 from sepv.errors import NotFinite, SchemeFault, SepvError, StepFailure
+from sepv.law import Case
 from sepv.problem import Array, Problem
 from sepv.problems.shown_to_schemes import shown
 from sepv.schemes import Scheme, ask, check_answer, raw_answer
-from sepv.verification import Case
 
 # The least distance of two states to compare, relative to the result. Rounding may make results of closer
 # states equal.

@@ -27,12 +27,12 @@ from fractions import Fraction
 from math import sqrt
 from random import Random
 
+from sepv.law.cases import random_parts as parts
+from sepv.law.cases.case import Case
+from sepv.law.cases.strata import Stratum
 from sepv.problem import PolynomialSystem, Structure, Systems
 from sepv.problems import nambu_system
 from sepv.record import Polynomial, poly
-from sepv.verification._cases import random_parts as parts
-from sepv.verification._cases.case import Case
-from sepv.verification._cases.strata import Stratum
 
 # A scheme computes Δ with a relative rounding error of 2⁻⁵⁰, or 2⁻²¹ in single precision. The proof holds for every Δ
 # within the relative distance FOLD_DISTANCE.

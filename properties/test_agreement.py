@@ -3,8 +3,8 @@
 Let y1 = y0 + R(y0, y1) be the equation of the method; an explicit method is one whose R does not depend on y1. Program
 i solves it up to a residual r_i. Their distance e satisfies (I − ∂R/∂y1)e = r_1 − r_2, so |e| ≤ ‖(I − ∂R/∂y1)⁻¹‖
 (|r_1| + |r_2|). The steps are inside the contraction radius, where the equation has one solution near y0: both programs
-follow the same branch. `sepv.verification._tolerance` derives r_i from the roundings of y, Δ and the stages, and from
-the solver's stated tolerance. Over N steps of a path the residuals add up to N e^(2κ) r (`sepv.verification._middle`).
+follow the same branch. `sepv.law.tolerance` derives r_i from the roundings of y, Δ and the stages, and from
+the solver's stated tolerance. Over N steps of a path the residuals add up to N e^(2κ) r (`sepv.law.middle`).
 
 **Other equations.** The residual is derived for steps that combine values of ΔB∇H between y0 and y1. A method that does
 not act through Δ may compute Itô's correction, whose rounding is added. If two steps are still farther apart, the
@@ -29,21 +29,7 @@ from sepv.properties._way_back import moved
 
 from sepv.console import counted
 from sepv.errors import NotFinite, SepvError, Skipped, StepFailure, Unasked
-from sepv.problem import Array
-from sepv.record import PolynomialMap
-from sepv.schemes import (
-    OF_SEVERAL,
-    Scheme,
-    StatefulStep,
-    Systems,
-    Twin,
-    as_path,
-    ask_next,
-    has_memory,
-    load_scheme,
-    takes,
-)
-from sepv.verification import (
+from sepv.law import (
     Case,
     Cases,
     Effort,
@@ -59,11 +45,25 @@ from sepv.verification import (
     state_ulp,
     step_residual,
 )
-from sepv.verification._cases.clipped import clips, fits
-from sepv.verification._cases.ends import beyond, is_long
-from sepv.verification._cases.fixed_cases import may_be_refused
-from sepv.verification._search import FAR_OFF
-from sepv.verification._tolerance import accumulated, correction_rounding, operations
+from sepv.law.cases.clipped import clips, fits
+from sepv.law.cases.ends import beyond, is_long
+from sepv.law.cases.fixed_cases import may_be_refused
+from sepv.law.search import FAR_OFF
+from sepv.law.tolerance import accumulated, correction_rounding, operations
+from sepv.problem import Array
+from sepv.record import PolynomialMap
+from sepv.schemes import (
+    OF_SEVERAL,
+    Scheme,
+    StatefulStep,
+    Systems,
+    Twin,
+    as_path,
+    ask_next,
+    has_memory,
+    load_scheme,
+    takes,
+)
 
 # The law holds only if both programs make at least this share of the steps that one of them makes.
 LEAST_SHARE = 0.25

@@ -5,20 +5,11 @@ from __future__ import annotations
 import numpy as np
 from sepv.reference.problem import exact_problem
 
+from sepv.law import Case, Cases, Effort, Measurement, casimir_bound, require, searched, step_residual
+from sepv.law.cases.of_law import only
+from sepv.law.tolerance import casimir_ulp
 from sepv.problem import Systems
 from sepv.schemes import Scheme, ask
-from sepv.verification import (
-    Case,
-    Cases,
-    Effort,
-    Measurement,
-    casimir_bound,
-    require,
-    searched,
-    step_residual,
-)
-from sepv.verification._cases.of_law import only
-from sepv.verification._tolerance import casimir_ulp
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:

@@ -15,9 +15,9 @@ from sepv.properties._sampled import pathwise
 from sepv.properties._sequential import Assessment, judge
 from sepv.properties._setups import Setup
 
+from sepv.law import Effort, Finding, Law, Run, Verdict, require
 from sepv.problem import Problem
 from sepv.schemes import Scheme, Systems
-from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 
 T, STEPS = 0.5, (4, 16, 64)
 # Half the distance between mean-square orders, which are multiples of ½.

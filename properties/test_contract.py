@@ -35,12 +35,12 @@ from sepv.properties._without_memory import (
 from sepv.properties._without_solution import CLASSES_WITH_FOLDS, made, proof
 
 from sepv.errors import NotFinite, SchemeFault, SepvError, StepFailure
+from sepv.law import Case, Effort, Finding, Law, Measurement, Middle, Run, Verdict, require, searched
+from sepv.law.cases.case import has_words, to_json, to_token
+from sepv.law.fresh import SecondProcess, step_in_digits
+from sepv.law.search_log import Check
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.schemes import Scheme, SchemeCrash, ask, check_answer, raw_answer, require_unchanged, takes
-from sepv.verification import Case, Effort, Finding, Law, Measurement, Middle, Run, Verdict, require, searched
-from sepv.verification._cases.case import has_words, to_json, to_token
-from sepv.verification._fresh import SecondProcess, step_in_digits
-from sepv.verification._search_log import Check
 
 # The number of states in a batch. It is small, because the law "reproducibility" has larger batches.
 BATCH = 3
@@ -270,7 +270,7 @@ def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
             measured.append((case, answer))
         return Measurement(0.0, 0.0)
 
-    second = SecondProcess(this_run.target, this_run.problems) if this_run.target else None
+    second = SecondProcess(this_run) if this_run.target else None
     try:
         finding = _searched(remembered).run(law, scheme, this_run)
         if finding.verdict is not Verdict.HOLDS or not measured:

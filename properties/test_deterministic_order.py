@@ -22,11 +22,10 @@ from sepv.properties._orders.without_noise import (
 )
 
 from sepv.errors import Skipped
+from sepv.law import Effort, Finding, Law, Run, Verdict, first_order, require
+from sepv.law.advice import is_explicit
 from sepv.problem import Problem
 from sepv.schemes import OF_SEVERAL, Scheme, has_memory
-from sepv.verification import Effort, Finding, Law, Run, Verdict, require
-from sepv.verification._advice import is_explicit
-from sepv.verification._first_order import first_order
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:  # noqa: ARG001 - nothing is drawn

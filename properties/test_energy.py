@@ -11,9 +11,7 @@ from sepv.properties._long_steps import for_energy
 from sepv.reference.problem import exact_problem
 
 from sepv.errors import StepFailure
-from sepv.problem import PolynomialSystem, Systems
-from sepv.schemes import Scheme, ask_next
-from sepv.verification import (
+from sepv.law import (
     Case,
     Cases,
     Effort,
@@ -24,9 +22,11 @@ from sepv.verification import (
     searched,
     step_residual,
 )
-from sepv.verification._cases.fixed_cases import may_be_refused
-from sepv.verification._cases.of_law import NOT_KEPT
-from sepv.verification._contraction import contraction_radius
+from sepv.law.cases.fixed_cases import may_be_refused
+from sepv.law.cases.of_law import NOT_KEPT
+from sepv.law.contraction import contraction_radius
+from sepv.problem import PolynomialSystem, Systems
+from sepv.schemes import Scheme, ask_next
 
 STEPS = 3
 

@@ -22,10 +22,10 @@ from sepv.properties._stationary import Stationary, balanced, of_step
 
 from sepv.errors import Unasked, UsageError
 from sepv.files import finite
+from sepv.law import Effort, Finding, Law, Measurement, Run, Verdict, require
 from sepv.problem import Array, Problem, mechanics
 from sepv.record import EPS
 from sepv.schemes import Scheme, order_of
-from sepv.verification import Effort, Finding, Law, Measurement, Run, Verdict, require
 
 # Step sizes in units of 1/|λ| for the fastest eigenvalue λ of the drift. Coarser ones are unstable for some schemes.
 SIZES = 2.0 ** -np.arange(0.0, 9.0)

@@ -5,23 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from sepv import problems
+from sepv.law import Case, Cases, Effort, Measurement, Middle, require, searched, state_ulp, step_residual
+from sepv.law.contraction import contraction_radius, has_majorants
+from sepv.law.tolerance import CONTRACTION, correction_rounding
 from sepv.problem import Array, PolynomialSystem
 from sepv.problems import nambu_system
 from sepv.record import Polynomial, poly
 from sepv.schemes import Scheme, ask
-from sepv.verification import (
-    Case,
-    Cases,
-    Effort,
-    Measurement,
-    Middle,
-    require,
-    searched,
-    state_ulp,
-    step_residual,
-)
-from sepv.verification._contraction import contraction_radius, has_majorants
-from sepv.verification._tolerance import CONTRACTION, correction_rounding
 
 
 def transformations(y: Array) -> list[tuple[str, Array, Array, Array]]:

@@ -20,6 +20,9 @@ import numpy as np
 from sepv.reference.taylor import flow_series
 
 from sepv.errors import SepvError
+from sepv.law import Case, Cases, Effort, Measurement, require, searched, step_residual
+from sepv.law.cases.random_cases import ORIGIN_SHARE
+from sepv.law.contraction import contraction_ball
 from sepv.problem import (
     Array,
     HamiltoniansProblem,
@@ -34,9 +37,6 @@ from sepv.problem import (
 )
 from sepv.record import TINY
 from sepv.schemes import Scheme, ask
-from sepv.verification import Case, Cases, Effort, Measurement, require, searched, step_residual
-from sepv.verification._cases.random_cases import ORIGIN_SHARE
-from sepv.verification._contraction import contraction_ball
 
 # The number of nodes of the interpolation, and the last power of Δ whose coefficient is judged. With 24 or more nodes
 # in |Δ| ≤ ϱ/2, the coefficient of Δ⁸ has an error of 2e-6 r/ϱ⁸ (r, ϱ: see `_on`), and is 1e-7 to 1e-2 of r/ϱ⁸.

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from sepv.law import Case, Cases, Effort, Measurement, require, searched, state_ulp
 from sepv.problem import HamiltoniansProblem, NamedProblem, Systems, is_several, noise_vectors
 from sepv.schemes import Scheme, ask
-from sepv.verification import Case, Cases, Effort, Measurement, require, searched, state_ulp
 
 PENDULUM_AT_REST = Case(NamedProblem("pendulum", (("noise", (1.0, 0.5)),)), (0.0, 0.0), 0.25, (0.5, -0.25))
 

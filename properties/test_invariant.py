@@ -30,18 +30,18 @@ from sepv.reference.arithmetic import context
 from sepv.reference.given_functions import in_many_digits
 
 from sepv.errors import Skipped, Unasked
+from sepv.law import Case, Cases, Effort, Measurement, require, searched, step_residual
+from sepv.law.cases import random_parts as some
+from sepv.law.cases import strata
+from sepv.law.cases.clipped import clips
+from sepv.law.cases.of_law import Adapt
+from sepv.law.cases.random_cases import placed
+from sepv.law.cases.users_problems import sources
+from sepv.law.tolerance import majorant_over
 from sepv.problem import Array, Function, PolynomialSystem, Problem, Systems, damping_of
 from sepv.problems import build, planes
 from sepv.record import EPS, TINY, poly
 from sepv.schemes import Scheme, ask
-from sepv.verification import Case, Cases, Effort, Measurement, require, searched, step_residual
-from sepv.verification._cases import random_parts as some
-from sepv.verification._cases import strata
-from sepv.verification._cases.clipped import clips
-from sepv.verification._cases.of_law import Adapt
-from sepv.verification._cases.random_cases import placed
-from sepv.verification._cases.users_problems import sources
-from sepv.verification._tolerance import majorant_over
 
 DIGITS = 40
 # The most steps of a quadrature for a scheme that takes one state a call: 76 s for steps of 76 ms.

@@ -8,8 +8,8 @@ from sepv.properties._orders.local_example import mean_example
 from sepv.properties._orders.local_orders import judge, mean_slope, strong_order
 from sepv.properties._sampled import FIRST_STEP, of_one_step, pathwise
 
+from sepv.law import Effort, Finding, Law, Run, require
 from sepv.schemes import Scheme
-from sepv.verification import Effort, Finding, Law, Run, require
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:

@@ -15,8 +15,8 @@ from sepv.properties._orders.local_example import step_example
 from sepv.properties._orders.local_orders import MARGIN, judge, strong_order
 from sepv.properties._sampled import FIRST_STEP, of_one_step, pathwise
 
+from sepv.law import Effort, Finding, Law, Run, Verdict, require
 from sepv.schemes import Scheme, Systems, order_of
-from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:

@@ -12,9 +12,8 @@ from sepv.properties._orders.local_example import weak_example
 from sepv.properties._orders.local_orders import judge, mean_slope
 from sepv.properties._sampled import FIRST_STEP, of_one_step
 
+from sepv.law import Effort, Finding, Law, Run, about_noise, require
 from sepv.schemes import Scheme, order_of
-from sepv.verification import Effort, Finding, Law, Run, require
-from sepv.verification._law import about_noise
 
 
 def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:

@@ -22,12 +22,12 @@ from sepv.properties._orders.long_times import Judged, power, trend
 from sepv.properties._sampled import sparing
 
 from sepv.errors import Skipped
+from sepv.law import Case, Effort, Finding, Law, Run, Verdict, require
+from sepv.law.cases.case import quiet_problem
+from sepv.law.cases.from_problem import describe
+from sepv.law.cases.users_problems import items
 from sepv.problem import Systems, damping_of, is_several
 from sepv.schemes import OF_SEVERAL, Scheme, takes
-from sepv.verification import Case, Effort, Finding, Law, Run, Verdict, require
-from sepv.verification._cases.case import quiet_problem
-from sepv.verification._cases.from_problem import describe
-from sepv.verification._cases.users_problems import items
 
 # The number of paths on an orbit, for a confidence interval of the growth. A scheme without batches gets fewer.
 PATHS, SPARED_PATHS = 8, 4

@@ -14,9 +14,9 @@ from sepv.properties._orders.local_orders import unclaimed
 from sepv.properties._sampled import pathwise
 from sepv.properties._sequential import Assess, Assessment, hold_level, is_tilted, judge
 
+from sepv.law import Effort, Finding, Law, Run, Verdict, require
 from sepv.problem import Problem, column
 from sepv.schemes import Scheme, order_of
-from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 
 # Orders of one-step methods for (1.1) are multiples of ½. If the interval of the slope is above p − MARGIN, the middle
 # between p and the next lower order, it rejects the lower order. The margin also allows for the pre-asymptotic part of

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from sepv.properties._exact_step import exact_step
 
+from sepv.law import Case, Cases, Effort, Measurement, require, searched
+from sepv.law.cases.of_law import only
+from sepv.law.tolerance import state_error
 from sepv.problem import Problem, Systems
 from sepv.schemes import Scheme, ask
-from sepv.verification import Case, Cases, Effort, Measurement, require, searched
-from sepv.verification._cases.of_law import only
-from sepv.verification._tolerance import state_error
 
 
 def quadratic(problem: Problem) -> bool:

@@ -9,23 +9,23 @@ from typing import Any
 import numpy as np
 
 from sepv.errors import Skipped
-from sepv.problem import GivenProblem, HamiltoniansProblem, PolynomialSystem, Systems, is_several
-from sepv.record import Polynomial
-from sepv.schemes import Scheme, ask
-from sepv.verification import (
+from sepv.law import (
     Case,
     Cases,
     Effort,
     Measurement,
     Middle,
+    amplification,
     require,
     searched,
     state_ulp,
     step_residual,
 )
-from sepv.verification._amplification import amplification
-from sepv.verification._cases.case import with_noise
-from sepv.verification._cases.fixed_cases import many
+from sepv.law.cases.case import with_noise
+from sepv.law.cases.fixed_cases import many
+from sepv.problem import GivenProblem, HamiltoniansProblem, PolynomialSystem, Systems, is_several
+from sepv.record import Polynomial
+from sepv.schemes import Scheme, ask
 
 # A noise: its coefficient c_j, its structure G_j or Hamiltonian H_j, and its increment ΔW_j.
 Noise = tuple[float, tuple[tuple[int, int, Polynomial], ...] | Polynomial, float]

@@ -21,10 +21,10 @@ import math
 from sepv.properties._poisson_map import check
 from sepv.properties._structures import is_constant, is_poisson
 
+from sepv.law import Case, Cases, Effort, Measurement, Middle, require, searched
+from sepv.law.contraction import shortened
 from sepv.problem import Systems, conformal_rate
 from sepv.schemes import OF_DAMPED, Scheme
-from sepv.verification import Case, Cases, Effort, Measurement, Middle, require, searched
-from sepv.verification._contraction import shortened
 
 
 def poisson(case: Case) -> Case | None:

@@ -13,11 +13,11 @@ from hypothesis import assume
 from hypothesis import strategies as st
 
 from sepv.errors import Skipped, StepFailure
+from sepv.law import Case, Cases, Effort, Measurement, Middle, require, searched
+from sepv.law.strategies import coefficients, noises
 from sepv.problem import Array, NamedProblem, Problem, Systems, noise_field, vector_field
 from sepv.problems.shown_to_schemes import as_given
 from sepv.schemes import Scheme, by_name, guarded, splitting
-from sepv.verification import Case, Cases, Effort, Measurement, Middle, require, searched
-from sepv.verification.strategies import coefficients, noises
 
 NAMES = ("a", "b", "d", "nu", "mu", "noise")
 # Six systems with parameters of all signs, the first one the paper's. They are few, with many steps each, because sepv
@@ -33,7 +33,7 @@ SYSTEMS = tuple(
         ([1.0], [-1.0], [2.0], [0.5], [4.0], [0.0, 1.0]),
     )
 )
-# Hypothesis strategies, built once for all tests (see `sepv.verification.strategies`).
+# Hypothesis strategies, built once for all tests (see `sepv.law.strategies`).
 _SYSTEMS, _SIGNS = st.sampled_from(SYSTEMS), st.sampled_from([1.0, -1.0])
 _STATES = st.tuples(*[st.tuples(st.sampled_from([1.0, 1.5]), st.integers(-10, 2))] * 3)
 _NOISES = noises(least=1, most=3).filter(any)

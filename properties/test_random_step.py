@@ -5,22 +5,22 @@ from __future__ import annotations
 import numpy as np
 
 from sepv.errors import SchemeFault, Skipped, StepFailure
-from sepv.problem import Array, Problem, Systems
-from sepv.schemes import Scheme, ask
-from sepv.verification import (
+from sepv.law import (
     Case,
     Cases,
     Effort,
     Measurement,
     Middle,
+    amplification,
     require,
     searched,
     state_ulp,
     step_residual,
 )
-from sepv.verification._amplification import amplification
-from sepv.verification._cases.clipped import clips, fits
-from sepv.verification._cases.of_law import only
+from sepv.law.cases.clipped import clips, fits
+from sepv.law.cases.of_law import only
+from sepv.problem import Array, Problem, Systems
+from sepv.schemes import Scheme, ask
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:

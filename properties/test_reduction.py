@@ -9,11 +9,11 @@ from sepv.properties._exact_step import exact_step
 from sepv.properties._structures import is_constant
 from sepv.reference.equations_by_class import equation_for
 
+from sepv.law import Case, Cases, Effort, Measurement, require, searched
+from sepv.law.cases.case import with_noise
+from sepv.law.tolerance import state_error
 from sepv.problem import GivenProblem, PolynomialSystem, StructuresProblem
 from sepv.schemes import Scheme, Systems, ask
-from sepv.verification import Case, Cases, Effort, Measurement, require, searched
-from sepv.verification._cases.case import with_noise
-from sepv.verification._tolerance import state_error
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:

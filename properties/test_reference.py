@@ -23,11 +23,7 @@ from sepv.reference.steps import reference_step
 from sepv.reference.vector import ReferenceVector, load, schemes_with_vectors
 
 from sepv.errors import StepFailure
-from sepv.problem import Array, GivenProblem, PolynomialSystem, Problem, matvec
-from sepv.problems import commuting_actions
-from sepv.record import EPS, TINY, poly
-from sepv.schemes import Scheme, Systems, ask
-from sepv.verification import (
+from sepv.law import (
     Case,
     Cases,
     Effort,
@@ -40,14 +36,18 @@ from sepv.verification import (
     searched,
     state_ulp,
 )
-from sepv.verification._cases.classes import FAMILIES
-from sepv.verification._cases.commuting import of_actions
-from sepv.verification._cases.fixed_cases import longest, many
-from sepv.verification._cases.random_parts import coefficient
-from sepv.verification._tolerance import gradient_majorant, state_error, structure_majorant
+from sepv.law.cases.classes import FAMILIES
+from sepv.law.cases.commuting import of_actions
+from sepv.law.cases.fixed_cases import longest, many
+from sepv.law.cases.random_parts import coefficient
+from sepv.law.tolerance import gradient_majorant, state_error, structure_majorant
+from sepv.problem import Array, GivenProblem, PolynomialSystem, Problem, matvec
+from sepv.problems import commuting_actions
+from sepv.record import EPS, TINY, poly
+from sepv.schemes import Scheme, Systems, ask
 
 # The `rounding` of a reference vector bounds the error of one evaluation of the equation in binary64. As in
-# sepv.verification._tolerance, this factor covers implementations that order the same operations differently.
+# sepv.law.tolerance, this factor covers implementations that order the same operations differently.
 ORDER_OF_OPERATIONS = 4.0
 # The largest number of nodes of a quadrature that is exact to rounding: 33 Chebyshev points, 20 Gauss nodes, …
 QUADRATURE_NODES = 40

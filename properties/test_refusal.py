@@ -22,9 +22,7 @@ from sepv.properties._without_solution import CLASSES_WITH_FOLDS, NoSolution, ma
 
 from sepv.core.newton import Status
 from sepv.errors import SepvError, Skipped, StepFailure
-from sepv.problem import Array, Problem, Systems, vector_field
-from sepv.schemes import Scheme, ask
-from sepv.verification import (
+from sepv.law import (
     Case,
     Cases,
     Effort,
@@ -38,6 +36,8 @@ from sepv.verification import (
     state_ulp,
     step_residual,
 )
+from sepv.problem import Array, Problem, Systems, vector_field
+from sepv.schemes import Scheme, ask
 
 # STEPS is the number of steps tested before the random search, SHOWN the number tried for a scheme that does not claim
 # *reference*. They are small, because an iteration without a solution takes fifty times as long as one that converges.

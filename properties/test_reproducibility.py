@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from sepv.properties._problems_of import may_ask
 
+from sepv.law import Case, Cases, Effort, Measurement, Middle, require, searched, state_ulp
 from sepv.problem import PolynomialSystem
 from sepv.schemes import Scheme, ask
-from sepv.verification import Case, Cases, Effort, Measurement, Middle, require, searched, state_ulp
 
 # Sizes of parts of a batch. Libraries change their code path near the widths of vector registers and unrolled loops, so
 # these sizes differ; a further part has as many states as y has components. Some cases have batches of thousands.

@@ -11,10 +11,10 @@ from __future__ import annotations
 from sepv.properties._reversal import momentum_flip
 from sepv.properties._way_back import measured
 
+from sepv.law import Case, Cases, Effort, Measurement, Middle, require, searched
 from sepv.problem import Systems
 from sepv.problems import build
 from sepv.schemes import Scheme
-from sepv.verification import Case, Cases, Effort, Measurement, Middle, require, searched
 
 
 def reversible(case: Case) -> Case | None:

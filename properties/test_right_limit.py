@@ -24,9 +24,9 @@ from sepv.properties._sampled import pathwise, sparing
 from sepv.properties._sequential import Assess, Assessment, is_tilted, judge
 
 from sepv.errors import Skipped
+from sepv.law import Effort, Finding, Law, Run, Verdict, require
 from sepv.problem import Array, Problem, column
 from sepv.schemes import Scheme, order_of
-from sepv.verification import Effort, Finding, Law, Run, Verdict, require
 
 # An error by the share RESOLUTION of drift or noise must be detected; SPARED if the scheme takes one state at
 # a time.

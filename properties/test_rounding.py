@@ -3,7 +3,7 @@
 If the solver of a scheme stops at a tolerance, its residuals have one sign, and the energy drifts linearly.
 
 Let D be the defect of H after n steps in ulp of H, and w the change of H in a step y1 = y0 + z by the rounding of this
-sum alone. So w√n is the predicted random walk (`sepv.verification._tolerance`). Three quantities are judged:
+sum alone. So w√n is the predicted random walk (`sepv.law.tolerance`). Three quantities are judged:
 
 - size: the root mean square of D over paths is at most ALLOWED·w√n at every checkpoint;
 - drift: the mean of D over P paths is at most BIAS·w·n plus Student's t of level LEVEL times the standard error of the
@@ -33,18 +33,18 @@ from sepv import problems
 from sepv.core.newton import Status
 from sepv.errors import Skipped
 from sepv.exact import FlowFailure, exact_flow
+from sepv.law import Effort, Finding, Law, Run, Verdict, energy_ulp, require
+from sepv.law.along_paths import watching
+from sepv.law.cases.from_problem import describe
+from sepv.law.cases.of_law import NOT_KEPT, UNDAMPED
+from sepv.law.tolerance import rounding_variances
+from sepv.law.units import units_of
 from sepv.problem import Array, HamiltoniansProblem, Problem, damping_of, is_several, vector_field
 from sepv.record import EPS, TINY
 from sepv.schemes import Scheme, Systems, guarded
 from sepv.simulate import Carried, Watch, advance, wiener
 from sepv.simulate import truncation as bounded
 from sepv.statistics import fishers_f, students_t
-from sepv.verification import Effort, Finding, Law, Run, Verdict, energy_ulp, require
-from sepv.verification._along_paths import watching
-from sepv.verification._cases.from_problem import describe
-from sepv.verification._cases.of_law import NOT_KEPT, UNDAMPED
-from sepv.verification._tolerance import rounding_variances
-from sepv.verification._units import units_of
 
 PATHS = 60
 # (problem, h, steps): two long runs; one with large steps, which show a solver that stops early; one with B(y) and a
@@ -61,7 +61,7 @@ DEEPER, DEEP_EXAMPLES = 8, 1000
 # the largest h. Paths times steps fall from 46,080 to 7,168, and the smallest visible drift is 2.1 times as large.
 SPARED_PATHS = 28
 FIRST = 32  # the number of steps of the first checkpoint; each later one has twice as many
-# The allowed root mean square of D, as a multiple of the predicted walk w√n (`sepv.verification._tolerance`). Schemes
+# The allowed root mean square of D, as a multiple of the predicted walk w√n (`sepv.law.tolerance`). Schemes
 # of sepv are at 1, which 60 paths measure to 9 %. The factor allows for other orders of operations, with up to a
 # hundred roundings of y in a step.
 ALLOWED = 10.0

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from sepv.properties._way_back import measured
 
+from sepv.law import Case, Cases, Effort, Measurement, Middle, require, searched
 from sepv.schemes import Scheme
-from sepv.verification import Case, Cases, Effort, Measurement, Middle, require, searched
 
 
 def check(scheme: Scheme, case: Case) -> Measurement:

@@ -28,14 +28,13 @@ from sepv.properties._problems_of import units_for
 from sepv.reference.increments import lost_variance, moment, truncated_moment
 
 from sepv.errors import Skipped
+from sepv.law import Effort, Finding, Law, Run, Verdict, about_noise, require
+from sepv.law.units import rates_at
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.record import EPS
 from sepv.schemes import Scheme, ask, point_law, takes
 from sepv.simulate import truncation as bounded
 from sepv.simulate import wiener
-from sepv.verification import Effort, Finding, Law, Run, Verdict, require
-from sepv.verification._law import about_noise
-from sepv.verification._units import rates_at
 
 STEPS = tuple(2.0**-n for n in range(1, 21))
 # The number of step sizes for each noise, and their range in units of time. No two noises have the same step sizes.

@@ -12,12 +12,12 @@ import numpy as np
 from sepv.properties._poisson_map import tangent
 from sepv.properties._structures import places
 
+from sepv.law import Case, Cases, Effort, Measurement, Middle, require, searched
+from sepv.law.contraction import shortened
 from sepv.problem import Array, Problem, Systems, derivative_of_structure
 from sepv.problems import build
 from sepv.record import EPS
 from sepv.schemes import Scheme
-from sepv.verification import Case, Cases, Effort, Measurement, Middle, require, searched
-from sepv.verification._contraction import shortened
 
 # A divergence of at most DIVERGENCE_TOLERANCE times its terms counts as 0, because derivatives of B have
 # errors. The bound includes it.

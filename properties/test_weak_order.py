@@ -35,10 +35,9 @@ from sepv.properties._orders.means import Coefficient, decay, leading, moment_er
 from sepv.properties._orders.weak_trees import LEAST_RESOLUTIONS, tree_errors
 from sepv.properties._sequential import Assess, Assessment, hold_level, is_tilted, judge
 
+from sepv.law import Effort, Finding, Law, Run, Verdict, about_noise, require
 from sepv.problem import Array, Problem, Systems, column
 from sepv.schemes import Scheme, has_memory, order_of, point_law
-from sepv.verification import Effort, Finding, Law, Run, Verdict, require
-from sepv.verification._law import about_noise
 
 # The last words of the message about means with a significant part of too low an order.
 REST_WORDS = "is left"

@@ -12,7 +12,6 @@ import sys
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, TypeVar
 from zlib import crc32
@@ -93,10 +92,8 @@ def _path(kind: str) -> Path:
 @cache
 def _sources() -> Any:
     """The versions of software and the files of sepv on which stored results depend."""
-    folders = [Path(__file__).parent]
-    for name in ("sepv.reference", "sepv.properties"):
-        found = find_spec(name)
-        assert found is not None
-        folders += map(Path, found.submodule_search_locations or ())
-    files = sorted(path for folder in folders for path in folder.rglob("*.py"))
+    # An installation has the laws and the references in the package, and a checkout beside it.
+    places = [Path(place) for place in sys.modules["sepv"].__path__]
+    folders = [places[0], *(place / name for place in places for name in ("properties", "reference"))]
+    files = sorted({path for folder in folders for path in folder.rglob("*.py")})
     return sys.version, np.__version__, [(str(p), p.stat().st_mtime_ns, p.stat().st_size) for p in files]

@@ -19,8 +19,9 @@ from typing import Any
 import pytest
 
 from sepv.errors import SepvError, UsageError
+from sepv.law import Effort, Finding, Law, LawViolated, Run, Verdict, has_words
 from sepv.schemes import Scheme
-from sepv.verification import Effort, Expectations, Finding, Law, LawViolated, Run, Verdict, has_words
+from sepv.verification import Expectations
 
 # The findings of this run. They are properties of tests, because pytest-xdist and JUnit files carry properties.
 _FINDINGS = pytest.StashKey[list[dict[str, str]]]()
@@ -111,13 +112,13 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     if "scheme" not in metafunc.fixturenames or not _is_law(metafunc.module):
         return
     from sepv.schemes import PAPER
-    from sepv.verification import suite
+    from sepv.verification import load_candidate
 
     targets = metafunc.config.getoption("--scheme") or getattr(metafunc.module, "sepv_schemes", None)
     names = targets or metafunc.config.getini("sepv_schemes") or list(PAPER)
     try:
         twin, claims = _twin(metafunc.config), metafunc.config.stash[_EXPECTED].claims or ()
-        schemes = [suite.load_candidate(name, claims, twin=twin) for name in names]
+        schemes = [load_candidate(name, claims, twin=twin) for name in names]
     except SepvError as error:
         # One error, without the frames of pytest; the remaining tests would only repeat the error.
         metafunc.definition.session.shouldfail = "there is no scheme to verify"
@@ -167,7 +168,8 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Any:
     """Make a law's finding the outcome of its test, with the finding's text and without the frames of sepv."""
     if not _is_law(pyfuncitem.module):
         return (yield)
-    from sepv.verification import law, require_named, suite
+    from sepv import verification
+    from sepv.law import collecting, require_named
 
     listed, runs = pyfuncitem.config.stash[_EXPECTED], pyfuncitem.config.stash[_RUNS]
     target = pyfuncitem.callspec.id if hasattr(pyfuncitem, "callspec") else "TARGET"
@@ -180,16 +182,16 @@ def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> Any:
         if not chosen.claimed_by(scheme) and not listed.is_pin:
             # The violation of an unclaimed law is shown as one line, so its counterexample is not simplified.
             # An error is shown in full, so the law is measured again with the full effort.
-            finding = suite.measure(
+            finding = verification.measure(
                 chosen, scheme, replace(run, effort=replace(run.effort, shrink_checks=0)), failure=failure
             )
             if finding.verdict is not Verdict.ERROR:
                 return finding
-        return suite.measure(chosen, scheme, run, failure=failure)
+        return verification.measure(chosen, scheme, run, failure=failure)
 
     findings: list[Finding] = []
     result: Any = None
-    with law.collecting(findings, measure):
+    with collecting(findings, measure):
         try:
             result = yield
         except LawViolated:

@@ -1,6 +1,6 @@
 """Hypothesis strategies for random Poisson systems and steps, for your own tests (docs/random-systems.md)."""
 
-from sepv.verification.strategies import (
+from sepv.law.strategies import (
     CONTRACTION,
     any_steps,
     casimir_systems,

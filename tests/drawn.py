@@ -8,11 +8,11 @@ from hypothesis import strategies as st
 
 import sepv
 from sepv import problems, schemes
+from sepv.law.cases.classes import CLASSES
 from sepv.problem import Array, PolynomialSystem, Problem, Systems, vector_field
 from sepv.schemes import energy_preserving
 from sepv.simulate._batch import AXES
 from sepv.verification import Case
-from sepv.verification._cases.classes import CLASSES
 
 
 def steps(systems: Systems, **where: tuple[str, ...]) -> st.SearchStrategy[Case]:

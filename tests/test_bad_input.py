@@ -24,6 +24,7 @@ from sepv.reference.steps import reference_step
 import sepv
 from sepv import PolynomialSystem, SepvError, Skipped, StepFailure, hard_cases, problems, schemes
 from sepv.faults import detection
+from sepv.law.cases import case as cases
 from sepv.paper.several_with_areas import step_with_areas
 from sepv.posing import pose, pose_fields
 from sepv.problem import HamiltoniansProblem, NamedProblem, StructuresProblem, Systems, mechanics
@@ -34,7 +35,6 @@ from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.studies._solvability.branch import End, follow
 from sepv.verification import Cases, Effort, requirements
-from sepv.verification._cases import case as cases
 
 EP = schemes.energy_preserving
 BODY, VOLTERRA = problems.rigid_body(), problems.lotka_volterra()

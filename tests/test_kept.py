@@ -13,8 +13,8 @@ MAKE_CASES = """
 import sys, sepv
 from sepv._kept import save_all
 from sepv.problem import Systems
-from sepv.verification._cases import random_cases
-from sepv.verification._cases.classes import CLASSES
+from sepv.law.cases import random_cases
+from sepv.law.cases.classes import CLASSES
 
 space, placed, kept = CLASSES[Systems.SINGLE].space, random_cases.placed, "kept" in sys.argv
 # A case that is drawn again ends the process, and then so does a design that is made again.

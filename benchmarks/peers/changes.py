@@ -9,7 +9,7 @@ from typing import Any
 
 from benchmarks.peers.records import Record
 from sepv.files import finite
-from sepv.verification import Verdict
+from sepv.law import Verdict
 
 # Words for a solver that a version of the library lacks, and for one that it has.
 ABSENT, THERE = "absent", "there"

@@ -32,11 +32,12 @@ from sepv import problems
 from sepv._version import __version__
 from sepv.console import Shown, markdown
 from sepv.errors import TargetError
+from sepv.law import Effort, Law, Verdict, energy_ulp
 from sepv.peers.peer import load
 from sepv.problem import Problem
 from sepv.schemes import Scheme, energy_preserving
 from sepv.simulate import ensemble
-from sepv.verification import LAWS, Effort, Law, Verdict, energy_ulp, load_laws
+from sepv.verification import LAWS, load_laws
 from sepv.verification._report import MARKS
 
 COMMAND = "python -m benchmarks.peers.compliance"

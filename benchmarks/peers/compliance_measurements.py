@@ -15,9 +15,10 @@ from sepv.properties._setups import setups
 from benchmarks.peers.environments import VERSIONS
 from benchmarks.peers.kept_measurements import Cell
 from sepv._version import __version__
+from sepv.law import Effort, Law, Verdict
 from sepv.peers.peer import load
 from sepv.schemes import Scheme, page_of
-from sepv.verification import Effort, Law, Verdict, verify
+from sepv.verification import verify
 
 LIBRARIES = tuple(VERSIONS)
 # The setups on which schemes with untruncated increments are judged: all solvers here have such increments.

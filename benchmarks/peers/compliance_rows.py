@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from benchmarks.peers.compliance_measurements import NO_AREAS, SETUPS, release, silent
+from sepv.law import Verdict
 from sepv.schemes import Scheme
-from sepv.verification import LAWS, Verdict
+from sepv.verification import LAWS
 from sepv.verification._report import MARKS
 
 

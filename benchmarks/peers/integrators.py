@@ -23,9 +23,10 @@ from benchmarks.peers.options import measuring, page_options, put
 from sepv._version import __version__
 from sepv.console import Shown, markdown
 from sepv.files import write_atomically
+from sepv.law import Effort, Verdict
 from sepv.peers.peer import installed, load, names
 from sepv.schemes import Scheme
-from sepv.verification import Effort, Verdict, load_laws
+from sepv.verification import load_laws
 from sepv.verification._report import MARKS
 
 COMMAND = "python -m benchmarks.peers.integrators"

@@ -23,8 +23,9 @@ from sepv._version import __version__
 from sepv.console import showing
 from sepv.errors import SepvError
 from sepv.files import finite, json_text, write_atomically
+from sepv.law import Effort, Law
 from sepv.peers.peer import load
-from sepv.verification import SUITE, Effort, Law, load_laws
+from sepv.verification import SUITE, load_laws
 
 FORMAT = 1
 # The laws that are quick enough for many versions. Local laws, by quadrature over several noises, find most faults of a

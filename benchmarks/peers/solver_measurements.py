@@ -24,11 +24,12 @@ from benchmarks.peers.compliance_measurements import _text_of, release
 from benchmarks.peers.kept_measurements import Cell
 from benchmarks.peers.solver import KINDS, Solver, problem_of
 from sepv._version import __version__
+from sepv.law import Effort, Verdict
 from sepv.problem import Array, Problem, matvec, noise_field
 from sepv.problem._hamiltonians import noise_slope
 from sepv.schemes import Scheme
 from sepv.simulate import RoughPath, run_chunk
-from sepv.verification import Effort, Verdict, load_laws, verify
+from sepv.verification import load_laws, verify
 
 LOCAL = ("local-mean", "local-mean-square", "local-weak")
 KEPT = ("casimir", "poisson-map")

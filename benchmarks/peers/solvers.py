@@ -22,7 +22,7 @@ from benchmarks.peers.solver import KINDS, Solver, problem_of
 from benchmarks.peers.solver_measurements import ALPHA, KEPT, STEPS, T, cells, limit_of, orders
 from sepv._version import __version__
 from sepv.console import Shown, markdown
-from sepv.verification import Effort, Verdict
+from sepv.law import Effort, Verdict
 
 COMMAND = "python -m benchmarks.peers.solvers"
 # Half-way to the next lower order, as in the laws about orders.

@@ -8,7 +8,7 @@ from typing import Any
 from benchmarks.peers.changes import ABSENT, cell, changes, deviations, latest, solvers
 from benchmarks.peers.records import Record
 from sepv.console import markdown
-from sepv.verification import Verdict
+from sepv.law import Verdict
 
 # Half of ½, the lowest order of a consistent scheme: an error that falls with a larger slope has the limit 0.
 LEAST_SLOPE = 0.25

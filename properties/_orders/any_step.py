@@ -20,6 +20,7 @@ from sepv.properties._problems_of import problems_of, units_for
 from sepv.core.newton import Status
 from sepv.errors import Skipped
 from sepv.exact import FlowFailure, exact_flow
+from sepv.law import Run
 from sepv.problem import (
     Array,
     HamiltoniansProblem,
@@ -35,7 +36,6 @@ from sepv.problems import started
 from sepv.record import EPS, poly
 from sepv.schemes import Scheme, guarded
 from sepv.simulate import advance
-from sepv.verification._law import Run
 
 # Step sizes are drawn from PAIRS equal parts of the range, at most 2.1 octaves apart, so that no decade is
 # left out. The range is from 2⁻⁴⁰, where an error of size h is 1e-12 of y, to 2⁻², where A_h is 1.66 for

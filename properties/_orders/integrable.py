@@ -29,6 +29,8 @@ from sepv.properties._reversal import mirrors, momentum_flip, turning
 from sepv import problems
 from sepv.errors import Skipped
 from sepv.exact import PHASES, closed_orbit
+from sepv.law.cases.case import quiet_problem
+from sepv.law.cases.families import body
 from sepv.problem import (
     Array,
     HamiltoniansProblem,
@@ -39,8 +41,6 @@ from sepv.problem import (
 )
 from sepv.problems import canonical, started
 from sepv.record import poly
-from sepv.verification._cases.case import quiet_problem
-from sepv.verification._cases.families import body
 
 Indices = NDArray[np.signedinteger[Any]]
 # Numbers of steps in a period at the largest step size: ωh = 0.42 and 0.45, a fifth of the leapfrog's stability limit.

@@ -29,6 +29,7 @@ from sepv.properties._sampled import sparing
 
 from sepv import problems
 from sepv.exact import FlowFailure, exact_flow
+from sepv.law import Run
 from sepv.problem import (
     Array,
     HamiltoniansProblem,
@@ -44,7 +45,6 @@ from sepv.problems import started
 from sepv.record import EPS, poly
 from sepv.schemes import CLASSICAL, Scheme, guarded, order_of, point_law
 from sepv.simulate import advance
-from sepv.verification._law import Run
 
 LEVELS = 10
 

@@ -17,11 +17,10 @@ from sepv.properties._orders.local_errors import LEVELS, LocalErrors, local_erro
 
 from sepv.errors import Skipped
 from sepv.files import finite
+from sepv.law import Finding, Law, Run, Verdict, first_order
 from sepv.problem import Array, Problem, damping_of
 from sepv.record import EPS
 from sepv.schemes import Scheme, order_of
-from sepv.verification._first_order import first_order
-from sepv.verification._law import Finding, Law, Run, Verdict
 
 # Half the distance between local rms orders, which are multiples of ½. Slopes at the fine end are within 0.1 of their
 # limits. They converge most slowly if truncation contributes h^(k+1)|ln h|^(-3/2).

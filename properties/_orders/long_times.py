@@ -36,11 +36,11 @@ from sepv.properties._growth import exponent, grows, kind_of, rounding_walk
 from sepv.properties._orders.integrable import Orbits
 
 from sepv.core.newton import Status
+from sepv.law import Verdict
 from sepv.problem import Array, Problem, energy_change
 from sepv.record import EPS
 from sepv.schemes import Scheme, guarded
 from sepv.simulate import Carried, advance
-from sepv.verification._law import Verdict
 
 # The number of periods in a window, for the mean (PERIODS) and for the oscillation (SHORT).
 PERIODS, SHORT = 4, 2

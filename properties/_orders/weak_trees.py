@@ -16,10 +16,10 @@ from sepv.properties._orders.local_errors import LocalErrors, against_moments, a
 from sepv.properties._problems_of import units_for
 
 from sepv.errors import Skipped
+from sepv.law import Run
 from sepv.problem import Array, PolynomialSystem, Problem
 from sepv.schemes import PointLaw, Scheme, guarded, point_law
 from sepv.simulate import advance
-from sepv.verification._law import Run
 
 # The end time T is short enough for slopes within 0.1 of their limits (0.25 on Lotka-Volterra), and long enough for
 # errors far above rounding.

@@ -16,7 +16,7 @@ The same formulas are used with r = 2 and r = 4. These need step sizes farther a
 their slopes less. The narrowest of the three intervals counts. If a coefficient is wrong in a late digit, the
 error has a term of a lower power of h that dominates only at small h. So errors at finer steps than those
 that confirm an order are compared with a sum of two powers (`_slower`). The finest step sizes with a narrow
-interval decide. The unit of h is that in which the slope of the field is 2 (`sepv.verification._units`). A
+interval decide. The unit of h is that in which the slope of the field is 2 (`sepv.law.units`). A
 slope below ½ is no order, because y1 = y0 for h = 0. It comes from a tolerance that was not stated, and finer
 steps are left out. Errors κh with a constant κ, however small, are told from such tolerances by their
 regularity (`sepv.properties._orders.consistency`).
@@ -47,14 +47,14 @@ from sepv.properties._problems_of import NO_START
 from sepv.core.newton import Status
 from sepv.errors import Skipped
 from sepv.exact import FlowFailure, exact_flow
+from sepv.law import Verdict
+from sepv.law.cases.case import quiet, quiet_problem
+from sepv.law.cases.users_problems import items, sources
+from sepv.law.units import units_of
 from sepv.problem import Array, Problem, damping_of, is_several, sample_states
 from sepv.record import EPS
 from sepv.schemes import Scheme, guarded
 from sepv.simulate import advance, run_chunk
-from sepv.verification._cases.case import quiet, quiet_problem
-from sepv.verification._cases.users_problems import items, sources
-from sepv.verification._law import Verdict
-from sepv.verification._units import units_of
 
 # Step sizes in the problem's unit of time, √2 apart: from 4, where high orders are far above rounding, to
 # 2⁻¹³.

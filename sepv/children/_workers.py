@@ -1,7 +1,4 @@
-"""The processes that measure laws (`sepv.verification._side_by_side`).
-
-They may start early, to import in parallel.
-"""
+"""Processes that wait for a task. They may start early, to import in parallel."""
 
 from __future__ import annotations
 
@@ -12,7 +9,7 @@ from sepv.children._child import Child
 # The largest number of processes that is chosen here. With more, the longest group of laws determines the
 # time.
 WORKERS_MAX = 4
-_WAITING: list[Child] = []
+_WAITING: dict[str, list[Child]] = {}
 
 
 def cores() -> int:
@@ -23,15 +20,12 @@ def cores() -> int:
     return min(usable, WORKERS_MAX)
 
 
-def start_ahead(count: int) -> None:
-    """Start interpreters that `take` will return. Without a task they end with this process."""
-    _WAITING.extend(_started() for _ in range(count))
+def start_ahead(module: str, count: int) -> None:
+    """Start interpreters that run a module and that `take` will return. Without a task they end with this process."""
+    _WAITING.setdefault(module, []).extend(Child.of_module(module, noted=True) for _ in range(count))
 
 
-def take() -> Child:
-    """Return a worker process that waits for its task."""
-    return _WAITING.pop() if _WAITING else _started()
-
-
-def _started() -> Child:
-    return Child.of_module("sepv.verification._worker", noted=True)
+def take(module: str) -> Child:
+    """Return a process that runs `module` and waits for its task."""
+    waiting = _WAITING.get(module)
+    return waiting.pop() if waiting else Child.of_module(module, noted=True)

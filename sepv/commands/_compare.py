@@ -73,12 +73,12 @@ def compare(
     end. The exit code is 3 in both cases.
     """
     from sepv.console import showing
+    from sepv.law import quiet_problem
     from sepv.pictures import content, require_picture
     from sepv.schemes import load_problem
     from sepv.studies import compare as run
     from sepv.studies import comparison_table as table
     from sepv.studies import from_scheme, one_core
-    from sepv.verification import quiet_problem
 
     require_picture(picture)
     with one_core() as alone, showing(options["quiet"]) as line:

@@ -113,7 +113,7 @@ def _endings(seen: Seen) -> str:
 
 def _complaint(target: str, seen: Seen) -> str:
     """The message on a case with unexpected results: counts, the worst step, and the command that replays this step."""
-    from sepv.verification import cases
+    from sepv.law.cases import case as cases
 
     lines = [f"{seen.case.name}: expected {seen.case.expected}; seen {_endings(seen)}"]
     lines += [

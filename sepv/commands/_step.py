@@ -64,9 +64,9 @@ def _show(
     import numpy as np
 
     from sepv.commands._reference import decimal
+    from sepv.law import state_ulp
     from sepv.reference.problem import exact_problem
     from sepv.schemes import ask, load_scheme
-    from sepv.verification import state_ulp
 
     y1, missing = None, ""
     try:

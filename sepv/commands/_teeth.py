@@ -38,7 +38,7 @@ def teeth(
     """
     from sepv.console import console, print_sentence, showing
     from sepv.faults import detection as fault_detection
-    from sepv.verification import Effort
+    from sepv.law import Effort
 
     bare = not (names or laws or matrix)
     seeds = seeds or (1 if bare else 10)

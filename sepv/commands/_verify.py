@@ -184,7 +184,7 @@ def _laws_of_run(laws: cli.Names, options: dict[str, Any]) -> list[Any]:
 
 def _effort(**options: Any) -> Any:
     """The `Effort` of the options --deep, --examples, --paths, --shrink-checks, --seed and --no-corpus."""
-    from sepv.verification import Effort
+    from sepv.law import Effort
 
     effort = Effort().deeper() if options["deep"] else Effort()
     given = {key: options[key] for key in ("examples", "paths", "shrink_checks") if options[key] is not None}
@@ -251,7 +251,7 @@ def _jobs(targets: tuple[Any, ...], options: dict[str, Any], all_laws: bool) -> 
 
     jobs: int = options["jobs"] or (cores() if all(map(built_in, targets)) and not followed() else 1)
     if jobs > 1:
-        start_ahead(jobs)
+        start_ahead("sepv.verification._worker", jobs)
     return jobs
 
 
@@ -352,7 +352,8 @@ def _page(data: dict[str, Any]) -> str:
 
 def _no_longer_guarded(path: str, report: Any) -> list[str]:
     """The laws that an old file of ``--pin`` claims and that no longer hold in the report; empty without a file."""
-    from sepv.verification import ALL_LAWS, Verdict
+    from sepv.law import Verdict
+    from sepv.verification import ALL_LAWS
     from sepv.verification import load_expectations as load
 
     if not Path(path).exists():
@@ -367,8 +368,9 @@ def _no_longer_guarded(path: str, report: Any) -> list[str]:
 def _replay(targets: tuple[Any, ...], laws: cli.Names, options: dict[str, Any], debug: bool) -> None:
     """Run ``--replay``: measure one law on the input that a token encodes, and exit with the code of its verdict."""
     from sepv.console import console
-    from sepv.verification import Verdict, replay, report
-    from sepv.verification import cases as case
+    from sepv.law import Verdict
+    from sepv.law.cases import case
+    from sepv.verification import replay, report
 
     if len(targets) != 1 or len(laws) != 1:
         raise UsageError(

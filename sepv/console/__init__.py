@@ -30,6 +30,7 @@ from sepv.console._text import (
     never_fail,
     printable,
     printable_cell,
+    statements_in_words,
 )
 
 if TYPE_CHECKING:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import codecs
 import unicodedata
+from collections.abc import Mapping
 from typing import Any
 
 # The ASCII text for each sign of pages and messages; any other sign is decomposed or escaped.
@@ -82,3 +83,12 @@ def never_fail(stream: Any) -> None:
     codecs.register_error(_NAME, _replace)
     if hasattr(stream, "reconfigure"):
         stream.reconfigure(errors=_NAME)
+
+
+def statements_in_words(counts: Mapping[str, int]) -> str:
+    """The numbers of verdicts in words, such as "12 statements: 10 hold, 1 does not, 1 open"."""
+    holds, fails = counts["holds"], counts["fails"]
+    return (
+        f"{counted(sum(counts.values()), 'statement')}: {holds} hold{'s' * (holds == 1)}, "
+        f"{fails} {'does' if fails == 1 else 'do'} not, {counts['open']} open"
+    )

@@ -18,7 +18,7 @@ from sepv.core.damped import approach
 from sepv.core.newton import ROUNDING, STAGNATION, Flagged, Inside, Root, Status, newton
 
 # The rounding of a sum of a dozen terms, relative to the sum of their absolute values: far below the constant K of
-# `sepv.verification._tolerance`.
+# `sepv.law.tolerance`.
 TERMS = 16 * EPS
 
 

@@ -20,18 +20,9 @@ from rich.text import Text
 from sepv._arguments import did_you_mean
 from sepv.console import Table, columns, fits, print_table
 from sepv.errors import require_one_of
+from sepv.law import Effort, Finding, Law, Run, Verdict
 from sepv.schemes import Scheme
-from sepv.verification import (
-    ALL_LAWS,
-    Effort,
-    Finding,
-    Law,
-    Run,
-    Verdict,
-    along_paths,
-    load_laws,
-    measure,
-)
+from sepv.verification import ALL_LAWS, along_paths, load_laws, measure
 from sepv.workers import ended_at_once
 
 from .saboteurs import SABOTEURS, Saboteur

@@ -9,21 +9,14 @@ from importlib.resources import files
 from typing import Any
 
 from sepv._version import __version__
-from sepv.files import made
 from sepv.page import _verdicts as verdicts
 from sepv.page import _views as views
 from sepv.page._changes import changes
 from sepv.page._pictures import Pictures
 from sepv.page._sources import Sources
 from sepv.page._text import plain
-from sepv.verification import Report, with_courses
 
 TITLE = "Which structural properties hold?"
-
-
-def of_report(report: Report) -> str:
-    """Return the page of one report, as ``sepv verify --html`` writes it. The scheme is run again for the pictures."""
-    return render(Sources(verify=[{"made": made("report")} | with_courses(report)]))
 
 
 def render(sources: Sources, *, title: str | None = None) -> str:
@@ -77,7 +70,7 @@ def fingerprint() -> str:
     Every page contains this hash. If a committed page has another one, it is out of date.
     """
     from sepv import schemes
-    from sepv.verification import load_laws
+    from sepv.properties import load_laws
 
     laws = [(law.name, law.statement, law.source) for law in load_laws()]
     built_in = [

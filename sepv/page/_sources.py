@@ -9,7 +9,7 @@ from typing import Any
 
 from sepv.errors import UsageError
 from sepv.files import read_json, require_schema
-from sepv.verification import renamed
+from sepv.properties import renamed
 
 # The commands that write files for the page, by a key that only the command's files have; and the files' schemas.
 KINDS = {"suite": "verify", "reproduction": "reproduce", "times_to_error": "compare", "records": "bench"}

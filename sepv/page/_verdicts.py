@@ -12,10 +12,12 @@ from typing import Any
 
 from sepv.console import counted
 from sepv.errors import UsageError
+from sepv.law import Verdict, has_words, same_error, to_bound, verdict_text
 from sepv.page._text import name, number, plain
 from sepv.page._views import View, again, cell, words_of
 from sepv.pictures import power
-from sepv.verification import ALL_LAWS, Verdict, has_words, load_laws, same_error, to_bound, verdict_text
+from sepv.properties import load_laws
+from sepv.schemes import ALL_LAWS
 
 # The largest number of characters of all counterexamples on a page; ROOMY on a page of at most FEW schemes, which has
 # pictures of them too. The JSON files have all counterexamples.

@@ -10,10 +10,10 @@ import shlex
 from typing import Any
 
 from sepv._arguments import hex_float
+from sepv.console import statements_in_words
 from sepv.page._pictures import Pictures
 from sepv.page._sources import Sources
 from sepv.page._text import name, number, plain
-from sepv.paper.record import in_words
 from sepv.pictures import FLOOR, Axis, Series, power
 from sepv.schemes import Look
 
@@ -187,7 +187,7 @@ def reproduction(data: View, pictures: Pictures) -> View:
     return {
         "about": {k: plain(v, 60) if isinstance(v, str) else v for k, v in data["reproduction"].items()},
         "of": plain(data["reproduction"]["of"], 300),
-        "counts": in_words(data["counts"]),
+        "counts": statements_in_words(data["counts"]),
         "panels": [_panel(p, pictures) for p in data["panels"]],
         "text": [_statement(s) for s in data["text"]],
         "command": again(data, "the reproduction"),

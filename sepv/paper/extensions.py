@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from sepv import problems, schemes
+from sepv.law import Run
 from sepv.pictures import Axis
 from sepv.problem import Array
 from sepv.properties import heun, local_errors
 from sepv.record import EPS
 from sepv.schemes import weakly
 from sepv.simulate import wiener
-from sepv.verification import Run
 
 from . import judge
 from .record import Job, Panel, Results, Size, Statement, points

@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from sepv import problems, schemes
+from sepv.law import Run
 from sepv.pictures import Axis
 from sepv.properties import gaussian_rule as rule
 from sepv.properties import local_errors
-from sepv.verification import Run
 
 from . import judge
 from .record import SENTENCE, STATED, Job, Panel, Results, Size, Statement, points

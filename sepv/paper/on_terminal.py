@@ -9,9 +9,9 @@ from typing import NamedTuple
 from rich.console import Console
 from rich.text import Text
 
-from sepv.console import Column, Table, counted, print_table, showing
+from sepv.console import Column, Table, counted, print_table, showing, statements_in_words
 
-from .record import Statement, counts, in_words
+from .record import Statement, counts
 from .suite import Reproduction, ShareProgress
 
 _STYLES = {"holds": "green", "fails": "bold red", "open": "yellow"}
@@ -62,7 +62,7 @@ def _print(rows: Sequence[Row], out: Console) -> None:
 def summary(reproduction: Reproduction) -> Text:
     """The last line of the report: the numbers of verdicts, and the time taken."""
     n = counts(reproduction.statements)
-    text = Text(f"{in_words(n)}; ")
+    text = Text(f"{statements_in_words(n)}; ")
     text.append(
         f"{counted(len(reproduction.panels), 'panel')} in {reproduction.seconds:.0f} s, "
         f"{reproduction.processor_seconds:.0f} s of processor time"

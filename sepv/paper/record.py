@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sepv.console import counted
 from sepv.files import finite
 from sepv.pictures import SUFFIXES, Axis, Series, content, draw_curves, figure, looks
 from sepv.statistics import jackknife
@@ -186,15 +185,6 @@ def counts(statements: Iterable[Statement]) -> dict[str, int]:
 def _place(curve: Series) -> int:
     """The place of a curve in a legend; groups keep the order in which a panel gives them."""
     return 0 if curve.group else _PLACES.get(curve.scheme, len(_PLACES))
-
-
-def in_words(counts: Mapping[str, int]) -> str:
-    """The numbers of verdicts in words, such as "12 statements: 10 hold, 1 does not, 1 open"."""
-    holds, fails = counts["holds"], counts["fails"]
-    return (
-        f"{counted(sum(counts.values()), 'statement')}: {holds} hold{'s' * (holds == 1)}, "
-        f"{fails} {'does' if fails == 1 else 'do'} not, {counts['open']} open"
-    )
 
 
 def stated_in(name: str, place: str) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from sepv import problems
 from sepv.core.newton import Status
 from sepv.exact import exact_flow
+from sepv.law import Run
 from sepv.pictures import Axis, power
 from sepv.problem import Array, Problem
 from sepv.problems import structure
@@ -19,7 +20,6 @@ from sepv.record import EPS
 from sepv.schemes import continued
 from sepv.schemes import energy_preserving as SCHEME
 from sepv.simulate import Ensemble, ensemble, truncate, wiener
-from sepv.verification import Run
 
 from . import judge
 from .order import ALPHA

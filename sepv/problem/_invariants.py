@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 # Decimal digits of LI: a cancellation of half of them leaves more than those of binary64.
 DIGITS = 40
 # A constant in a user's code is a rounded number, so LI may differ from σ − λI by a few roundings of its terms. Twice
-# the residual of a step is at least 64 eps of these terms (`sepv.verification._tolerance`), so the law's bound, which
+# the residual of a step is at least 64 eps of these terms (`sepv.law.tolerance`), so the law's bound, which
 # has this residual, covers the difference.
 RECORDED_TOLERANCE = 64 * EPS
 

@@ -1,7 +1,7 @@
 """A step that carries more than y along a path, such as a stored force, a cached gradient or a second copy of y.
 
 Along a path each step gets the state of the step before (`sepv.schemes.carry`). Laws about a step are measured on the
-first step of a path, y1 = value(step(init(y0))), and on steps in the middle of one (`sepv.verification._middle`).
+first step of a path, y1 = value(step(init(y0))), and on steps in the middle of one (`sepv.law.middle`).
 """
 
 from __future__ import annotations

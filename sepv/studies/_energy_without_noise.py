@@ -14,11 +14,11 @@ import numpy as np
 
 from sepv.errors import Skipped, UsageError
 from sepv.files import finite
+from sepv.law import Verdict, quiet_problem
 from sepv.pictures import Axis, Series, content, draw_curves, figure, looks
 from sepv.problem import Array, Problem, is_several
 from sepv.properties import EnergyPath, Stopped, allowed_rounding, trend, users_orbits
 from sepv.schemes import Look, Scheme
-from sepv.verification import Verdict, quiet_problem
 
 # The number of points of a curve, and of paths that start on one orbit.
 POINTS, PATHS = 256, 8

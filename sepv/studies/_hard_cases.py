@@ -1,6 +1,6 @@
 """Steps of a scheme on hard cases (`sepv.hard_cases`): how they end, and their errors of H in extended precision.
 
-A step ends well in one of two ways: a value within the derived bound of `sepv.verification._tolerance`, or a
+A step ends well in one of two ways: a value within the derived bound of `sepv.law.tolerance`, or a
 refusal that the case allows. Every other end is counted as a fault: a value that is not finite or outside the domain, a
 defect beyond the bound, a refusal although a solution exists.
 """
@@ -16,13 +16,13 @@ import numpy as np
 from sepv.core.newton import Status
 from sepv.errors import SepvError, StepFailure
 from sepv.hard_cases import CATALOGUE, HardCase, Sample
+from sepv.law import Case, energy_bound, energy_ulp, step_residual
 from sepv.problem import Array, Description, GivenProblem, Problem, matvec
 from sepv.reference.exact_energy import exact_energy
 from sepv.reference.problem import exact_problem
 from sepv.schemes import Scheme
 from sepv.schemes import gauss_amplification as amplification
 from sepv.simulate import initial_state
-from sepv.verification import Case, energy_bound, energy_ulp, step_residual
 
 # The number of steps in a batch, which are solved together and have the same random h.
 BATCH = 500
@@ -75,7 +75,7 @@ class Seen:
 
     def to_json(self) -> dict[str, Any]:
         """All numbers of the case as an object for the file of `sepv hard --json`."""
-        from sepv.verification import cases
+        from sepv.law.cases import case as cases
 
         return {
             "case": self.case.name,
@@ -174,7 +174,7 @@ def long_steps(problem: Problem, text: str = "") -> HardCase:
 
     The scheme may refuse any step, but every value that it returns must be right.
     """
-    from sepv.verification import describe, units_of
+    from sepv.law import describe, units_of
 
     start = initial_state(problem, None)
     longest = 10 * units_of(problem).time / 8  # the slopes allow steps of an eighth of the unit of time
@@ -266,7 +266,9 @@ def _laws(scheme: Scheme, case: HardCase, sample: Sample, count: int) -> dict[st
 
     If the case allows refusals, a refused step is not counted as measured.
     """
-    from sepv.verification import Verdict, cases, load_laws
+    from sepv.law import Verdict
+    from sepv.law.cases import case as cases
+    from sepv.verification import load_laws
 
     claimed = [law for law in load_laws(case.laws) if law.claimed_by(scheme)] if case.laws else []
     witnesses = [w for lane in range(count) if (w := _as_case(case, sample, lane)) is not None]

@@ -1,9 +1,8 @@
-"""Verification of a scheme: its laws (required properties), the test cases and bounds of each law, and a run of laws.
+"""Verification of a scheme: a run of laws, its report, and what is claimed of a scheme for later runs.
 
-Read `_law` first (a law, its verdict, a run's effort), then `_verify` (a run of laws) with `_laws` (the list of laws)
-and `_outcome` (the report). `_search` measures laws about single steps; their cases come from `strategies` and
-`_cases`. `_tolerance` derives every bound. `_report` prints a report. `_profiles` states which properties a scheme was
-found to have. The laws themselves, one in each file, and the tools of their measurements are in `sepv.properties`.
+Read `_verify` first (a run of laws), then `_laws` (the order of laws) and `_outcome` (the report). `_report` prints a
+report. `_profiles` states which properties a scheme was found to have. What a law is made of is in `sepv.law`; the
+laws themselves, one in each file, are in `sepv.properties`.
 """
 
 from __future__ import annotations
@@ -11,46 +10,38 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from sepv._lazy import lazily
+from sepv.law import Case as Case
+from sepv.law import Cases as Cases
+from sepv.law import Effort as Effort
+from sepv.law import Finding as Finding
+from sepv.law import Law as Law
+from sepv.law import LawViolated as LawViolated
+from sepv.law import Measurement as Measurement
+from sepv.law import Middle as Middle
+from sepv.law import Run as Run
+from sepv.law import Verdict as Verdict
+from sepv.law import amplification as amplification
+from sepv.law import casimir_bound as casimir_bound
+from sepv.law import energy_bound as energy_bound
+from sepv.law import energy_ulp as energy_ulp
+from sepv.law import require as require
+from sepv.law import searched as searched
+from sepv.law import state_ulp as state_ulp
+from sepv.law import step_residual as step_residual
+from sepv.properties import load_laws as load_laws
 from sepv.schemes import ALL_LAWS as ALL_LAWS
 from sepv.schemes import LAWS as LAWS
-from sepv.verification import _law as law
-from sepv.verification import _verify as suite
-from sepv.verification._amplification import amplification as amplification
-from sepv.verification._cases import case as cases
-from sepv.verification._cases.case import Case as Case
-from sepv.verification._cases.case import has_words, quiet_problem, require_named
-from sepv.verification._cases.from_problem import describe
-from sepv.verification._cases.of_law import Cases as Cases
 from sepv.verification._expected_failures import Expectations as Expectations
 from sepv.verification._expected_failures import load as load_expectations
 from sepv.verification._expected_failures import pin, to_toml
-from sepv.verification._law import Effort as Effort
-from sepv.verification._law import Finding as Finding
-from sepv.verification._law import Law as Law
-from sepv.verification._law import LawViolated as LawViolated
-from sepv.verification._law import Measurement as Measurement
-from sepv.verification._law import Middle as Middle
-from sepv.verification._law import Run as Run
-from sepv.verification._law import Verdict as Verdict
-from sepv.verification._law import require as require
-from sepv.verification._law import to_bound, verdict_text
-from sepv.verification._laws import laws_of, renamed
-from sepv.verification._laws import load_laws as load_laws
-from sepv.verification._outcome import Report as Report
+from sepv.verification._laws import laws_of
 from sepv.verification._outcome import fails
 from sepv.verification._profiles import PROFILES as PROFILES
 from sepv.verification._profiles import SUITE as SUITE
 from sepv.verification._profiles import Profile as Profile
 from sepv.verification._profiles import requirements
-from sepv.verification._search import searched as searched
-from sepv.verification._tolerance import casimir_bound as casimir_bound
-from sepv.verification._tolerance import casimir_ulp
-from sepv.verification._tolerance import energy_bound as energy_bound
-from sepv.verification._tolerance import energy_ulp as energy_ulp
-from sepv.verification._tolerance import state_ulp as state_ulp
-from sepv.verification._tolerance import step_residual as step_residual
-from sepv.verification._units import units_of
-from sepv.verification._verify import along_paths, load_in_time, measure, replay
+from sepv.verification._shown import Report as Report
+from sepv.verification._verify import along_paths, load_candidate, load_in_time, measure, replay
 from sepv.verification._verify import verify as verify
 
 if TYPE_CHECKING:
@@ -61,7 +52,6 @@ if TYPE_CHECKING:
     from sepv.verification._coverage import show as show_coverage
     from sepv.verification._junit_and_badge import badge_json, junit_xml
     from sepv.verification._progress import watching
-    from sepv.verification._report import same_error
 
 __getattr__, __dir__ = lazily(
     __name__,
@@ -72,6 +62,6 @@ __getattr__, __dir__ = lazily(
         "_github": "*github",
         "_junit_and_badge": "badge_json junit_xml",
         "_progress": "watching",
-        "_report": "*report same_error",
+        "_report": "*report",
     },
 )

@@ -17,10 +17,10 @@ from typing import Any
 
 from sepv.errors import UsageError
 from sepv.files import fault, finite, made, read_json, require_schema, schema
+from sepv.law import Effort, Run, Verdict
+from sepv.properties import load_laws, renamed
 from sepv.schemes import Scheme
 from sepv.verification._expected_failures import ExpectedFailure
-from sepv.verification._law import Effort, Run, Verdict
-from sepv.verification._laws import load_laws, renamed
 from sepv.verification._outcome import EFFORT
 from sepv.verification._profiles import SUITE
 from sepv.verification._verify import measure
@@ -62,7 +62,8 @@ def read_report(path: str | Path) -> dict[str, Any]:
     if wrong:
         raise UsageError(received=f"{path}: {wrong}", **words)
     load_laws(names)
-    return renamed(report)
+    present: dict[str, Any] = renamed(report)
+    return present
 
 
 def against(

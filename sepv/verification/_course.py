@@ -19,13 +19,13 @@ from sepv.children import TimedOut, attempted, deadline
 from sepv.errors import SepvError, Skipped
 from sepv.exact import exact_flow
 from sepv.files import finite
+from sepv.law import Finding, Verdict, in_units
+from sepv.law.cases.case import Case, from_json
+from sepv.law.cases.users_problems import objects_of
 from sepv.problem import Array, Problem, casimir_gradients, invariants, is_several
+from sepv.properties import load_laws
 from sepv.schemes import Scheme, ask
-from sepv.verification._cases.case import Case, from_json
-from sepv.verification._cases.users_problems import objects_of
-from sepv.verification._law import Finding, Verdict, in_units
-from sepv.verification._laws import load_laws
-from sepv.verification._outcome import Report
+from sepv.verification._outcome import Outcome
 
 # The number of steps of a course, and the number of points of the exact solution in each step.
 STEPS, FINER = 40, 3
@@ -37,7 +37,7 @@ OF_INVARIANTS = ("energy", "casimir")
 ESCAPE_FACTOR = 100.0
 
 
-def with_courses(report: Report) -> dict[str, Any]:
+def with_courses(report: Outcome) -> dict[str, Any]:
     """The report as JSON in which each violation by a single step has its course of STEPS steps.
 
     A course that raises an exception is left out, because a user's problem may raise any. After Ctrl-C none is made.

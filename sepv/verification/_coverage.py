@@ -8,11 +8,10 @@ from collections.abc import Iterable
 from rich.console import Console
 
 from sepv.console import Table, columns, fits, print_table
+from sepv.law import Law, corpus
+from sepv.law.cases.strata import KIND, Space
+from sepv.law.cases.users_problems import sources
 from sepv.schemes import Scheme
-from sepv.verification import _corpus as corpus
-from sepv.verification._cases.strata import KIND, Space
-from sepv.verification._cases.users_problems import sources
-from sepv.verification._law import Law
 
 
 def pairs(space: Space) -> tuple[int, int]:

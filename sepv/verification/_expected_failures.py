@@ -27,9 +27,9 @@ from typing import Any
 from sepv._arguments import did_you_mean
 from sepv.errors import UsageError, require_one_of
 from sepv.files import read_bounded
+from sepv.law import Finding, Verdict
+from sepv.law.cases import case as cases
 from sepv.schemes import law_named
-from sepv.verification._cases import case as cases
-from sepv.verification._law import Finding, Verdict
 
 _ENTRY = {"law", "reason", "witness"}
 # The largest effort that a witness of a statistical law may state, eight times the nightly effort.

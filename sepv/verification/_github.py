@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from sepv.console import markdown, printable
-from sepv.verification._law import Verdict
-from sepv.verification._outcome import Report
-from sepv.verification._report import law_table, same_error, summary
+from sepv.law import Verdict, same_error
+from sepv.verification._report import law_table, summary
+from sepv.verification._shown import Report
 
 # The most characters of a message, because a summary may have 1 MiB.
 MESSAGE_MAX_CHARACTERS = 4000

@@ -6,9 +6,9 @@ import re
 from xml.etree import ElementTree
 
 from sepv.files import json_text
-from sepv.verification._law import Verdict
-from sepv.verification._outcome import Report
+from sepv.law import Verdict
 from sepv.verification._profiles import SUITE, found
+from sepv.verification._shown import Report
 
 # Characters that XML 1.0 cannot hold, not even escaped.
 _NOT_XML = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")

@@ -3,47 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from importlib import import_module
 from typing import Any
 
 from sepv._arguments import did_you_mean
 from sepv._version import __version__
 from sepv.errors import UsageError, require_one_of
 from sepv.files import finite
+from sepv.law import Effort, Finding, Law, Verdict
+from sepv.law.cases.case import has_words
+from sepv.law.cases.users_problems import objects_of
+from sepv.properties import load_laws
 from sepv.schemes import NORMAL, OF_TWINS, Scheme, law_named, point_law
-from sepv.verification._cases.case import has_words
-from sepv.verification._cases.users_problems import objects_of
-from sepv.verification._law import Effort, Finding, Verdict
-from sepv.verification._laws import load_laws
 from sepv.verification._profiles import SUITE, Profiled, Requirement, missing, profiled
 
 
 @dataclass(frozen=True, repr=False)
-class Report:
-    """The findings of all laws of a run on one scheme. `print` shows them as a table, and so does a notebook.
-
-    Attributes
-    ----------
-    scheme : Scheme
-    findings : tuple of Finding
-        One for each law of the run, in the order of the suite: verdict, defect, bound, message, witness.
-    effort : Effort
-    interrupted : bool
-        True if some laws were not measured.
-    lost : str
-        If they were not because a cluster of workers was lost, how; else empty.
-    pinned : frozenset of str or None
-        The laws that held when the run's pin was written; None without a pin. A pin is a file of expected verdicts.
-        With a pin the run fails at each violation that the pin does not list.
-    pins : bool
-        True if the command writes a pin of this report.
-    gaps : tuple of str
-        Sentences about differences between this run and the pin: in the scheme, its problems or the measured laws.
-    target : str
-        The arguments that name the scheme and its problems on a command line; empty if there are none.
-    required : tuple of Requirement
-        The profiles, named sets of laws, that the scheme must have.
-    """
+class Outcome:
+    """The record of a run on one scheme; `Report`, which can be printed, documents its fields."""
 
     scheme: Scheme
     findings: tuple[Finding, ...]
@@ -138,7 +114,7 @@ class Report:
                 received=f"{finding.law}, which ended in: {finding.verdict.text}",
                 remedy=f'measure it anew: sepv.verify(scheme, laws="{finding.law}")',
             )
-        (known,) = load_laws([finding.law])
+        known: Law = load_laws([finding.law])[0]
         return replace(known.replay(known, self.scheme, finding.witness), claimed=finding.claimed)
 
     def again(self, finding: Finding) -> str:
@@ -155,49 +131,6 @@ class Report:
         """True if the target itself brings the problem of a witness, as one of `Scheme(…, problems=[…])`."""
         name = (finding.witness or {}).get("problem", {}).get("object")
         return [problem.name for problem in objects_of(self.scheme)].count(name) == 1
-
-    def __str__(self) -> str:
-        """The table of the laws, the counterexamples and the last line, as `sepv verify` prints them."""
-        from sepv.verification._report import as_text
-
-        return as_text(self)
-
-    def __repr__(self) -> str:
-        """One line: the scheme and the counts."""
-        counts = ", ".join(Verdict(k).of(n) for k, n in self.counts.items() if n)
-        return f"<Report of {self.scheme.name}: {counts}>"
-
-    def html(self) -> str:
-        """The report as one HTML page: the defects on a scale, each counterexample with a picture and its replay.
-
-        The scheme's step is called again for the pictures. ``sepv verify --html`` writes this page.
-        """
-        return str(
-            import_module("sepv.page").of_report(self)
-        )  # not at the top: `sepv.page` imports this package
-
-    def _repr_html_(self) -> str:
-        """The HTML for a notebook: the report's page in a frame, and the report's last line below the frame."""
-        from sepv.verification._report import in_notebook
-
-        return in_notebook(self)
-
-    def plot(self) -> Any:
-        """Draw the measured laws on one scale: the defect of each in units of its bound, 1 and less if it holds.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-            A notebook shows it; `savefig` writes it to a file. Names of claimed laws are bold.
-
-        Raises
-        ------
-        UsageError
-            If matplotlib, the extra ``plots``, is not installed, or if no law was measured against a bound.
-        """
-        from sepv.verification._picture import report_figure
-
-        return report_figure(self)
 
     def to_json(self) -> dict[str, Any]:
         """The report as a JSON object: suite, scheme, profiles, counts, laws."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from sepv.errors import UsageError
+from sepv.law import Finding, Verdict
 from sepv.pictures import GUIDE, SOFT, TEXT, Axis, figure, frame, require_matplotlib
-from sepv.verification._law import Finding, Verdict
 
 if TYPE_CHECKING:
-    from sepv.verification._outcome import Report
+    from sepv.verification._outcome import Outcome
 
 # The ends of the scale: defects outside are drawn at its ends.
 LEAST, MOST = 1e-4, 1e12
@@ -22,7 +22,7 @@ MARKS = {
 }
 
 
-def report_figure(report: Report) -> Any:
+def report_figure(report: Outcome) -> Any:
     """One row for each law that was measured against a bound, in the order of the suite, on a logarithmic scale."""
     require_matplotlib("the report as text and as HTML needs none")
     rows = [(f, ratio) for f in report.findings if (ratio := f.ratio) is not None]

@@ -18,7 +18,7 @@ from fractions import Fraction
 
 from sepv._arguments import did_you_mean
 from sepv.errors import UsageError, require_one_of
-from sepv.verification._law import Finding, Verdict
+from sepv.law import Finding, Verdict
 
 # The version of the suite, raised for each law that is added or becomes stricter, with a note in docs/profiles.md.
 SUITE = 1

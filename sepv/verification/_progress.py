@@ -11,7 +11,7 @@ from itertools import accumulate
 
 from sepv.children import Journal, current_journal
 from sepv.console import showing
-from sepv.verification import Finding, Law, Verdict
+from sepv.law import Finding, Law, Verdict
 from sepv.verification._verify import LawProgress
 
 # Seconds after which a law may be called late, and after which the current case is named.

@@ -21,11 +21,11 @@ from sepv.console import (
     print_sentence,
     print_table,
 )
-from sepv.verification._law import Finding, Verdict
+from sepv.law import Finding, Verdict, same_error
 from sepv.verification._profiles import PROFILES, SUITE, found
 
 if TYPE_CHECKING:
-    from sepv.verification._outcome import Report
+    from sepv.verification._outcome import Outcome
 
 # The style of each verdict in a table, and its mark in the matrix of schemes and laws.
 _SHOWN = {
@@ -42,7 +42,7 @@ MARKS = {verdict: mark for verdict, (_, mark) in _SHOWN.items()}
 CLAIMED_BY_ALL = ("contract",)
 
 
-def show(report: Report, out: Console, *, debug: bool = False) -> None:
+def show(report: Outcome, out: Console, *, debug: bool = False) -> None:
     """Print the table of a report, then each counterexample with the command that replays it.
 
     Findings that make the run fail come first; laws that are violated as expected come last, in one line each.
@@ -64,20 +64,15 @@ def show(report: Report, out: Console, *, debug: bool = False) -> None:
     print_sentence(out, summary(report))
 
 
-def same_error(message: str) -> str:
-    """The line of a message by which equal errors are recognized: an error that all laws meet is shown once."""
-    return "".join(message.splitlines()[-3:][:1])
-
-
-def as_text(report: Report) -> str:
+def as_text(report: Outcome) -> str:
     """The output of `show` as text without colour, for `print(report)`."""
     return _plain(lambda out: show(report, out))
 
 
-def in_notebook(report: Report) -> str:
-    """HTML for a notebook: the page of a report in a frame that runs no script, and the last line of the report."""
+def in_notebook(report: Outcome, page: str) -> str:
+    """HTML for a notebook: the `page` of a report in a frame that runs no script, and the last line of the report."""
     frame = '<iframe sandbox="allow-same-origin" style="width:100%;height:42rem;border:1px solid #8886"'
-    return f'{frame} srcdoc="{escape(report.html())}"></iframe><p>{escape(summary(report).plain)}</p>'
+    return f'{frame} srcdoc="{escape(page)}"></iframe><p>{escape(summary(report).plain)}</p>'
 
 
 def _plain(write: Callable[[Console], None]) -> str:
@@ -95,14 +90,14 @@ _COLUMNS = (
 )  # fmt: skip
 
 
-def law_table(report: Report) -> Table:
+def law_table(report: Outcome) -> Table:
     """The table of laws: law, claimed, verdict, defect against bound, unit, source."""
     title = report.scheme.name + (f" · {report.scheme.source}" if report.scheme.source else "")
     rows = [_law_row(report, f) for f in report.findings]
     return Table(_COLUMNS, rows, Text(title, style="bold"), ruled=True)
 
 
-def _law_row(report: Report, f: Finding) -> tuple[str | Text, ...]:
+def _law_row(report: Outcome, f: Finding) -> tuple[str | Text, ...]:
     text = "n/a" if f.verdict is Verdict.NOT_APPLICABLE else f.verdict_text
     claim = "yes" if f.law in report.scheme.claims else "always"
     claimed = "fails" if f.expected is not None else claim if f.claimed else ""
@@ -111,7 +106,7 @@ def _law_row(report: Report, f: Finding) -> tuple[str | Text, ...]:
     return f.law, claimed, Text(text, style=style), _number(f.defect), bound, f.unit, f.source
 
 
-def summary(report: Report, before: str = "") -> Text:
+def summary(report: Outcome, before: str = "") -> Text:
     """The last line of a report: the counts, the claims, the profiles, and advice for a scheme without claims.
 
     If the line is printed without the table, `before` names the scheme.
@@ -119,7 +114,7 @@ def summary(report: Report, before: str = "") -> Text:
     return Text(before, style="bold").append_text(_outcome(report)).append_text(_profiles(report))
 
 
-def _outcome(report: Report) -> Text:
+def _outcome(report: Outcome) -> Text:
     counts = ", ".join(Verdict(k).of(n) for k, n in report.counts.items() if n)
     checks, skipped = (sum(getattr(f, what) for f in report.findings) for what in ("checks", "skipped"))
     left_out = f", {skipped} skipped" if skipped else ""
@@ -151,7 +146,7 @@ def _outcome(report: Report) -> Text:
     return text
 
 
-def _profiles(report: Report) -> Text:
+def _profiles(report: Outcome) -> Text:
     """Name the profiles that the scheme was found to have, and the required profiles that were not found."""
     text, profiles = Text(""), report.profiles
     if report.interrupted:
@@ -164,7 +159,7 @@ def _profiles(report: Report) -> Text:
     return text
 
 
-def _complaints(report: Report) -> list[str]:
+def _complaints(report: Outcome) -> list[str]:
     """The reasons why a run fails, one sentence for each kind of reason."""
     findings, failing = report.findings, report.failing
     wrong = (Verdict.VIOLATED, Verdict.INCONCLUSIVE, Verdict.ERROR)
@@ -181,7 +176,7 @@ def _complaints(report: Report) -> list[str]:
     return [f"{words}: {which}." for words, which in laws.items() if which]
 
 
-def _unguarded(report: Report) -> str:
+def _unguarded(report: Outcome) -> str:
     """Advice for a scheme without claims: which claims would make a later run fail if a law that holds now breaks."""
     if report.pins:
         return "Nothing is claimed yet: the file of --pin guards what was found, once --expected names it."
@@ -198,7 +193,7 @@ def _unguarded(report: Report) -> str:
     return f"{text} {guard}: {named} --pin FILE."
 
 
-def matrix(reports: Sequence[Report]) -> Table:
+def matrix(reports: Sequence[Outcome]) -> Table:
     """A table of verdicts: a row for each law, a column for each scheme."""
 
     def cell(f: Finding) -> Text:
@@ -224,7 +219,7 @@ def _headed(finding: Finding, source: str) -> Text:
     return Text.assemble((finding.law, "bold"), " ", (finding.verdict_text, _STYLES[finding.verdict]), source)
 
 
-def _details(finding: Finding, report: Report, out: Console, *, debug: bool) -> None:
+def _details(finding: Finding, report: Outcome, out: Console, *, debug: bool) -> None:
     out.print(_headed(finding, f"  {finding.source}" if finding.verdict is not Verdict.HOLDS else ""))
     _indented(finding.message + (f"\n{finding.traceback}" if debug else ""), out)
     if finding.verdict is not Verdict.HOLDS and (again := report.again(finding)):

@@ -48,11 +48,15 @@ class LawJob:
     twin: Any = None
 
 
+# The module that a worker process runs.
+WORKER = "sepv.verification._worker"
+
+
 class _Worker:
     """A worker process, the laws that it has still to measure, and the time limit of the law that it measures."""
 
     def __init__(self, task: bytes, seconds: float) -> None:
-        self.child, self.left = take(), list[str]()
+        self.child, self.left = take(WORKER), list[str]()
         self.limit: Limit | None = Limit(seconds + START)
         self.child.send(task)
 

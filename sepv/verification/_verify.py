@@ -15,6 +15,12 @@ from sepv._arguments import is_number, require_whole
 from sepv._kept import save_all
 from sepv.children import Crashed, TimedOut, attempted, deadline, interruption_answered, overheard
 from sepv.errors import ClusterFailure, SepvError, Skipped, TargetError, UsageError
+from sepv.law import Effort, Finding, Law, Run, Verdict
+from sepv.law.along_paths import replays, taken
+from sepv.law.cases import case as cases
+from sepv.law.cases.users_problems import items
+from sepv.law.fresh import asked_afresh, words_of
+from sepv.properties import listed, load_laws
 from sepv.schemes import (
     ALL_LAWS,
     OF_TWINS,
@@ -29,16 +35,12 @@ from sepv.schemes import (
     words_for,
 )
 from sepv.verification import _side_by_side as side_by_side
-from sepv.verification._along_paths import replays, taken
-from sepv.verification._cases import case as cases
-from sepv.verification._cases.users_problems import items
 from sepv.verification._expected_failures import Expectations, ExpectedFailure
 from sepv.verification._expected_failures import load as load_expected
-from sepv.verification._fresh import asked_afresh, words_of
-from sepv.verification._law import Effort, Finding, Law, Run, Verdict
-from sepv.verification._laws import LOCAL, SAMPLED, laws_of, listed, load_laws, soonest
-from sepv.verification._outcome import Report
+from sepv.verification._laws import LOCAL, SAMPLED, laws_of, soonest
 from sepv.verification._profiles import requirements
+from sepv.verification._shown import Report
+from sepv.verification._side_by_side import WORKER
 
 # The longest time limit in seconds, thirty years, because system clocks count no further.
 MOST_SECONDS = 1e9
@@ -151,7 +153,7 @@ def verify(
             task = side_by_side.LawJob(named, claimed, effort, timeout, known.failures, problems, twin)
             _side_by_side(task, chosen, jobs if workers is None else workers, receive)
         else:
-            run = Run(effort, **words_of(scheme, problems))
+            run = Run(effort, **words_of(scheme, problems, WORKER))
             with overheard(timeout) as begin:
                 for law in soonest(chosen):
                     receive(law, None)
@@ -170,7 +172,7 @@ def verify(
     if not interrupted:
         along_paths(candidate, chosen, by_law, target, timeout)
     save_all()
-    findings = asked_afresh(scheme, [by_law[law.name] for law in chosen], problems, twin)
+    findings = asked_afresh(scheme, [by_law[law.name] for law in chosen], WORKER, problems, twin)
     named = target + twin.options if target and twin else target
     report = Report(candidate, findings, effort, interrupted, known.claims, named, required=required)
     gaps = known.gaps((law.name for law in chosen), candidate.name, report.problems)

@@ -42,9 +42,10 @@ def main() -> None:
 def answer(say: Any) -> None:
     """Load the scheme once, then measure the groups of laws from stdin; `say` sends a message to the parent."""
     from sepv._kept import save_all
-    from sepv.verification._fresh import Question, answers, words_of
-    from sepv.verification._law import Run
-    from sepv.verification._laws import load_laws
+    from sepv.law import Run
+    from sepv.law.fresh import Question, answers, words_of
+    from sepv.properties import load_laws
+    from sepv.verification._side_by_side import WORKER
     from sepv.verification._verify import load_candidate, measure, replay
 
     # The first part of the task is the module path, which may be needed to unpickle the second part, with the scheme.
@@ -57,7 +58,10 @@ def answer(say: Any) -> None:
         return
     scheme = load_candidate(task.scheme, task.claims, task.problems, task.twin)
     groups: SimpleQueue[list[str]] = SimpleQueue()
-    end, run = partial(_end_with_children, scheme), Run(task.effort, **words_of(task.scheme, task.problems))
+    end, run = (
+        partial(_end_with_children, scheme),
+        Run(task.effort, **words_of(task.scheme, task.problems, WORKER)),
+    )
     signal.signal(signal.SIGTERM, end)
     threading.Thread(target=_read, args=(groups, end), daemon=True).start()
     open_journal(Journal(lambda *_: None, Notes(int(sys.argv[1]))))

@@ -69,7 +69,7 @@ def test_several_targets_give_a_matrix_and_a_quiet_line_names_its_target_where_t
 def test_laws_of_built_in_schemes_are_measured_on_all_cores_by_default(call, monkeypatch, line, processes):
     given = []
     monkeypatch.setattr("sepv.commands._verify.cores", lambda: 2)
-    monkeypatch.setattr("sepv.commands._verify.start_ahead", lambda _: None)
+    monkeypatch.setattr("sepv.commands._verify.start_ahead", lambda *_: None)
     monkeypatch.setattr("sepv.commands._verify._arguments", lambda _, options: given.append(options["jobs"]))
     call(f"verify {line}")
     assert given == [processes]

@@ -24,8 +24,8 @@ from sepv import Verdict, problems
 from sepv._arguments import double, hex_float
 from sepv.console import printable
 from sepv.files import cache_folder
-from sepv.verification._cases import case as cases
-from sepv.verification._corpus import witnesses
+from sepv.law.cases import case as cases
+from sepv.law.corpus import witnesses
 from sepv.verification._verify import replay
 
 CANARY = "import pathlib, sepv\npathlib.Path('ran').touch()\nproblem = sepv.problems.pendulum\n"

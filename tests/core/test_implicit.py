@@ -15,6 +15,7 @@ from sepv import problems, schemes
 from sepv.core.arrays import EPS
 from sepv.core.newton import Status
 from sepv.core.problem import hessian
+from sepv.law import strategies
 from sepv.problem import (
     PolynomialSystem,
     Problem,
@@ -27,7 +28,7 @@ from sepv.record import _polynomial as poly
 from sepv.schemes._collocation import _Stages
 from sepv.schemes._energy_preserving import step as preserving
 from sepv.schemes._tableaux import exact_nodes
-from sepv.verification import Case, strategies
+from sepv.verification import Case
 
 increment = preserving.increment
 

@@ -12,10 +12,10 @@ from sepv import problems
 from sepv.console import console
 from sepv.faults import detection as fault_detection
 from sepv.faults.saboteurs import _BY_FAMILY, SABOTEURS, historical, stated
+from sepv.law.cases.fixed_cases import fixed_cases
 from sepv.problem import Systems
 from sepv.schemes import by_name, weakly
 from sepv.verification import ALL_LAWS, LAWS, Effort, Verdict, load_laws, verify
-from sepv.verification._cases.fixed_cases import fixed_cases
 
 # What these claim is what is wrong with them; all others claim exactly what (2.1) claims.
 ORIGINALS = {
@@ -48,7 +48,7 @@ IMITATED = {
 }
 
 
-# Their laws measure steps of the paths that *rounding* makes (`sepv.verification._along_paths`).
+# Their laws measure steps of the paths that *rounding* makes (`sepv.law.along_paths`).
 ON_PATHS_ALONE = ("wrong-cell-of-a-table",)
 
 

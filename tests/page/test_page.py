@@ -341,7 +341,7 @@ def test_a_course_begins_with_the_counterexample_beside_the_exact_solution(repor
     assert [len(c) for c in found["exact"]] == [FINER * STEPS + 1] * 2
     witness, message = report.finding("energy").witness, report.finding("energy").message
     assert witness is not None
-    from sepv.verification._cases.case import from_json
+    from sepv.law.cases.case import from_json
 
     case = from_json(witness)
     problem, y, h, dW = case.build()

@@ -16,12 +16,12 @@ from hypothesis import given
 
 import sepv
 from sepv import TargetError, problems
+from sepv.law.strategies import any_steps
 from sepv.peers.peer import names
 from sepv.posing import field_in, in_blocks, pose
 from sepv.problem import vector_field
 from sepv.schemes import SchemeCrash, ask, load_scheme
 from sepv.verification import Case, Verdict
-from sepv.verification.strategies import any_steps
 
 FEW = {"examples": 20, "paths": 256, "shrink_checks": 30}
 

@@ -21,6 +21,10 @@ from sepv.reference.generator import moments
 
 from sepv import problems, schemes
 from sepv.core.arrays import matvec
+from sepv.law.cases import case as cases
+from sepv.law.cases.case import from_token, to_token
+from sepv.law.cases.shrink import shrunk
+from sepv.law.contraction import contraction_ball
 from sepv.problem import (
     Array,
     HamiltoniansProblem,
@@ -37,10 +41,6 @@ from sepv.problem._hamiltonians import bracket, noise_field, noise_slope
 from sepv.schemes import Orders, Scheme, as_lanes, order_of
 from sepv.simulate import _areas as areas
 from sepv.verification import Case, Run, Verdict
-from sepv.verification._cases import case as cases
-from sepv.verification._cases.case import from_token, to_token
-from sepv.verification._cases.shrink import shrunk
-from sepv.verification._contraction import contraction_ball
 
 QUICK = {"examples": 4, "shrink_checks": 0}
 

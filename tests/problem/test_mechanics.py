@@ -7,13 +7,13 @@ from sepv.properties._structures import is_poisson
 from benchmarks.right_schemes import RIGHT
 from sepv import exact_flow, problems, schemes
 from sepv.core.arrays import EPS
+from sepv.law.cases.case import to_json
+from sepv.law.cases.classes import CLASSES
 from sepv.problem import Problem, Systems, mechanics
 from sepv.problems import _matrix_algebras as algebras
 from sepv.problems import from_json
 from sepv.problems import to_json as problem_json
 from sepv.verification import Verdict, load_laws
-from sepv.verification._cases.case import to_json
-from sepv.verification._cases.classes import CLASSES
 
 NAMED = (
     "henon-heiles", "pendulum-chain", "lennard-jones", "planets", "figure-eight", "harmonic-trap", "kepler", "pendulum",

@@ -15,6 +15,8 @@ from sepv.reference.problem import exact_problem
 import sepv
 from sepv import ProblemError, problems, strategies
 from sepv.core.average import ONE_CALL_MAX_SIZE, _adaptive, _quadratures, _size, gauss_legendre
+from sepv.law.cases import case as cases
+from sepv.law.tolerance import rounding_walk
 from sepv.problem import (
     PartFlow,
     PolynomialSystem,
@@ -27,8 +29,6 @@ from sepv.problem import (
 from sepv.problem._enclosures import over_box
 from sepv.record import EPS, NoClosedForm
 from sepv.record import _polynomial as poly
-from sepv.verification._cases import case as cases
-from sepv.verification._tolerance import rounding_walk
 
 
 def test_parameters_are_the_papers() -> None:

@@ -17,12 +17,12 @@ import sepv
 from sepv import PolynomialSystem, ProblemError, StepFailure, problems, schemes
 from sepv.core.arrays import EPS, TINY
 from sepv.core.newton import Status
+from sepv.law.cases.commuting import commuting_step
+from sepv.law.cases.of_law import ALL_CASES, Question
 from sepv.problem import CommutingStructure, StructuresProblem, Systems, commuting_hamiltonians
 from sepv.problems._several import closed_form, commuting_actions
 from sepv.record import _polynomial as poly
 from sepv.verification import Case
-from sepv.verification._cases.commuting import commuting_step
-from sepv.verification._cases.of_law import ALL_CASES, Question
 
 _RANDOM = st.randoms(use_true_random=False)
 _SEVERAL = ALL_CASES.of_class(Systems.SEVERAL)

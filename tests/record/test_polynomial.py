@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sepv.law.strategies import polynomials
 from sepv.record import Polynomial, PolynomialMap
 from sepv.record import _polynomial as poly
-from sepv.verification.strategies import polynomials
 
 
 def exactly(p: Polynomial, y: list[float]) -> Fraction:

@@ -10,7 +10,8 @@ from sepv.reference.equations import EQUATIONS
 from sepv.reference.steps import reference_step
 
 from sepv import PolynomialSystem, UsageError, problems
-from sepv.verification import Case, strategies
+from sepv.law import strategies
+from sepv.verification import Case
 
 pytest.importorskip("flint", reason="the extra certify is not installed")
 

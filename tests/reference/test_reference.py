@@ -23,9 +23,10 @@ from benchmarks.vectors.rounding import error_units
 from benchmarks.vectors.selection import SCHEMES
 from sepv import Scheme, StepFailure, UsageError, exact_flow, problems, schemes
 from sepv.core.arrays import EPS, TINY
+from sepv.law import strategies
 from sepv.problem import PolynomialSystem
 from sepv.record import poly
-from sepv.verification import Case, strategies
+from sepv.verification import Case
 
 energy_preserving = partial(reference_step, "energy-preserving")
 midpoint = partial(reference_step, "midpoint")

@@ -20,11 +20,12 @@ import sepv
 from sepv import StepFailure, exact_flow, hard_cases, problems, schemes
 from sepv.core.equations import Equations
 from sepv.core.newton import Status
+from sepv.law import strategies
 from sepv.record import EPS, gauss_legendre
 from sepv.schemes._collocation import _Stages, solve_stages
 from sepv.schemes._explicit_tableaux import TABLEAUX
 from sepv.schemes._tableaux import amplification, exact_nodes, gauss_tableau, lagrange, moments
-from sepv.verification import Case, state_ulp, strategies
+from sepv.verification import Case, state_ulp
 
 STAGES = range(1, 7)
 

@@ -11,14 +11,15 @@ from sepv.reference.problem import exact_problem
 import sepv
 from sepv import Scheme, problems, schemes
 from sepv.core.formula import CountedFields
+from sepv.law import strategies
+from sepv.law.cases.classes import CLASSES
+from sepv.law.tolerance import gradient_majorant
 from sepv.problem import PolynomialSystem, Systems, mechanics
 from sepv.record import _polynomial as poly
 from sepv.schemes import ask
 from sepv.schemes._discrete_gradient import coordinate_increments
 from sepv.schemes._discrete_gradient import step as discrete
-from sepv.verification import Case, Cases, load_laws, strategies
-from sepv.verification._cases.classes import CLASSES
-from sepv.verification._tolerance import gradient_majorant
+from sepv.verification import Case, Cases, load_laws
 
 
 @given(strategies.steps())

@@ -14,6 +14,7 @@ import sepv
 from benchmarks.right_schemes import RIGHT
 from sepv import PathSolver, SchemeFault, StatefulStep, UsageError, problems
 from sepv.core.newton import Status
+from sepv.law.cases.single_precision import in_range, single
 from sepv.problem import Array, PolynomialSystem, Problem, mechanics, vector_field
 from sepv.problems._common import canonical
 from sepv.record import _polynomial as poly
@@ -29,7 +30,6 @@ from sepv.schemes import (
 )
 from sepv.simulate import run_chunk
 from sepv.verification import Case, Effort
-from sepv.verification._cases.single_precision import in_range, single
 
 HEUN = RIGHT["reversible-heun"]
 FEW = Effort(examples=1)

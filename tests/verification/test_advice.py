@@ -10,17 +10,17 @@ from doors import Reader, command
 
 import sepv
 from sepv import Effort, Scheme, StatefulStep, problems, schemes
+from sepv.law import first_order
+from sepv.law.advice import advice, is_explicit
+from sepv.law.cases.ends import in_other_units
+from sepv.law.cases.shrink import in_strange_units, shrunk
+from sepv.law.cases.users_problems import items
+from sepv.law.power_of_h import power_of_h, words
+from sepv.law.search import _Question, _simplify
+from sepv.law.search_log import SearchLog
 from sepv.problem import Array, PolynomialSystem, Problem, vector_field
 from sepv.record import poly
 from sepv.verification import Case, Cases, Measurement, load_laws, verify
-from sepv.verification._advice import advice, is_explicit
-from sepv.verification._cases.ends import in_other_units
-from sepv.verification._cases.shrink import in_strange_units, shrunk
-from sepv.verification._cases.users_problems import items
-from sepv.verification._first_order import first_order
-from sepv.verification._power_of_h import power_of_h, words
-from sepv.verification._search import _Question, _simplify
-from sepv.verification._search_log import SearchLog
 
 
 def factor(problem: Problem, y: Array, *shares: float) -> Array:

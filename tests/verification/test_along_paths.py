@@ -10,9 +10,9 @@ import sepv
 from benchmarks.right_schemes import RIGHT
 from sepv import problems
 from sepv.faults.saboteurs import SABOTEURS
+from sepv.law.along_paths import CASIMIR, ENERGY, taken, watching
 from sepv.schemes import Scheme, energy_preserving
 from sepv.verification import Effort, Run, replay
-from sepv.verification._along_paths import CASIMIR, ENERGY, taken, watching
 
 LEAST = Effort(examples=1, shrink_checks=0, corpus=False)
 SABOTEUR = SABOTEURS["wrong-cell-of-a-table"].scheme

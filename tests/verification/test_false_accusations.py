@@ -13,12 +13,12 @@ from sepv.reference.problem import exact_problem
 
 from benchmarks.right_schemes import RIGHT
 from sepv import problems, schemes
+from sepv.law.cases.classes import CLASSES
+from sepv.law.cases.clipped import clips, fits, within
+from sepv.law.cases.from_problem import describe
 from sepv.problem import Array, Problem, Systems, energy_change
 from sepv.schemes import Scheme
 from sepv.verification import Effort, Verdict, load_laws, verify
-from sepv.verification._cases.classes import CLASSES
-from sepv.verification._cases.clipped import clips, fits, within
-from sepv.verification._cases.from_problem import describe
 
 EP = schemes.energy_preserving
 

@@ -14,11 +14,11 @@ from benchmarks.right_schemes import RIGHT
 from benchmarks.right_schemes.with_memory import SCHEMES
 from sepv import Scheme, StatefulStep, problems
 from sepv.faults.saboteurs import SABOTEURS
+from sepv.law.middle import STEPS_BEFORE, anywhere
+from sepv.law.tolerance import step_residual
 from sepv.problem import Array, Problem
 from sepv.schemes import energy_preserving, has_memory, resumed, several
 from sepv.verification import Case, Effort, Measurement, Middle, load_laws, replay, require, searched
-from sepv.verification._middle import STEPS_BEFORE, anywhere
-from sepv.verification._tolerance import step_residual
 
 ORDER, SYMMETRY = "deterministic-order", "symmetry"
 LEAST: dict[str, Any] = {"examples": 1, "shrink_checks": 60}

@@ -7,12 +7,13 @@ from pathlib import Path
 
 import pytest
 from doors import command
+from sepv.properties import renamed
 
 import sepv
 from sepv import Scheme, schemes
 from sepv.schemes import ALL_LAWS, FORMER, page_of
 from sepv.schemes._claims import note_former
-from sepv.verification import Effort, Verdict, load_expectations, load_laws, renamed
+from sepv.verification import Effort, Verdict, load_expectations, load_laws
 
 FEW = Effort(examples=1)
 step = schemes.midpoint.step

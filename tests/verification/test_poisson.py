@@ -20,13 +20,13 @@ import sepv
 from benchmarks.right_schemes import RIGHT
 from sepv import Skipped, problems, schemes, verify
 from sepv.faults.saboteurs import SABOTEURS
+from sepv.law.cases.families import _ALGEBRAS, algebra
+from sepv.law.contraction import contraction_ball
 from sepv.problem import Array, PolynomialSystem, Problem, Systems, jacobi_defect, mechanics
 from sepv.problem import _poisson as poisson
 from sepv.record import _polynomial as poly
 from sepv.schemes import Scheme, midpoint
 from sepv.verification import Case, Effort, Finding
-from sepv.verification._cases.families import _ALGEBRAS, algebra
-from sepv.verification._contraction import contraction_ball
 
 QUICK = {"examples": 10, "shrink_checks": 0}
 

@@ -20,9 +20,9 @@ from sepv.properties._problems_of import problems_of
 import sepv
 from sepv.errors import UsageError
 from sepv.files import made, write_json
+from sepv.law.cases.users_problems import items
 from sepv.page._views import again
 from sepv.verification import Effort, Verdict, _against, against, junit_xml, read_report
-from sepv.verification._cases.users_problems import items
 
 FEW = Effort(examples=2, paths=256, shrink_checks=10)
 COMMAND = re.compile(r"sepv verify .*--law energy .*")

@@ -16,13 +16,13 @@ from benchmarks.right_schemes.other_formulas import flow
 from benchmarks.right_schemes.solved_otherwise import of_lanes
 from benchmarks.units import LAWS, PROBLEMS, SCALES, Scale, findings, scaled, wrong
 from sepv import StepFailure, problems, schemes
+from sepv.law import NO_NOISE
+from sepv.law.units import Units, units_of
 from sepv.problem import Array, Problem
 from sepv.schemes import Scheme, ask
 from sepv.schemes._guard import Refusal
 from sepv.simulate import run_chunk, truncate
 from sepv.verification import Effort, Verdict, load_laws, verify
-from sepv.verification._law import NO_NOISE
-from sepv.verification._units import Units, units_of
 
 # Each run measures *energy* or *invariant:energy* of all, and *symmetry* of every second one and of those without an
 # energy claim. The other laws take minutes, and have a deep run and `benchmarks.false_alarms`.

@@ -20,11 +20,10 @@ from sepv.faults import detection as fault_detection
 from sepv.faults.saboteurs import SABOTEURS
 from sepv.faults.saboteurs.noise import _with
 from sepv.files import fault
+from sepv.law import corpus, search
+from sepv.law.cases.case import to_json, to_token
 from sepv.problem import Array, Problem, Systems
 from sepv.verification import Case, Cases, Effort, Law, Measurement, Run, Verdict, load_laws, searched, verify
-from sepv.verification import _corpus as corpus
-from sepv.verification import _search as search
-from sepv.verification._cases.case import to_json, to_token
 from sepv.verification._verify import replay
 
 # A violation lies in a thousandth of the states, on a slope of the defect that is seen from all of them.

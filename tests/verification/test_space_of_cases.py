@@ -16,24 +16,24 @@ from sepv.properties._long_steps import for_energy, long_steps
 
 from sepv import Skipped, problems, schemes
 from sepv.faults.saboteurs import SABOTEURS
+from sepv.law import corpus
+from sepv.law.cases import case as cases
+from sepv.law.cases.case import to_json
+from sepv.law.cases.classes import CLASSES
+from sepv.law.cases.clipped import PROBES
+from sepv.law.cases.covering import pairwise, shown_pairs
+from sepv.law.cases.ends import beyond, in_other_units
+from sepv.law.cases.fixed_cases import fixed_cases
+from sepv.law.cases.random_parts import ALL_COMPONENTS_DIMENSION
+from sepv.law.cases.shrink import shrunk
+from sepv.law.cases.strata import EXTREME_SIZES, NEAR, STILL, UNDONE, UNEVEN, Levels, Space
+from sepv.law.contraction import contraction_radius
+from sepv.law.search import MOST_SKIPPED
 from sepv.problem import Array, NamedProblem, PolynomialSystem, Problem, Systems, mechanics
 from sepv.problems.shown_to_schemes import GIVEN, shown
 from sepv.schemes import Scheme, ask, energy_preserving, milstein
 from sepv.verification import Case, Cases, Effort, Verdict, load_laws, replay, step_residual, verify
-from sepv.verification import _corpus as corpus
 from sepv.verification import _coverage as coverage
-from sepv.verification._cases import case as cases
-from sepv.verification._cases.case import to_json
-from sepv.verification._cases.classes import CLASSES
-from sepv.verification._cases.clipped import PROBES
-from sepv.verification._cases.covering import pairwise, shown_pairs
-from sepv.verification._cases.ends import beyond, in_other_units
-from sepv.verification._cases.fixed_cases import fixed_cases
-from sepv.verification._cases.random_parts import ALL_COMPONENTS_DIMENSION
-from sepv.verification._cases.shrink import shrunk
-from sepv.verification._cases.strata import EXTREME_SIZES, NEAR, STILL, UNDONE, UNEVEN, Levels, Space
-from sepv.verification._contraction import contraction_radius
-from sepv.verification._search import MOST_SKIPPED
 
 KINDS = (Systems.SINGLE, Systems.NAMBU, Systems.SEVERAL, Systems.HAMILTONIANS)
 SINGLE = Cases().space(Systems.SINGLE)

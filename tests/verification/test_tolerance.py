@@ -13,6 +13,10 @@ import sepv
 from sepv import problems, schemes
 from sepv.core.arrays import EPS, TINY
 from sepv.core.formula import counted
+from sepv.law import amplification as amplified
+from sepv.law import tolerance
+from sepv.law.cases.classes import CLASSES
+from sepv.law.contraction import CONTRACTION, _spectral_norm, contraction_ball, contraction_radius
 from sepv.problem import PolynomialSystem, StructuresProblem, Systems, average_gradient
 from sepv.problem._enclosures import recorded
 from sepv.record import _polynomial as poly
@@ -21,10 +25,6 @@ from sepv.schemes import _gonzalez as gonzalez
 from sepv.schemes import _itoh_abe as itoh_abe
 from sepv.schemes._tableaux import amplification
 from sepv.verification import Case
-from sepv.verification import _tolerance as tolerance
-from sepv.verification._amplification import amplification as amplified
-from sepv.verification._cases.classes import CLASSES
-from sepv.verification._contraction import CONTRACTION, _spectral_norm, contraction_ball, contraction_radius
 
 # The same formula in another order: a dozen operations on numbers that do not cancel.
 SAME = 12 * EPS

@@ -17,16 +17,16 @@ from hypothesis import strategies as st
 
 import sepv
 from sepv import problems
+from sepv.law.cases import case
+from sepv.law.cases.classes import FAMILIES
+from sepv.law.cases.from_problem import measured_radius
+from sepv.law.cases.of_law import Question
+from sepv.law.cases.users_problems import items
+from sepv.law.contraction import contraction_radius
 from sepv.problem import Systems, vector_field
 from sepv.record import Polynomial
 from sepv.record import _polynomial as poly
 from sepv.verification import Effort, Verdict, load_laws, replay
-from sepv.verification._cases import case
-from sepv.verification._cases.classes import FAMILIES
-from sepv.verification._cases.from_problem import measured_radius
-from sepv.verification._cases.of_law import Question
-from sepv.verification._cases.users_problems import items
-from sepv.verification._contraction import contraction_radius
 
 FEW = Effort(examples=2, paths=256, shrink_checks=30)
 SEARCHED = "contract,identity,energy,casimir,noise-sum,symmetry,reduction,reference,midpoint"

@@ -35,11 +35,12 @@ from benchmarks.right_schemes.other_formulas import MECHANICAL
 from sepv import Scheme, Skipped, problems, schemes
 from sepv.exact import PHASES
 from sepv.faults.saboteurs import SABOTEURS
+from sepv.law import quiet_problem
 from sepv.problem import Array, Problem, Systems, mechanics
 from sepv.record import EPS
 from sepv.schemes._leapfrog import composed
 from sepv.schemes._one_step import Explicit
-from sepv.verification import Effort, Finding, Run, Verdict, load_laws, quiet_problem
+from sepv.verification import Effort, Finding, Run, Verdict, load_laws
 
 ORDER = "deterministic-order"
 LEAPFROG, YOSHIDA, BLANES_MOAN = (sepv.schemes.by_name(n) for n in ("leapfrog", "yoshida-4", "blanes-moan-4"))

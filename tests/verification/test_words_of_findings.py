@@ -24,13 +24,13 @@ from sepv.children import Journal, Notes
 from sepv.commands._shared import candidates
 from sepv.console import _progress as display
 from sepv.console import console
+from sepv.law.cases.case import to_json
 from sepv.problem import Array, Problem, vector_field
 from sepv.schemes._energy_preserving import step as exact_step
 from sepv.simulate import _truncation as bounded
 from sepv.simulate import _wiener as wiener
 from sepv.verification import Case, Effort, Finding, Verdict, load_laws, verify
 from sepv.verification import _progress as progress
-from sepv.verification._cases.case import to_json
 
 QUICK = Effort(examples=5, paths=512, shrink_checks=30)
 

@@ -15,12 +15,12 @@ import numpy as np
 
 from sepv.errors import SchemeFault, SepvError, TargetError
 from sepv.exact import ExactFlow, exact_flow
+from sepv.law import quiet_problem
 from sepv.problem import Array, Problem, invariants
 from sepv.schemes import Look, Scheme, SchemeCrash, ask, load_object, load_scheme
 from sepv.simulate import CHUNK, Ensemble, judged, run_chunk
 from sepv.simulate import choose_engine as choose
 from sepv.studies._evaluation_count import Work, counted
-from sepv.verification import quiet_problem
 
 
 class Ends(NamedTuple):

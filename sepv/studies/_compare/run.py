@@ -15,12 +15,12 @@ import numpy as np
 from sepv.core.newton import Status
 from sepv.errors import SepvError, TargetError, UsageError
 from sepv.exact import clipping_error, exact_flow
+from sepv.law import quiet_problem
 from sepv.problem import Array, Problem
 from sepv.simulate import step_count, wiener
 from sepv.statistics import GROUPS, Estimate, jackknife
 from sepv.studies._compare.method import Ends, Followed, Method
 from sepv.studies._compare.record import Comparison, Point, Seconds
-from sepv.verification import quiet_problem
 from sepv.workers import run_all
 
 # The error probability of the two-sided interval of each point.
