@@ -1,4 +1,4 @@
-"""What a law is made of: its record and verdicts, the cases that it is measured on, its bounds, and the search.
+"""The record of a law and its verdicts, the cases on which it is measured, its bounds, and the search for a violation.
 
 Read `_law` first (a law, its verdict, a run's effort). `cases` has the test cases, `tolerance` every bound, `search`
 measures a law about single steps. `strategies` draws cases by Hypothesis. The laws themselves are in
