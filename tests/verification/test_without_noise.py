@@ -349,7 +349,7 @@ def test_a_reversible_method_drifts_where_the_momentum_keeps_its_sign_and_is_not
     method = RIGHT["lobatto-iiib"]
     turning = rotating(2.5)
     path = EnergyPath(method, turning, np.array([[0.0], [2.5]]), 0.16)
-    moved = means(path.errors(2000), 200, [0, 600, 1200, 1800])[:, 0]
+    moved = means(path.errors(1000), 100, [0, 300, 600, 900])[:, 0]
     assert np.all(np.diff(moved) > 0) or np.all(np.diff(moved) < 0)
     with pytest.raises(Skipped):
         users_orbits(turning)
