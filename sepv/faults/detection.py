@@ -111,16 +111,24 @@ def detect(
     saboteur = find(name)
     scheme, run = saboteur.scheme, Run(Effort(examples, paths, seed, _NO_SHRINKING, corpus=corpus))
     if first:
-        laws = sorted(laws, key=lambda law: (law not in saboteur.caught_by, ALL_LAWS.index(law)))
+        # *rounding* keeps steps of its paths, on which laws asked before may find the fault.
+        order = [*(law for law in ALL_LAWS if law in saboteur.caught_by), "rounding", *ALL_LAWS]
+        laws = sorted(laws, key=order.index)
     measured, findings = list[Law](), dict[str, Finding]()
+
+    def detections() -> list[Detection]:
+        return [_detection(saboteur, seed, law, findings[law.name], scheme) for law in measured]
+
     for chosen in laws:
         measured += load_laws([chosen])
         findings[chosen] = measure(measured[-1], scheme, run, TIMEOUT)
-        if first and _detection(saboteur, seed, measured[-1], findings[chosen], scheme).kills:
+        if first and findings[chosen].along:
+            along_paths(scheme, measured, findings, name, TIMEOUT)
+        if first and any(d.kills for d in detections()):
             break
     else:
         along_paths(scheme, measured, findings, name, TIMEOUT)
-    return [_detection(saboteur, seed, law, findings[law.name], scheme) for law in measured]
+    return detections()
 
 
 def _detection(saboteur: Saboteur, seed: int, law: Law, finding: Finding, scheme: Scheme) -> Detection:
