@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 from sepv._lazy import lazily
 from sepv.law._amplification import amplification
 from sepv.law._law import (
-    NO_NOISE,
     Effort,
     Finding,
     Law,
@@ -31,7 +30,7 @@ from sepv.law._law import (
     to_bound,
     verdict_text,
 )
-from sepv.law.cases.case import Case, has_words, quiet_problem, require_named
+from sepv.law.cases.case import NO_NOISE, Case, has_words, quiet_problem, require_named
 from sepv.law.cases.from_problem import describe
 from sepv.law.cases.of_law import Cases
 from sepv.law.search import searched

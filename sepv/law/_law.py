@@ -11,6 +11,7 @@ from enum import Enum
 from typing import TYPE_CHECKING, Any
 
 from sepv._arguments import require_whole
+from sepv.law.cases.case import NO_NOISE
 from sepv.record import EPS
 from sepv.schemes import Scheme
 
@@ -321,7 +322,6 @@ def in_units(scheme: Scheme, finding: Finding) -> Finding:
 
 
 Measure = Callable[[Law, Scheme, Run], Finding]
-NO_NOISE = "the scheme is for systems without noise, c = ()"
 
 
 def about_noise(run: Measure) -> Measure:

@@ -150,7 +150,7 @@ def searched(
             return law.finding(Verdict.NOT_APPLICABLE, message=space)
         starts = [start_of(describe(item.fixed, item.text)) for item in listed if item.fixed is not None]
         module = sys.modules.get(getattr(own_check, "__module__", ""))
-        own = law in laws_in(module) and own_check.__module__.startswith("sepv.properties.")
+        own = law in laws_in(module) and own_check.__module__.startswith("sepv.")
         of_class, plain = space, f"{name} {kind} False" if own else ""
 
         def probes() -> Iterator[Case]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +12,7 @@ from numpy.typing import NDArray
 from sepv.core.arrays import EPS, TINY, Array
 from sepv.core.average import gauss_legendre, mean_nodes
 from sepv.errors import ProblemError
-
-if TYPE_CHECKING:
-    from sepv.problem._problem import Problem
+from sepv.problem._stated import Stated
 
 # A correct gradient differs from the complex-step derivative only by rounding: eps times the cancellation inside H. The
 # bound 1e-9 is heuristic: it allows for a loss of seven digits, and still detects any wrong term.
@@ -26,7 +24,7 @@ CASIMIR_TOLERANCE = 1e-12
 SAMPLES = 5
 
 
-def check_problem(problem: Problem) -> None:
+def check_problem(problem: Stated) -> None:
     """Compare the parts of a problem at a few states of its domain.
 
     Raises
@@ -43,7 +41,7 @@ def check_problem(problem: Problem) -> None:
         _check_derivatives(problem, y)
 
 
-def sample_states(problem: Problem, length: float = 1.0) -> Iterator[Array]:
+def sample_states(problem: Stated, length: float = 1.0) -> Iterator[Array]:
     """A few states of the domain around the problem's initial state, the same in every run.
 
     Component i of a state differs from y_i, that of the initial state, by at most (|y_i| + `length`)/4.
@@ -64,12 +62,12 @@ def sample_states(problem: Problem, length: float = 1.0) -> Iterator[Array]:
     yield from states[:SAMPLES]
 
 
-def inside(problem: Problem, y: Array) -> bool:
+def inside(problem: Stated, y: Array) -> bool:
     """True if a state (d,) lies in the problem's domain, or the problem states no domain."""
     return problem.domain is None or bool(np.all(_call(problem, "domain", y)))
 
 
-def _check_shapes(problem: Problem, y: Array) -> None:
+def _check_shapes(problem: Stated, y: Array) -> None:
     d = problem.dimension
     for trailing in ((), (2,)):
         states = np.stack([y] * 2, axis=1) if trailing else y
@@ -84,7 +82,7 @@ def _check_shapes(problem: Problem, y: Array) -> None:
                 )
 
 
-def _check_skew(problem: Problem, y: Array) -> None:
+def _check_skew(problem: Stated, y: Array) -> None:
     B = problem.structure(y)
     defect = np.abs(B + B.T)
     i, j = np.unravel_index(np.argmax(defect), defect.shape)
@@ -97,7 +95,7 @@ def _check_skew(problem: Problem, y: Array) -> None:
         )
 
 
-def _check_gradient(problem: Problem, y: Array) -> None:
+def _check_gradient(problem: Stated, y: Array) -> None:
     for (k,), value, derivative in _mistaken(problem.gradient(y), problem.hamiltonian, y):
         raise ProblemError(
             expected="gradient to be that of hamiltonian",
@@ -143,7 +141,7 @@ def _differ(claimed: Any, terms: Any, given: Array, derivative: Any) -> NDArray[
     )
 
 
-def _check_mean_gradient(problem: Problem, y: Array) -> None:
+def _check_mean_gradient(problem: Stated, y: Array) -> None:
     """Check that (y1 − y0)ᵀ∇̄H = H(y1) − H(y0) for the averaged gradient ∇̄H that `mean_gradient` or `degree` gives.
 
     Energy preservation needs this equation. The tolerance is GRADIENT_TOLERANCE relative to the terms of the left side.
@@ -177,7 +175,7 @@ def _check_mean_gradient(problem: Problem, y: Array) -> None:
         )
 
 
-def _check_casimirs(problem: Problem, y: Array) -> None:
+def _check_casimirs(problem: Stated, y: Array) -> None:
     B = problem.structure(y)
     named = [(f"casimirs[{n}]", 2 * A @ y) for n, A in enumerate(problem.casimirs)]
     named += [(f"linear_casimirs[{n}]", b) for n, b in enumerate(problem.linear_casimirs)]
@@ -192,7 +190,7 @@ def _check_casimirs(problem: Problem, y: Array) -> None:
             )
 
 
-def _check_derivatives(problem: Problem, y: Array) -> None:
+def _check_derivatives(problem: Stated, y: Array) -> None:
     for key, of in (("hessian", problem.gradient), ("structure_derivative", problem.structure)):
         if getattr(problem, key) is None:
             continue
@@ -252,7 +250,7 @@ def _extended_difference(of: Callable[[Any], Any], y: Array, along: Array) -> An
     return total / (60 * h)
 
 
-def _call(problem: Problem, key: str, y: Array) -> Any:
+def _call(problem: Stated, key: str, y: Array) -> Any:
     """The value of the problem's function `key` at a copy of y. ProblemError if the function raises or changes y."""
     copied = y.copy()
     try:

@@ -18,16 +18,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from sepv.errors import ProblemError
 from sepv.problem._checks import sample_states
 from sepv.problem._derived import Array, Function, recorded_as
 from sepv.problem._drift import damping_matrix
+from sepv.problem._stated import Stated
 from sepv.record import EPS, CannotRecord, Tape, gradient, replay
-
-if TYPE_CHECKING:
-    from sepv.problem._problem import Problem
 
 # Decimal digits of LI: a cancellation of half of them leaves more than those of binary64.
 DIGITS = 40
@@ -68,7 +66,7 @@ class Relation:
         return f"{law}, {f'in the mean: noise {noises} moves I' if noises else 'on each path'}"
 
 
-def relation(problem: Problem, name: str) -> Relation:
+def relation(problem: Stated, name: str) -> Relation:
     """The relation LI = σ − λI of the function I = `problem.invariants[name]`.
 
     Raises
@@ -79,14 +77,14 @@ def relation(problem: Problem, name: str) -> Relation:
     return _relation(problem, name, problem.c.tobytes())
 
 
-def require_invariants(problem: Problem) -> None:
+def require_invariants(problem: Stated) -> None:
     """Raise a ProblemError unless every function in `problem.invariants` has a relation LI = σ − λI."""
     for name in problem.invariants:
         relation(problem, name)
 
 
 @lru_cache(maxsize=256)
-def _relation(problem: Problem, name: str, _noise: bytes) -> Relation:
+def _relation(problem: Stated, name: str, _noise: bytes) -> Relation:
     y, outputs = _generator(problem, name)
     states = list(sample_states(problem))
     rows = [_values(outputs, y, state) for state in states]
@@ -131,7 +129,7 @@ def _constants(name: str, states: list[Array], rows: list[list[Any]]) -> tuple[A
     )
 
 
-def _generator(problem: Problem, name: str) -> tuple[Any, Any]:
+def _generator(problem: Stated, name: str) -> tuple[Any, Any]:
     """Symbols of y, and of I, X_0 I, …, X_m I, the sizes of their terms, LI and the size of its terms."""
     d = problem.dimension
     tape = Tape()
@@ -154,7 +152,7 @@ def _along(slope: Any, F: Any) -> tuple[Any, Any]:
     return sum(terms[1:], start=terms[0]), sum((abs(t) for t in terms[1:]), start=abs(terms[0]))
 
 
-def _fields(problem: Problem, tape: Any, y: Any) -> tuple[Any, list[Any]]:
+def _fields(problem: Stated, tape: Any, y: Any) -> tuple[Any, list[Any]]:
     """Symbols of the drift F_0 (d,) and of the fields F_1, …, F_m of the noises, without their c_j."""
     d = problem.dimension
     B = recorded_as(tape, "structure", problem.structure, y, (d, d))

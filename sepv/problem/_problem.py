@@ -18,12 +18,13 @@ from numpy.typing import ArrayLike
 from sepv._arguments import floats, is_number, is_whole
 from sepv.console import facts, html
 from sepv.core.arrays import Array
-from sepv.core.problem import Function, System
+from sepv.core.problem import Function
 from sepv.errors import ProblemError, UsageError
 from sepv.problem._batches import ConstantStructure, taking_batches
 from sepv.problem._derived import derive, to_be_derived
 from sepv.problem._directional import derivative_along
 from sepv.problem._nambu import Nambu
+from sepv.problem._stated import Stated
 from sepv.record import Polynomial
 
 Flow = Callable[[Array, Array], Array]
@@ -142,7 +143,7 @@ class NamedProblem:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Problem(System):
+class Problem(Stated):
     """A stochastic Poisson system dy = B(y)∇H(y)(dt + Σ_j c_j∘dW_j), (1.1), with the functions that a scheme needs.
 
     Parameters

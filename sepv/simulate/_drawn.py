@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -18,11 +19,7 @@ from sepv.pictures import (
     looks_of,
     require_matplotlib,
 )
-from sepv.problem import Array, changes_of_invariants
-
-if TYPE_CHECKING:
-    from sepv.simulate._batch import Ensemble
-    from sepv.simulate._paths import Trajectory
+from sepv.problem import Array, Problem, changes_of_invariants
 
 # The largest numbers of curves, of points of a curve's strips, and of ends in a picture.
 CURVES, STRIPS, ENDS = 6, 400, 2000
@@ -30,7 +27,37 @@ SIZE = (9.5, 3.8)
 TIME = Axis("time t")
 
 
-def path_figure(path: Trajectory) -> Any:
+class Path(Protocol):
+    """The parts of a `Trajectory` that its picture shows: times (N + 1,), states (d, N + 1), and the problem."""
+
+    @property
+    def t(self) -> Array: ...
+    @property
+    def y(self) -> Array: ...
+    @property
+    def problem(self) -> Problem | None: ...
+
+
+class Ends(Protocol):
+    """The parts of an `Ensemble` that its picture shows; `Ensemble` documents them."""
+
+    @property
+    def y(self) -> Any: ...
+    @property
+    def status(self) -> Any: ...
+    @property
+    def times(self) -> Array: ...
+    @property
+    def states(self) -> Any: ...
+    @property
+    def energy_defect(self) -> Any: ...
+    @property
+    def casimir_defect(self) -> Any: ...
+    @property
+    def about(self) -> Mapping[str, Any]: ...
+
+
+def path_figure(path: Path) -> Any:
     """The components of y over time, and the changes of the invariants if the path knows its problem."""
     require_matplotlib("the arrays t and y need none")
     components = [_curve(f"y{i}", path.t, values) for i, values in enumerate(path.y[:CURVES], 1)]
@@ -49,7 +76,7 @@ def path_figure(path: Trajectory) -> Any:
         return drawn
 
 
-def ensemble_figure(ends: Ensemble) -> Any:
+def ensemble_figure(ends: Ends) -> Any:
     """The states of the paths that got through, and the distribution of their defects."""
     require_matplotlib("the arrays y and states need none")
     got_through = np.asarray(ends.status) == 0
@@ -97,7 +124,7 @@ def _ends(axes: Any, y: Array) -> None:
     frame(axes, Axis("y1 at T"), Axis("y2 at T" if len(y) > 1 else "share of paths"))
 
 
-def _shares(axes: Any, ends: Ensemble, got_through: Any) -> None:
+def _shares(axes: Any, ends: Ends, got_through: Any) -> None:
     """The share of paths whose largest change of an invariant is at most x; no change is drawn at half an ulp of 1."""
     curves = []
     for name, values in (("H", ends.energy_defect), ("a Casimir", ends.casimir_defect)):

@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from sepv.studies._bench import store as bench_store
     from sepv.studies._bench.gate import check as check_bench
     from sepv.studies._compare import table as comparison_table
+    from sepv.studies._compare.comparison import Comparison as Comparison
     from sepv.studies._compare.method import Method as Method
     from sepv.studies._compare.method import from_scheme as from_scheme
     from sepv.studies._compare.method import from_states, load_method
-    from sepv.studies._compare.record import Comparison as Comparison
     from sepv.studies._compare.run import compare as compare
     from sepv.studies._compare.run import one_core
     from sepv.studies._energy_growth import DOUBLINGS, Growth, growth
@@ -44,7 +44,7 @@ __getattr__, __dir__ = lazily(
         "_bench.pairs": "*bench_pairs",
         "_bench.store": "*bench_store",
         "_compare.method": "Method from_scheme from_states load_method",
-        "_compare.record": "Comparison",
+        "_compare.comparison": "Comparison",
         "_compare.run": "compare one_core",
         "_compare.table": "*comparison_table",
         "_energy_growth": "*energy_growth DOUBLINGS Growth growth",

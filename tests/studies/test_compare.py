@@ -24,8 +24,9 @@ from sepv.simulate import _wiener as wiener
 from sepv.statistics import Estimate
 from sepv.studies._compare import method as methods_of
 from sepv.studies._compare import table
+from sepv.studies._compare.comparison import Comparison
 from sepv.studies._compare.method import Ends, Followed, Method, exact_time_change, from_scheme
-from sepv.studies._compare.record import Comparison, Point, Seconds, time_to_error
+from sepv.studies._compare.record import Point, Seconds, time_to_error
 from sepv.studies._compare.run import compare, one_core
 from sepv.studies._evaluation_count import Work, counted
 

@@ -35,6 +35,10 @@ from sepv.schemes import Scheme, load_problem, require_trusted
 MOST_BYTES = 2**24
 
 
+# The reason why a law about noise does not apply.
+NO_NOISE = "the scheme is for systems without noise, c = ()"
+
+
 @dataclass(frozen=True, repr=False)
 class Case:
     """A problem, a state y (d,), a step h and the Wiener increments dW (m,).

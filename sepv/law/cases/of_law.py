@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 
 from sepv import problems as named
 from sepv.errors import require_one_of
-from sepv.law._law import NO_NOISE
 from sepv.law.cases import strata
-from sepv.law.cases.case import Case, quiet
+from sepv.law.cases.case import NO_NOISE, Case, quiet
 from sepv.law.cases.classes import CLASSES
 from sepv.law.cases.clipped import within
 from sepv.law.cases.from_problem import near, of_case, start_of

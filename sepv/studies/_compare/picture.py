@@ -14,13 +14,13 @@ from sepv.pictures import FLOOR, Axis, draw_intervals, figure, frame, line, look
 from sepv.schemes import Look
 
 if TYPE_CHECKING:
-    from sepv.studies._compare.record import Comparison, Point
+    from sepv.studies._compare.record import Compared, Point
 
 # The size of markers, in points.
 SIZE = 5
 
 
-def comparison_figure(comparison: Comparison) -> Any:
+def comparison_figure(comparison: Compared) -> Any:
     """The picture of a comparison as a figure of matplotlib."""
     rows = math.ceil(len(comparison.sources) / 4)
     look_of = looks(comparison.sources, comparison.looks)

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass, field, replace
-from html import escape
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from sepv.console import html
 from sepv.files import finite
-from sepv.pictures import require_matplotlib
 from sepv.record import TINY
 from sepv.schemes import Look
 from sepv.statistics import Estimate
@@ -119,8 +116,8 @@ class TimeToError:
 
 
 @dataclass(frozen=True)
-class Comparison:
-    """The result of `compare`: points in the order of methods and step sizes, and the settings of the run."""
+class Compared:
+    """The points of a comparison in the order of methods and step sizes, and the settings of the run."""
 
     problem: str
     T: float
@@ -155,34 +152,6 @@ class Comparison:
             for m in self.sources
             for target in self.targets
         ]
-
-    def _repr_html_(self) -> str:
-        """The tables of `sepv compare` for a notebook: points, times to given errors, notes."""
-        from sepv.studies._compare.table import heading, notes, point_tables, target_tables
-
-        lines = "".join(f"<p>{escape(note)}</p>" for note in notes(self))
-        return (
-            f"<p>{escape(heading(self))}</p>{html(*point_tables(self))}"
-            f"{''.join(html(t) for t in target_tables(self))}{lines}"
-        )
-
-    def plot(self) -> Any:
-        """Draw the strong error, and the largest change of H, of each method against processor time.
-
-        Returns
-        -------
-        matplotlib.figure.Figure
-            A notebook shows it; `savefig` writes it to a file. Markers are hollow where paths failed.
-
-        Raises
-        ------
-        UsageError
-            If matplotlib, the extra ``plots``, is not installed.
-        """
-        from sepv.studies._compare.picture import comparison_figure
-
-        require_matplotlib("tables, JSON and CSV need no extra")
-        return comparison_figure(self)
 
     def to_json(self) -> dict[str, Any]:
         """The comparison as an object of the schema ``comparison.schema.json``."""

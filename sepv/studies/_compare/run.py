@@ -19,8 +19,9 @@ from sepv.law import quiet_problem
 from sepv.problem import Array, Problem
 from sepv.simulate import step_count, wiener
 from sepv.statistics import GROUPS, Estimate, jackknife
+from sepv.studies._compare.comparison import Comparison
 from sepv.studies._compare.method import Ends, Followed, Method
-from sepv.studies._compare.record import Comparison, Point, Seconds
+from sepv.studies._compare.record import Point, Seconds
 from sepv.workers import run_all
 
 # The error probability of the two-sided interval of each point.

@@ -13,7 +13,7 @@ from sepv.console import Table, columns, longest
 from sepv.statistics import Estimate
 
 if TYPE_CHECKING:
-    from sepv.studies._compare.record import Comparison, Point, TimeToError
+    from sepv.studies._compare.record import Compared, Point, TimeToError
 
 # The error of clipping is noted if it is more than this fraction of the strong error (its square is about a tenth).
 CLIPPED = 0.3
@@ -32,7 +32,7 @@ COLUMN_WIDTHS = {
 DROPPED = ("±%", "B", "∇H", "Newton", "|ΔC|", "ns/step", "weak error", "|ΔH|", "failed")
 
 
-def heading(comparison: Comparison) -> str:
+def heading(comparison: Compared) -> str:
     """The line above the tables of points: the problem, T, and the meaning of errors, defects and times."""
     rounds = comparison.repeats
     known = "without noise: errors"
@@ -49,7 +49,7 @@ def heading(comparison: Comparison) -> str:
     )
 
 
-def point_tables(comparison: Comparison) -> list[Table]:
+def point_tables(comparison: Compared) -> list[Table]:
     """One table for each method under its name, with a row for each step size; the tables' columns are aligned."""
     absent = {"failed"} if not any(p.failures for p in comparison.points) else set()
     absent |= {"±%"} if comparison.repeats == 1 else set()  # one time has no spread
@@ -72,7 +72,7 @@ def point_tables(comparison: Comparison) -> list[Table]:
     ]
 
 
-def _cells(comparison: Comparison, p: Point) -> list[str]:
+def _cells(comparison: Compared, p: Point) -> list[str]:
     spread = 50 * (p.seconds.high - p.seconds.low) / p.seconds.median
     return [
         str(p.steps) if p.steps_matter else "none",
@@ -89,7 +89,7 @@ def _cells(comparison: Comparison, p: Point) -> list[str]:
     ]
 
 
-def target_tables(comparison: Comparison) -> list[Table]:
+def target_tables(comparison: Compared) -> list[Table]:
     """A table of each method's time per path to reach each target as strong error, and of its energy defects then.
 
     Without noise, a second table has the times to reach each target as largest |H(y_n) − H(y_0)|.
@@ -103,7 +103,7 @@ def target_tables(comparison: Comparison) -> list[Table]:
     ]
 
 
-def _target_table(comparison: Comparison, times: list[TimeToError], title: str) -> Table:
+def _target_table(comparison: Compared, times: list[TimeToError], title: str) -> Table:
     targets = [f"{target:.0e}" for target in comparison.targets]
     by_target = {(t.method, t.error): t for t in times}
     rows = [
@@ -115,7 +115,7 @@ def _target_table(comparison: Comparison, times: list[TimeToError], title: str) 
     return Table(heads, rows, title, ruled=True, edged=False)
 
 
-def notes(comparison: Comparison) -> list[str]:
+def notes(comparison: Compared) -> list[str]:
     """Notes below the table: on marks, compilation, methods with fewer paths, clipping, failed paths, slow drivers."""
     lines = []
     ways = {t.how for t in comparison.times_to_error()}
@@ -160,7 +160,7 @@ def notes(comparison: Comparison) -> list[str]:
     return lines
 
 
-def to_csv(comparison: Comparison) -> str:
+def to_csv(comparison: Compared) -> str:
     """The points as CSV: one line for each method and step size, with an empty field for a missing number."""
     rows = [_csv_row(comparison.problem, p) for name in comparison.sources for p in comparison.of(name)]
     text = io.StringIO()
