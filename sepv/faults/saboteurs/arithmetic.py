@@ -9,9 +9,9 @@ import numpy as np
 
 from sepv.core.formula import Fields, counted
 from sepv.problem import Array, Problem
-from sepv.schemes._energy_preserving import formula, jacobian
-from sepv.schemes._one_step import random_step
-from sepv.schemes._scheme import Step
+from sepv.schemes import Step, random_step
+from sepv.schemes import energy_preserving_formula as formula
+from sepv.schemes._energy_preserving import jacobian
 
 from .formula import of_degree, quadrature, with_average, with_structure
 from .record import Family, answering, implicit, middle, right_side

@@ -8,8 +8,7 @@ from functools import partial
 import numpy as np
 
 from sepv.problem import Array, Problem, Systems
-from sepv.schemes import Scheme, energy_preserving, midpoint
-from sepv.schemes._scheme import Step
+from sepv.schemes import Scheme, Step, energy_preserving, midpoint
 
 from .record import Family, claiming, imitating
 

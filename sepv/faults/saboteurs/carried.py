@@ -10,10 +10,8 @@ import numpy as np
 from sepv import schemes
 from sepv.core.formula import Fields
 from sepv.problem import Array, Problem, matvec, mechanics
+from sepv.schemes import StatefulStep, Step, as_lanes, energy_preserving
 from sepv.schemes import _one_step as one_step
-from sepv.schemes import as_lanes, energy_preserving
-from sepv.schemes._scheme import Step
-from sepv.schemes._stateful import StatefulStep
 
 from .formula import with_structure
 from .record import Family, claiming, imitating, middle

@@ -13,8 +13,7 @@ import numpy as np
 
 from sepv.errors import StepFailure
 from sepv.problem import Array, Problem
-from sepv.schemes import Scheme, conformal, energy_preserving
-from sepv.schemes._scheme import Step, as_lanes
+from sepv.schemes import Scheme, Step, as_lanes, conformal, energy_preserving
 
 from .damping import _between
 from .record import Family, claiming, right_side

@@ -13,11 +13,11 @@ from sepv import schemes
 from sepv.core.formula import Fields, Formula
 from sepv.problem import Array, Problem, matvec, vector_field
 from sepv.record import gauss_legendre
+from sepv.schemes import Step
 from sepv.schemes import _one_step as one_step
 from sepv.schemes import energy_preserving as original
+from sepv.schemes import energy_preserving_formula as formula
 from sepv.schemes._discrete_gradient import coordinate_increments, symmetrised
-from sepv.schemes._energy_preserving import formula
-from sepv.schemes._scheme import Step
 
 from .record import Family, claiming, explicit, explicit_step, implicit, middle
 

@@ -10,9 +10,8 @@ from sepv import schemes
 from sepv.core.formula import Increment
 from sepv.problem import Array, Problem, each_noise, hamiltonian_field
 from sepv.problems import algebra_of
+from sepv.schemes import Implicit, as_lanes, implicit
 from sepv.schemes._drift_preserving import pushed, quiet
-from sepv.schemes._one_step import Implicit, implicit
-from sepv.schemes._scheme import as_lanes
 
 from .record import Family, imitating
 

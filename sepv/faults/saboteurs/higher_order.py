@@ -17,13 +17,21 @@ from sepv import schemes
 from sepv.core.formula import Fields, Formula
 from sepv.errors import StepFailure
 from sepv.problem import Array, Problem, cross, each_noise, matvec, mechanics, noise_structures, vector_field
-from sepv.schemes import PointLaw, Scheme, implicit, weakly
+from sepv.schemes import (
+    Explicit,
+    PointLaw,
+    Scheme,
+    Step,
+    as_lanes,
+    exact_nodes,
+    gauss_tableau,
+    implicit,
+    leapfrog,
+    moments,
+    weakly,
+)
 from sepv.schemes._both_invariants import required
 from sepv.schemes._leapfrog import composed, yoshida
-from sepv.schemes._leapfrog import scheme as leapfrog
-from sepv.schemes._one_step import Explicit
-from sepv.schemes._scheme import Step, as_lanes
-from sepv.schemes._tableaux import exact_nodes, gauss_tableau, moments
 
 from .record import Family, explicit_step, imitating, middle
 

@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 
 from sepv.problem import Array, Problem, derivative_along, vector_field
-from sepv.schemes import RANDOM_STEP, Scheme, euler_heun, milstein
-from sepv.schemes._scheme import as_lanes
+from sepv.schemes import RANDOM_STEP, Scheme, as_lanes, euler_heun, milstein
 
 from .record import Family, Row
 

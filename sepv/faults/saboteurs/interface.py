@@ -12,8 +12,7 @@ import numpy as np
 
 from sepv.errors import StepFailure
 from sepv.problem import Array, Problem
-from sepv.schemes import implicit
-from sepv.schemes._scheme import Step, as_lanes
+from sepv.schemes import Step, as_lanes, implicit
 
 from .formula import b_at_y0
 from .record import Family, answering, right_side

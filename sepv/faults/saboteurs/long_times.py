@@ -7,12 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from sepv.problem import Array, Problem, matvec, mechanics
-from sepv.schemes import Scheme
-from sepv.schemes._explicit import explicit
+from sepv.schemes import Scheme, as_lanes, explicit, leapfrog, midpoint
 from sepv.schemes._leapfrog import blanes_moan
-from sepv.schemes._leapfrog import scheme as leapfrog
-from sepv.schemes._midpoint import scheme as midpoint
-from sepv.schemes._scheme import as_lanes
 
 from .record import Family
 

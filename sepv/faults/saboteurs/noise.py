@@ -11,11 +11,9 @@ import numpy as np
 
 from sepv.core.formula import Fields
 from sepv.problem import Array, Problem, matvec
-from sepv.schemes import Scheme
+from sepv.schemes import Scheme, Step, drift_and_noise
 from sepv.schemes import energy_preserving as original
-from sepv.schemes._energy_preserving import formula
-from sepv.schemes._one_step import drift_and_noise
-from sepv.schemes._scheme import Step
+from sepv.schemes import energy_preserving_formula as formula
 
 from .formula import one_point_quadrature
 from .record import Family, implicit, middle

@@ -11,12 +11,10 @@ import numpy as np
 
 from sepv.core.formula import Formula, counted
 from sepv.problem import Array, Problem
-from sepv.schemes import Scheme
+from sepv.schemes import Parts, Scheme, Step, as_lanes, random_step
 from sepv.schemes import _one_step as one_step
 from sepv.schemes import energy_preserving as original
-from sepv.schemes._energy_preserving import formula
-from sepv.schemes._one_step import Parts, random_step
-from sepv.schemes._scheme import Step, as_lanes
+from sepv.schemes import energy_preserving_formula as formula
 
 Laws = tuple[str, ...]
 # A function (problem, y0 (d, M), Δ (1, M)) -> y1.

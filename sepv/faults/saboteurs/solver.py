@@ -10,10 +10,8 @@ import numpy as np
 from sepv.errors import StepFailure
 from sepv.problem import Array, Problem, forward_differences, linear_solve, vector_field
 from sepv.record import EPS
-from sepv.schemes import Scheme, energy_preserving
+from sepv.schemes import Scheme, Step, as_lanes, energy_preserving, random_step
 from sepv.schemes._energy_preserving import jacobian
-from sepv.schemes._one_step import random_step
-from sepv.schemes._scheme import Step, as_lanes
 
 from .record import Family, claiming, explicit, right_side
 

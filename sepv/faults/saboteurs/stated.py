@@ -12,8 +12,7 @@ import numpy as np
 
 from sepv.problem import Array, HamiltoniansProblem, Problem, Systems, mechanics
 from sepv.problems import damped_top
-from sepv.schemes import Scheme, conformal, leapfrog
-from sepv.schemes._scheme import Step
+from sepv.schemes import Scheme, Step, conformal, leapfrog
 
 from .record import Family
 

@@ -11,8 +11,7 @@ import numpy as np
 
 from sepv import schemes
 from sepv.problem import Array, Problem, matvec
-from sepv.schemes import Scheme, StatefulStep, Twin
-from sepv.schemes._scheme import Step
+from sepv.schemes import Scheme, StatefulStep, Step, Twin
 
 from .record import Family
 

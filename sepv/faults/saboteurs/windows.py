@@ -9,10 +9,8 @@ import numpy as np
 
 from sepv.core.formula import Fields
 from sepv.problem import Array, Problem, matvec, vector_field
-from sepv.schemes import energy_preserving
-from sepv.schemes._energy_preserving import formula
-from sepv.schemes._scheme import Step
-from sepv.schemes._stateful import StatefulStep
+from sepv.schemes import StatefulStep, Step, energy_preserving
+from sepv.schemes import energy_preserving_formula as formula
 
 from .formula import one_point_quadrature, with_structure
 from .noise import clipped_at_one
