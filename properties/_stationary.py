@@ -33,7 +33,7 @@ from random import Random
 import numpy as np
 from sepv.properties._problems_of import problems_of
 
-from sepv.errors import Unasked
+from sepv.errors import Skipped, StepFailure, Unasked
 from sepv.law.tolerance import operations, step_residual
 from sepv.problem import (
     Array,
@@ -50,13 +50,21 @@ from sepv.problem import (
 )
 from sepv.problems import canonical, started
 from sepv.record import EPS, poly
-from sepv.schemes import Scheme, ask, has_memory
+from sepv.schemes import Scheme, ask, has_memory, takes
 
 # The largest dimension: (S) and (D) are solved as systems of d² equations.
 MAX_DIMENSION = 12
 # A drift is affine if H″ changes by at most this share between states, and a step if its value differs by at most this
 # share from the affine map. Both are far above rounding, and far below the curvature of a potential.
 AFFINE_TOLERANCE = 2.0**-30
+# A mode that decays by a smaller share of its own frequency is counted as undamped: roundings of A move it as much.
+LEAST_DECAY = 2.0**-40
+# A covariance with a larger bound of its roundings, in standard deviations, is not judged.
+COVARIANCE_MAX_ERROR = 2.0**-20
+# A step whose spectral radius is nearer to 1 has a singular equation (D).
+RADIUS_GAP = 2.0**-36
+# The slowest decay a and the fastest rate |λ| of A make the step a/(DECAY_SHARE |λ|²), at which a step must decay.
+DECAY_SHARE = 64.0
 # The states and normal numbers, in standard deviations, at which a step is compared with its affine map.
 TESTED = (1.0, -0.5, 3.0)
 # Random systems of two or three bodies beside those with names.
@@ -92,11 +100,14 @@ def exact(problem: Problem) -> Stationary | str:
     A = slopes[0]
     if any(np.max(np.abs(other - A)) > AFFINE_TOLERANCE * np.max(np.abs(A)) for other in slopes):
         return f"V of {problem.name} is not quadratic"
-    if np.min(np.linalg.eigvals(A).real) <= 0:
-        return f"{problem.name} has no stationary distribution"
+    rates = np.linalg.eigvals(A)
+    if np.min(rates.real) <= LEAST_DECAY * np.max(np.abs(rates)):
+        return f"{problem.name} has a part without friction, and no stationary distribution"
     G = noise_vectors(problem).T * problem.c
     mean = np.asarray(np.linalg.solve(A, drift(problem, np.zeros(d))))
     solved = _solved(_of_flow(A), G @ G.T, np.zeros((d, d)))[0]
+    if not np.all(np.diag(solved) > 0):
+        return f"the noise of {problem.name} does not reach every component"
     sizes = np.sqrt(np.diag(solved))
     A_hat, G_hat = A * sizes / sizes[:, None], G / sizes[:, None]
     each = 0.5 * EPS * operations(problem)
@@ -105,7 +116,7 @@ def exact(problem: Problem) -> Stationary | str:
     _, rounding = _solved(_of_flow(A_hat), G_hat @ G_hat.T, delta)
     about = np.linalg.norm(np.linalg.inv(A_hat), np.inf) * each * np.linalg.norm(A_hat, np.inf)
     rounding += 2 * float(about * np.max(np.abs(mean / sizes)))
-    return Stationary(mean, solved, rounding, float(1 / np.max(np.abs(np.linalg.eigvals(A)))), A)
+    return Stationary(mean, solved, rounding, float(1 / np.max(np.abs(rates))), A)
 
 
 def _of_flow(A: Array) -> Array:
@@ -114,13 +125,30 @@ def _of_flow(A: Array) -> Array:
     return np.asarray(np.kron(A, one) + np.kron(one, A))
 
 
-def of_step(scheme: Scheme, problem: Problem, h: float, around: Stationary) -> Stationary | str:
-    """The stationary distribution of the scheme's step by (D), or the reason why there is none.
+@dataclass(frozen=True)
+class AffineStep:
+    """A step y1 = rest + Φy + Nξ, in standard deviations from the exact mean.
 
-    The affine map is found from steps of the size of the exact distribution `around`.
+    `error` bounds the error of a computed step, and `radius` is the spectral radius of Φ.
+    """
+
+    rest: Array
+    Phi: Array
+    N: Array
+    error: float
+    radius: float
+
+
+def affine(scheme: Scheme, problem: Problem, h: float, around: Stationary) -> AffineStep | str:
+    """The affine map of a step, or the reason why there is none: the scheme refuses it, or it is not affine.
+
+    The map is found from steps of the size of the exact distribution `around`.
     """
     d, rows = problem.dimension, rows_of(scheme, problem, h)
     k, sizes = rows.shape[1], np.sqrt(np.diag(around.covariance))
+    likely = np.full(problem.noises, max(TESTED) * math.sqrt(h))
+    if not takes(scheme, problem, around.mean, h, likely):
+        return f"{problem.name}: a step of {h:.2g} is longer than the longest that the scheme states"
     error = 0.0
 
     def step(y: Array, xi: Array) -> Array:
@@ -132,29 +160,66 @@ def of_step(scheme: Scheme, problem: Problem, h: float, around: Stationary) -> S
         error = max(error, float(np.max((residual + EPS * np.abs(end)) / sizes)))
         return (end - around.mean) / sizes
 
-    rest = step(np.zeros(d), np.zeros(k))
-    Phi = np.stack([step(e, np.zeros(k)) - rest for e in np.eye(d)], axis=1)
-    N = np.stack([step(np.zeros(d), e) - rest for e in np.eye(k)], axis=1)
-    for n, size in enumerate(TESTED):
-        signs = np.resize([1.0, -1.0] if n % 2 else [1.0], d + k)
-        y, xi = size * signs[:d], size * signs[d:]
-        off = np.abs(step(y, xi) - (rest + Phi @ y + N @ xi))
-        if np.any(off > max(AFFINE_TOLERANCE, scheme.eps / EPS * 2.0**-40) * (np.abs(rest) + abs(size))):
-            return f"a step of {problem.name} is not affine in y and the noise"
-    radius = float(np.max(np.abs(np.linalg.eigvals(Phi))))
-    if radius >= 1:
-        return f"the spectral radius of a step of {problem.name} is {radius:.3g} for h = {h:.2g}"
+    try:
+        rest = step(np.zeros(d), np.zeros(k))
+        Phi = np.stack([step(e, np.zeros(k)) - rest for e in np.eye(d)], axis=1)
+        N = np.stack([step(np.zeros(d), e) - rest for e in np.eye(k)], axis=1)
+        for n, size in enumerate(TESTED):
+            signs = np.resize([1.0, -1.0] if n % 2 else [1.0], d + k)
+            y, xi = size * signs[:d], size * signs[d:]
+            off = np.abs(step(y, xi) - (rest + Phi @ y + N @ xi))
+            if np.any(off > max(AFFINE_TOLERANCE, scheme.eps / EPS * 2.0**-40) * (np.abs(rest) + abs(size))):
+                return f"a step of {problem.name} is not affine in y and the noise"
+    except (StepFailure, Skipped) as refusal:
+        return f"{problem.name}, h = {h:.2g}: the scheme refuses the step, {str(refusal).splitlines()[0]}"
     A_hat = around.drift * sizes / sizes[:, None]
     error *= max(float(np.linalg.norm(np.linalg.inv(np.eye(d) + c * h * A_hat), np.inf)) for c in (0, 0.5, 1))
+    return AffineStep(rest, Phi, N, error, float(np.max(np.abs(np.linalg.eigvals(Phi)))))
+
+
+def of_step(scheme: Scheme, problem: Problem, h: float, around: Stationary) -> Stationary | str:
+    """The stationary distribution of the scheme's step by (D), or the reason why there is none that can be judged."""
+    step = affine(scheme, problem, h, around)
+    if isinstance(step, str):
+        return step
+    if step.radius > 1 - RADIUS_GAP:
+        return f"the spectral radius of a step of {problem.name} is {step.radius:.3g} for h = {h:.2g}"
+    d, sizes, Phi, N = problem.dimension, np.sqrt(np.diag(around.covariance)), step.Phi, step.N
     back = np.linalg.inv(np.eye(d) - Phi)
-    about = back @ rest
+    about = back @ step.rest
     operator, right = np.eye(d * d) - np.kron(Phi, Phi), N @ N.T
     S, _ = _solved(operator, right, np.zeros((d, d)))
-    delta = 4 * error * (np.linalg.norm(Phi, np.inf) * float(np.sum(np.abs(S))) + np.linalg.norm(N, np.inf))
-    _, rounding = _solved(operator, right, np.full((d, d), delta))
-    of_mean = np.linalg.norm(back, np.inf) * (error * (1 + 2 * np.sum(np.abs(about))) + d * EPS)
-    found = S * np.outer(sizes, sizes)
-    return Stationary(around.mean + sizes * about, found, max(rounding, float(of_mean)), h, around.drift)
+    spread = np.linalg.norm(Phi, np.inf) * float(np.sum(np.abs(S))) + np.linalg.norm(N, np.inf)
+    _, rounding = _solved(operator, right, np.full((d, d), 4 * step.error * spread))
+    of_mean = np.linalg.norm(back, np.inf) * (step.error * (1 + 2 * np.sum(np.abs(about))) + d * EPS)
+    rounding = around.rounding + max(rounding, float(of_mean))
+    if not rounding <= COVARIANCE_MAX_ERROR:
+        return f"the covariance of {problem.name} is known to {rounding:.2g} standard deviations only"
+    return Stationary(around.mean + sizes * about, S * np.outer(sizes, sizes), rounding, h, around.drift)
+
+
+def does_not_decay(scheme: Scheme, problem: Problem, around: Stationary, sizes: Array) -> str:
+    """What a step does that should forget its start, but does not: it is empty if every short step does.
+
+    The step is Φ = 1 − hA + O(h²). So 1 − ρ(Φ) is near ah at h = a/(64|λ|²), with the slowest decay a and the fastest
+    rate |λ| of A: the O(h²) is at most a share of (h|λ|²/a)^½ = ⅛ of ah for a double eigenvalue, and less for others.
+    Half of ah is asked, less the bound of Bauer and Fike for the error of Φ.
+    """
+    rates = np.linalg.eigvals(around.drift)
+    slowest = float(np.min(rates.real))
+    shortest = slowest * around.time**2 / DECAY_SHARE
+    for h in (shortest, *(size for size in sizes if size < shortest)):
+        step = affine(scheme, problem, float(h), around)
+        if isinstance(step, str):
+            continue
+        vectors = np.linalg.cond(np.linalg.eig(step.Phi)[1])
+        slack = 2 * problem.dimension * step.error * min(float(vectors), 1 / step.error)
+        if 1 - step.radius < 0.5 * slowest * h - slack:
+            return (
+                f"{problem.name}: a step of h = {h:.3g} multiplies a direction by {step.radius!r}, where the exact "
+                f"solution forgets it as exp(−{slowest:.3g} t), {math.exp(-slowest * h)!r} in a step"
+            )
+    return ""
 
 
 def _solved(operator: Array, right: Array, delta: Array) -> tuple[Array, float]:

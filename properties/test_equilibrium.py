@@ -17,8 +17,9 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from sepv.properties._longest_step import divisor
 from sepv.properties._orders.local_orders import Slope, judge_slope
-from sepv.properties._stationary import Stationary, balanced, of_step
+from sepv.properties._stationary import Stationary, balanced, does_not_decay, of_step
 
 from sepv.errors import Unasked, UsageError
 from sepv.files import finite
@@ -39,31 +40,28 @@ CLEAR = 16.0
 
 @dataclass(frozen=True)
 class Balance:
-    """A problem, its stationary distribution, and those of the scheme for the stable ones of some step sizes."""
+    """A problem, its stationary distribution, and those of the scheme for the step sizes that have one.
+
+    `why` says why the last of the others has none.
+    """
 
     problem: Problem
     wanted: Stationary
+    sizes: Array
     found: list[Stationary]
-    unstable: str = ""
+    why: str = ""
 
 
 def balances(scheme: Scheme, seed: int, sizes: Array) -> list[Balance]:
-    """The stationary distributions of a scheme and of the exact solution, for each problem with a quadratic V.
-
-    Raises
-    ------
-    Unasked
-        If there is no such problem, or no step that is affine and stable.
-    """
+    """The stationary distributions of a scheme and of the exact solution, for each problem with a quadratic V."""
     taken = []
     for problem, wanted in balanced(scheme, seed):
-        steps = [of_step(scheme, problem, float(share * wanted.time), wanted) for share in sizes]
-        # A run of stable steps, down to the smallest: an order is read from no other.
-        last = max((n for n, each in enumerate(steps) if isinstance(each, str)), default=-1)
-        found = [each for each in steps[last + 1 :] if not isinstance(each, str)]
-        taken.append(Balance(problem, wanted, found, str(steps[last]) if last >= 0 else ""))
-    if not any(each.found for each in taken):
-        raise Unasked(taken[-1].unstable)
+        # All are shorter for a scheme that states a longest step.
+        own = sizes * wanted.time / divisor(scheme, problem, float(sizes[0] * wanted.time))
+        steps = [of_step(scheme, problem, h, wanted) for h in own.tolist()]
+        found = [each for each in steps if not isinstance(each, str)]
+        why = [each for each in steps if isinstance(each, str)]
+        taken.append(Balance(problem, wanted, own, found, why[-1] if why else ""))
     return taken
 
 
@@ -111,12 +109,16 @@ def order(law: Law, scheme: Scheme, taken: list[Balance]) -> Finding:
     lines, slopes, measured = list[str](), list[Slope](), list[dict[str, Any]]()
     for each in taken:
         name = each.problem.name
+        if stays := does_not_decay(scheme, each.problem, each.wanted, each.sizes):
+            slopes.append(Slope(Verdict.VIOLATED, float("nan"), stays))
+            lines.append(stays)
+            continue
         if not each.found:
-            lines.append(f"{name}: skipped, {each.unstable}")
+            lines.append(f"{name}: skipped, {each.why}")
             continue
         h = np.array([found.time for found in each.found])
         errors = np.array([error(found, each.wanted) for found in each.found])
-        rounding = each.wanted.rounding + max(found.rounding for found in each.found)
+        rounding = max(found.rounding for found in each.found)
         seen = judge_slope(h, errors, needed, rounding, CLEAR * rounding)
         slopes.append(seen)
         sizes = {"h": h.tolist(), "error": errors.tolist()}
@@ -124,6 +126,8 @@ def order(law: Law, scheme: Scheme, taken: list[Balance]) -> Finding:
         lines.append(f"{name}: {seen.text}, {needed:g} needed")
         if seen.verdict is not Verdict.HOLDS:
             lines += [words(each), f"errors {_row(errors)} for h = {_row(h)}"]
+    if not slopes:
+        raise Unasked(taken[-1].why)
     found = {s.verdict for s in slopes}
     verdict = next((v for v in (Verdict.VIOLATED, Verdict.INCONCLUSIVE) if v in found), Verdict.HOLDS)
     worst = min((s.value for s in slopes if s.verdict is verdict), default=np.nan)
@@ -143,13 +147,19 @@ def of_positions(law: Law, scheme: Scheme, taken: list[Balance]) -> Finding:  # 
     asked = list[tuple[Measurement, float]]()
     for problem, wanted, steps in ((each.problem, each.wanted, each.found) for each in taken):
         q = positions(problem)
+        if q is None:
+            continue
         sizes = np.sqrt(np.diag(wanted.covariance)[q])
         for found in steps:
             S, exact = found.covariance[np.ix_(q, q)], wanted.covariance[np.ix_(q, q)]
             off = float(np.max(np.abs(S - exact) / np.outer(sizes, sizes)))
             variances = f"⟨δq²⟩ = {np.diag(S).tolist()}, exact {np.diag(exact).tolist()}"
             text = f"{problem.name}, h = {found.time:.3g}: {variances}"
-            asked.append((Measurement(off / EPS, (found.rounding + wanted.rounding) / EPS, text), found.time))
+            asked.append((Measurement(off / EPS, found.rounding / EPS, text), found.time))
+    if not asked:
+        raise Unasked(
+            next((each.why for each in taken if each.why), "no problem with friction is mechanical")
+        )
     worst, h = max(asked, key=lambda each: each[0].ratio)
     sizes = {"defect": worst.defect, "bound": worst.bound, "checks": len(asked)}
     if not worst.violates:
@@ -159,12 +169,12 @@ def of_positions(law: Law, scheme: Scheme, taken: list[Balance]) -> Finding:  # 
     )
 
 
-def positions(problem: Problem) -> np.ndarray:
-    """The numbers of the positions among the components of y."""
+def positions(problem: Problem) -> np.ndarray | None:
+    """The numbers of the positions among the components of y; None if the problem is not mechanical."""
     try:
         return np.asarray(mechanics(problem).split(np.arange(1.0 * problem.dimension))[0], dtype=np.intp)
-    except UsageError as error:
-        raise Unasked(f"{problem.name} is not mechanical") from error
+    except UsageError:
+        return None
 
 
 law = Law(

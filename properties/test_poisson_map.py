@@ -41,13 +41,15 @@ def constant(case: Case) -> Case | None:
 
 def conformal(case: Case) -> Case | None:
     """Keep a case of constant B if its damping has a κ."""
-    problem = case.build()[0]
-    return constant(case) if problem.damping and conformal_rate(problem) is not None else None
+    problem, y, _, _ = case.build()
+    if not problem.damping or (kept := constant(case)) is None:
+        return None
+    return kept if conformal_rate(problem, y) is not None else None
 
 
 def check_conformal(scheme: Scheme, case: Case) -> Measurement:
     """Measure Φ′BΦ′ᵀ − e^{−κh}B."""
-    kappa = conformal_rate(case.build()[0])
+    kappa = conformal_rate(*case.build()[:2])
     assert kappa is not None, "adapt keeps cases with a κ"
     return check(scheme, case, math.exp(-kappa * case.h))
 

@@ -27,7 +27,8 @@ from sepv.problem import (
 from sepv.schemes import Scheme, by_name
 from sepv.schemes._langevin import CLAIMS
 
-# Halvings of the matrix of an exponential, and the terms of its series: for a norm up to 4 the last is below 1e-26.
+# Halvings of the matrix of an exponential, and the terms of its series: for a norm up to 4 the first term that is
+# left out is below 1e-26.
 HALVINGS, TERMS = 4, 18
 
 

@@ -8,8 +8,8 @@ rms of this error, and at most 0.01 to a slope over step sizes that differ by a 
 
 **Several Hamiltonians.** If all fields commute, y(T) is the flow of T f_0 + Σ c_j W_j(T) f_j at the time 1.
 Else the reference is the log-ODE of step two (`sepv.properties._orders.log_ode`) over a path of increments
-and Lévy areas refined HEUN_STEPS_PER_STEP times. It has mean-square order 1, also if the noises do not
-commute. So its error is smaller than that of a scheme of order 1 by the factor HEUN_STEPS_PER_STEP, and than
+and Lévy areas refined LOG_ODE_REFINEMENT times. It has mean-square order 1, also if the noises do not
+commute. So its error is smaller than that of a scheme of order 1 by the factor LOG_ODE_REFINEMENT, and than
 that of a scheme of order ½ by more. Let y_δ be its result with the step size δ. The error is estimated by
 |y_δ − y_2δ|. The reference is 2y_δ − y_2δ: this extrapolation hardly changes errors of paths, but makes their
 mean O(δ²), which is enough for weak order 2.
@@ -38,8 +38,8 @@ from sepv.simulate import RoughPath, areas, wiener
 
 # The number of reference steps in each of the finest steps of a scheme, for Heun's method and for the
 # log-ODE.
-REFINEMENT = 16
-HEUN_STEPS_PER_STEP = 8
+HEUN_REFINEMENT = 16
+LOG_ODE_REFINEMENT = 8
 
 
 def ends(problem: Problem, y0: Array, T: float, W: Array) -> Array | None:
@@ -60,8 +60,8 @@ def refined(
 
     `order` is the mean-square order that the scheme claims for this problem.
     """
-    fine = areas.drawn(seed, T=T, steps=HEUN_STEPS_PER_STEP * steps, noises=problem.noises, paths=paths)
-    half = fine.coarse(HEUN_STEPS_PER_STEP * steps // 2)
+    fine = areas.drawn(seed, T=T, steps=LOG_ODE_REFINEMENT * steps, noises=problem.noises, paths=paths)
+    half = fine.coarse(LOG_ODE_REFINEMENT * steps // 2)
     with_drift = order > 1 and column(problem) != "general"
     y, coarse = (path(problem, y0, rough, with_drift=with_drift) for rough in (fine, half))
     return fine, 2 * y - coarse, float(np.sqrt(np.mean(np.sum((y - coarse) ** 2, axis=0))))
@@ -74,11 +74,11 @@ def finer(
 
     The error, of order ½ in the step size h, is estimated by |y_h − y_2h|/(√2 − 1).
     """
-    fine = wiener.increments(seed, T=T, steps=steps * REFINEMENT, noises=problem.noises, paths=paths)
+    fine = wiener.increments(seed, T=T, steps=steps * HEUN_REFINEMENT, noises=problem.noises, paths=paths)
     y = heun(problem, y0, T, fine)
     coarse = heun(problem, y0, T, wiener.coarsen(fine, 2))
     apart = float(np.sqrt(np.mean(np.sum((y - coarse) ** 2, axis=0))))
-    return wiener.coarsen(fine, REFINEMENT), y, apart / (2**0.5 - 1)
+    return wiener.coarsen(fine, HEUN_REFINEMENT), y, apart / (2**0.5 - 1)
 
 
 def heun(problem: Problem, y0: Array, T: float, dW: Array) -> Array:

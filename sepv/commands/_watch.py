@@ -356,7 +356,9 @@ def defect(error: BaseException) -> str:
     """The line for an error that no command handled: no memory, no descriptor, or a defect."""
     lines = said(error).strip().splitlines() or [""]
     why, what, remedy = "a defect of sepv itself", lines[0], "--debug shows where; please report it"
-    if isinstance(error, (OSError, MemoryError, ImportError)):
+    if isinstance(error, ImportError):
+        why, what, remedy = "a package is missing or broken", lines[-1], "pip check, and install sepv again"
+    elif isinstance(error, (OSError, MemoryError)):
         why, what = "the system refuses what it needs", lines[-1]
         remedy = "give it memory, disk, open files and processes (ulimit -a), and an output that is open"
     return f"sepv: {why}, and no verdict: {type(error).__name__}: {what:.300}. Remedy: {remedy}"

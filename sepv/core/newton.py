@@ -34,7 +34,7 @@ MAX_HALVINGS, HALVINGS_TOGETHER = 40, 8
 # The most unknowns of a single lane for which Python's numbers are faster than arrays.
 NUMBERS_MOST = 64
 # The largest residual that counts as zero: a few of the smallest positive numbers.
-ROUNDING_STEP = 4 * float(np.finfo(np.float64).smallest_subnormal)
+ZERO_RESIDUAL = 4 * float(np.finfo(np.float64).smallest_subnormal)
 # Corrections that stop shrinking mean rounding, not divergence, if they are at most √eps relative to the state.
 STAGNATION = float(np.sqrt(EPS))
 # The largest residual, relative to the state, that counts as rounding: R has a few hundred operations, each rounded at
@@ -147,7 +147,7 @@ def newton(
             if of.any(ended):
                 ended = ended & is_rounding(residual, scale, rounding, of.array(z), lanes, ended)
             # `^ True` is the negation of a flag and of an array of flags alike.
-            solved, failed = residual <= ROUNDING_STEP, (move < np.inf) ^ True
+            solved, failed = residual <= ZERO_RESIDUAL, (move < np.inf) ^ True
             over, status = ended | solved | failed, GOES_ON
             moved = of.less(z, correction)
             if of.any(flags.left):
@@ -256,7 +256,7 @@ def is_rounding(
     residual: Any, scale: Any, rounding: Rounding | None, z: Array, lanes: Lanes, closely: Any
 ) -> Any:
     """True where the residual is no larger than the rounding of y or, in lanes flagged in `closely`, than that of R."""
-    small = residual <= ROUNDING * scale + ROUNDING_STEP
+    small = residual <= ROUNDING * scale + ZERO_RESIDUAL
     larger = np.flatnonzero(closely & (small ^ True))
     if rounding is not None and larger.size:
         small, residual = np.array(small, ndmin=1), np.atleast_1d(residual)

@@ -67,13 +67,13 @@ def damping_of(problem: Problem) -> float:
     return float(np.max(np.sum(np.abs(damping), axis=1)) if damping.ndim else damping)
 
 
-def conformal_rate(problem: Problem) -> float | None:
-    """The number κ with ΓB + BΓᵀ = κB for the constant B of a problem; None if there is none.
+def conformal_rate(problem: Problem, y: Array) -> float | None:
+    """The number κ with ΓB + BΓᵀ = κB for the constant B of a problem, read at a state y; None if there is none.
 
     Then the flow of B∇H − Γy has φ′Bφ′ᵀ = e^{−κt}B (R. McLachlan and M. Perlmutter, J. Geom. Phys. 39, 2001): d/dt of
     φ′Bφ′ᵀ is (BH″ − Γ)X + X(BH″ − Γ)ᵀ with X = φ′Bφ′ᵀ, which is −κX for X = e^{−κt}B. For −γy κ is 2γ, for −γp it is γ.
     """
-    Gamma, B = damping_matrix(problem), problem.structure(np.zeros(problem.dimension))
+    Gamma, B = damping_matrix(problem), problem.structure(y)
     both, size = Gamma @ B + B @ Gamma.T, np.abs(Gamma) @ np.abs(B)
     if not both.any():
         return 0.0

@@ -31,8 +31,6 @@ from sepv.verification._outcome import Outcome
 STEPS, FINER = 40, 3
 # The most seconds for all courses of a report. Steps that were made until then are shown.
 SECONDS = 10.0
-# Laws whose defect is the change of H or of a Casimir.
-OF_INVARIANTS = ("energy", "casimir")
 # A course ends when a state is larger than the first by this factor, because larger states would flatten the picture.
 ESCAPE_FACTOR = 100.0
 
@@ -63,18 +61,19 @@ def course(scheme: Scheme, finding: Finding, seconds: float = SECONDS) -> dict[s
         components : the numbers, from 1, of the two components of y that change most (of one if d = 1)
         states : these components in the first state and after each step
         exact : these components of the exact solution, `FINER` points a step; empty if no formula is known
-        kept : the invariant that is shown: "H", or "C" for laws about Casimirs (the one that changes most)
+        kept : the invariant that is shown: "C" for laws about Casimirs (the one that changes most), else "H"
         drift : the change of this invariant since the first state
         size : the size of the invariant's terms, by which rounding is distinguished from drift
         defects, bounds : the law's own measurement of the step from each state; absent for the laws whose defect is the
             change of the invariant
         ended : the reason of an early end; empty if there was none
     """
+    share = seconds / 3  # for each of the path, the exact solution and the law's defects
     case = from_json(finding.witness, objects_of(scheme))
     problem, y, h, dW = case.build()
     states, ended = [y], ""
     try:
-        with deadline(seconds):
+        with deadline(share):
             while len(states) <= STEPS and not ended:
                 states.append(ask(scheme, problem, states[-1], h, dW))
                 if np.abs(states[-1]).max() > ESCAPE_FACTOR * np.abs(y).max() + 1:
@@ -93,9 +92,9 @@ def course(scheme: Scheme, finding: Finding, seconds: float = SECONDS) -> dict[s
         theta = float(problem.random_step(h, dW)) * np.linspace(
             0, len(states) - 1, FINER * (len(states) - 1) + 1
         )
-        with suppress(SepvError, TimedOut), deadline(seconds):
+        with suppress(SepvError, TimedOut), deadline(share):
             exact = exact_flow(problem, theta, y).y
-    measured = _measured(finding.law, scheme, case, states, seconds)
+    measured = _measured(finding.law, scheme, case, states, share)
     return {
         "components": [int(i) + 1 for i in shown], "states": _rounded(path[shown]), "exact": _rounded(exact[shown]),
         "kept": conserved, "drift": _rounded(drift), "size": _rounded(size), "ended": ended,
@@ -109,8 +108,7 @@ def _measured(name: str, scheme: Scheme, case: Case, states: list[Array], second
     It is empty for the laws of H and C, whose defect is the change that is drawn, and ends when the time is over.
     """
     (law,) = load_laws([name])
-    drawn = name in OF_INVARIANTS or (name == "invariant:casimir" and case.build()[0].nambu is not None)
-    if law.measure is None or drawn:
+    if law.measure is None or name == "energy" or _draws_casimir(name, case.build()[0]):
         return np.empty((2, 0))
     rows = []
     with suppress(TimedOut), deadline(seconds):
@@ -131,7 +129,8 @@ def _kept(law: str, problem: Problem, path: Array) -> tuple[str, Array, Array]:
     with np.errstate(all="ignore"):
         values, slopes = invariants(problem, path), [problem.gradient(path)]
         slopes += casimir_gradients(problem.casimirs, problem.linear_casimirs, 2 * path)
-        if law == "invariant:casimir" and problem.nambu is not None:
+        if law != "casimir" and _draws_casimir(law, problem):
+            assert problem.nambu is not None
             values, slopes = problem.nambu.casimir(path)[None], [problem.nambu.gradient(path)]
         drift = values - values[:, :1]
         largest = (
@@ -139,8 +138,12 @@ def _kept(law: str, problem: Problem, path: Array) -> tuple[str, Array, Array]:
         )
         which = largest if law == "casimir" else 0
         size = np.max(np.linalg.norm(slopes[which], axis=0) * np.linalg.norm(path, axis=0))
-    of_casimir = law == "casimir" or (law == "invariant:casimir" and problem.nambu is not None)
-    return "C" if of_casimir else "H", drift[which], size
+    return "C" if _draws_casimir(law, problem) else "H", drift[which], size
+
+
+def _draws_casimir(law: str, problem: Problem) -> bool:
+    """True for the laws whose defect is the change of a Casimir that can be drawn."""
+    return law == "casimir" or (law == "invariant:casimir" and problem.nambu is not None)
 
 
 def _rounded(values: Array) -> Any:

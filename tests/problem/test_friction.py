@@ -9,6 +9,7 @@ from sepv.errors import ProblemError, SepvError, UsageError
 from sepv.problem import (
     DampedProblem,
     HamiltoniansProblem,
+    Problem,
     conformal_rate,
     damping_matrix,
     drift,
@@ -42,20 +43,24 @@ def test_the_noise_of_a_full_mass_matrix_has_the_covariance_of_the_temperature()
     assert temperature(problem) == pytest.approx(2.0, rel=1e-14)
 
 
+def kappa(problem: Problem) -> float | None:
+    return conformal_rate(problem, np.ones(problem.dimension))
+
+
 def test_rates_of_each_degree_of_freedom_are_a_matrix_without_one_kappa() -> None:
     problem = friction(problems.harmonic_trap((1.0, 2.0)), (0.5, 0.25), 1.0)
     assert np.diag(damping_matrix(problem)).tolist() == [0, 0, 0.5, 0.25]
     np.testing.assert_allclose(problem.c**2, [1.0, 0.5], rtol=1e-15)
-    assert conformal_rate(problem) is None
+    assert kappa(problem) is None
     with pytest.raises(UsageError, match="friction −γp on all momenta"):
         langevin(problem)
 
 
 def test_kappa_is_gamma_for_friction_and_two_gamma_for_damping() -> None:
-    assert conformal_rate(problems.langevin_oscillator(rate=0.375)) == 0.375
+    assert kappa(problems.langevin_oscillator(rate=0.375)) == 0.375
     spring = sepv.problems.harmonic_oscillator()
     damped = DampedProblem(2, spring.structure, spring.hamiltonian, noise=(0.5,), damping=0.375)
-    assert conformal_rate(damped) == 0.75
+    assert kappa(damped) == 0.75
 
 
 def test_the_drift_and_its_bracket_have_the_friction() -> None:

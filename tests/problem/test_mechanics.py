@@ -51,9 +51,7 @@ def test_every_member_of_the_family_comes_apart_as_data_and_as_functions() -> No
         assert m is mechanics(problem)
         assert m.positions_first
         assert np.array_equal(m.mass @ m.inverse_mass, np.eye(m.degrees)), "masses are exact"
-        assert np.abs(m.mass) @ np.abs(m.inverse_mass) @ np.ones(m.degrees) == pytest.approx(1, abs=15), (
-            "M(M⁻¹p) ~ p"
-        )
+        assert np.all(np.abs(m.mass) @ np.abs(m.inverse_mass) @ np.ones(m.degrees) <= 16), "masses are tame"
         p = m.split(y)[1]
         assert np.array_equal(m.momentum(m.velocity(p)), p), "and so are velocities"
         seen.add((bool(np.count_nonzero(m.mass - np.diag(np.diag(m.mass)))), case.given))

@@ -1,16 +1,19 @@
 """The laws of friction: right values of the oscillator, right schemes, and schemes broken on purpose."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
-from sepv.properties._stationary import Stationary, exact, of_step
+from sepv.properties._stationary import Stationary, does_not_decay, exact, of_step
 
 import sepv
 from benchmarks.right_schemes import RIGHT
 from sepv.faults.saboteurs import SABOTEURS
-from sepv.problem import Problem, Systems, friction
-from sepv.problems import harmonic_trap, langevin_oscillator
+from sepv.problem import PolynomialSystem, Problem, Systems, friction
+from sepv.problems import canonical, harmonic_trap, langevin_oscillator, langevin_pair, started
+from sepv.record import poly
 from sepv.schemes import Scheme, by_name
 from sepv.verification import load_laws
 
@@ -24,6 +27,15 @@ def verdicts(scheme: Scheme, *names: str, seed: int = 0) -> list[str]:
     for law in load_laws(names or LAWS):
         found.append(law.run(law, scheme, sepv.verification.Run(effort)).verdict.text)
     return found
+
+
+def chain(n: int, stiffness: float) -> Problem:
+    """n bodies on springs, each to its neighbours, with y = (q, p)."""
+    H = poly.squares([1.0] * (2 * n))
+    for k in range(n - 1):
+        stretched = poly.linear([float(i == k + 1) - float(i == k) for i in range(2 * n)])
+        H = poly.add(H, poly.scale(stiffness / 2, poly.multiply(stretched, stretched)))
+    return started(PolynomialSystem(2 * n, H, canonical(2 * n, 1.0), ()), "chain", (0.0,) * 2 * n)
 
 
 def variances(scheme: Scheme, h: float, problem: Problem | None = None) -> tuple[float, float]:
@@ -143,3 +155,60 @@ def test_friction_of_different_rates_has_no_conformal_law() -> None:
 @pytest.mark.parametrize("name", ["aboba-by-velocities", "exact-gaussian-step"])
 def test_right_schemes_written_otherwise_hold_what_they_claim(name: str) -> None:
     assert verdicts(RIGHT[name]) == ["holds"] * 3
+
+
+def stepping(change: Callable[..., np.ndarray], **parts: Any) -> Scheme:
+    """BAOAB with another step: change(problem, y, h, dW)."""
+    return replace(by_name("baoab"), step=change, **parts)
+
+
+def loud(problem: Problem, y: np.ndarray, h: float, dW: np.ndarray) -> np.ndarray:
+    return by_name("baoab").step(problem, y, h, 1.1 * dW)
+
+
+def test_a_problem_that_a_scheme_refuses_hides_no_fault_on_another() -> None:
+    refused = friction(harmonic_trap((1.0, 2.0, 3.0)), (0.3, 0.5, 0.2), 1.0)
+    assert verdicts(stepping(loud, problems=[langevin_oscillator(), refused]), *LAWS[:2]) == ["violated"] * 2
+
+
+def short(problem: Problem, y: np.ndarray, h: float, dW: np.ndarray) -> np.ndarray:
+    if h > 0.3:
+        raise sepv.StepFailure(f"a step of {h} is longer than 0.3")
+    return by_name("baoab").step(problem, y, h, dW)
+
+
+@pytest.mark.parametrize("longest", [None, 0.3])
+def test_a_right_scheme_that_refuses_long_steps_holds(longest: float | None) -> None:
+    assert verdicts(stepping(short, longest_step=longest), *LAWS[:2]) == ["holds"] * 2
+
+
+def test_friction_of_the_wrong_sign_is_seen_where_it_is_in_short_steps_alone() -> None:
+    def grows(problem: Problem, y: np.ndarray, h: float, dW: np.ndarray) -> np.ndarray:
+        return by_name("baoab").step(problem, y, h, dW) * (1 + h if h < 0.006 else 1)
+
+    assert verdicts(stepping(grows), "equilibrium") == ["violated"]
+
+
+def test_a_mode_without_friction_or_noise_has_no_stationary_distribution() -> None:
+    middle = friction(chain(3, 0.3), (0.0, 0.5, 0.0), 1.0)
+    assert "without friction" in str(exact(middle))
+    pair = langevin_pair(coupling=0.0)
+    G = [[0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 0.0]]
+    quiet = replace(pair, noise_vectors=G, noise=(1.0, 0.0), data=None)
+    assert "does not reach every component" in str(exact(quiet))
+
+
+@pytest.mark.parametrize("rate", [1e5, 1e6])
+def test_a_covariance_that_roundings_hide_is_not_judged(rate: float) -> None:
+    problem = friction(harmonic_trap((1.0,)), rate, 1.0)
+    scheme = replace(SABOTEURS["half-the-temperature"].scheme, problems=[problem])
+    assert verdicts(scheme, *LAWS[:2]) == ["not applicable"] * 2
+
+
+@pytest.mark.parametrize("name", ["baoab", "obabo", "gronbech-jensen-farago", "friction-euler-maruyama"])
+@pytest.mark.parametrize("rate", [1e-6, 1e-3, 2.0, 2.0001, 1e2, 1e4])
+def test_right_schemes_forget_their_start_at_any_friction(name: str, rate: float) -> None:
+    problem = friction(harmonic_trap((1.0,)), rate, 1.0)
+    wanted = exact(problem)
+    assert isinstance(wanted, Stationary)
+    assert does_not_decay(by_name(name), problem, wanted, wanted.time * 2.0 ** -np.arange(9.0)) == ""

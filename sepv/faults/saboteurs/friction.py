@@ -59,6 +59,13 @@ def friction_of_positions(problem: Problem, y: Array, h: float, dW: Array) -> Ar
     return own.mechanics.join(np.exp(-own.rate * h) * q, p)
 
 
+@SABOTEURS.like(
+    BAOAB, "the friction is left out, and the noise is not: no step forgets its start", ("equilibrium",)
+)
+def no_friction(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+    return _step(problem, y, h, dW, lambda own, p, h, dW: p + own.pushed(dW))  # noqa: ARG005 - a Refresh
+
+
 @SABOTEURS.like(BAOAB, "noise of size h in place of √h", ("equilibrium",))
 def noise_of_size_h(problem: Problem, y: Array, h: float, dW: Array) -> Array:
     return BAOAB.step(problem, y, h, np.sqrt(abs(h)) * dW)

@@ -32,13 +32,13 @@ DEVICE i64 converged(const double *y, const double *step, double *z, int *iterat
         residual = fmax(residual, fabs(F[i]));
         size = fmax(size, fabs(c[i]) * roughly(fabs(y[i]) + fabs(z[i]) + EPS * scale + TINY));
       }
-      if (residual <= ROUNDING_STEP) return ends(y, z);
+      if (residual <= ZERO_RESIDUAL) return ends(y, z);
       const double far = fmax(last_size, FIRST);
       const int early = size <= EARLY && (last_size < INF || size <= FIRST) && size * size * size <= STOP_ERROR * (far * far);
       const int shrinks = last_size < INF && size * size <= STOP_ERROR * last_size;
       const int last = size <= 0.5 * EPS || (shrinks && residual <= EPS * scale);
       const int stuck = size >= 0.5 * last_size && move >= 0.5 * last_move;
-      const int near = move <= STAGNATION * scale && residual <= ROUNDING * scale + ROUNDING_STEP;
+      const int near = move <= STAGNATION * scale && residual <= ROUNDING * scale + ZERO_RESIDUAL;
       if (early || (near && (last || stuck))) {
         UNROLLED for (int i = 0; i < D; i++) z[i] -= c[i];
         return ends(y, z);

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from sepv.core.newton import ROUNDING, ROUNDING_STEP, STAGNATION, STOP_ERROR, Status
+from sepv.core.newton import ROUNDING, STAGNATION, STOP_ERROR, ZERO_RESIDUAL, Status
 from sepv.problem import Problem, cramer, dot
 from sepv.record import EPS, TINY, CannotRecord, NoClosedForm
 from sepv.schemes import MAX_NODES, Scheme, drift_and_noise, gauss_tableau, moments, random_step
@@ -78,7 +78,7 @@ def _written(code: RecordedProblem, formula: Formula, compensated: bool) -> str:
         "D": code.dimension, "NOISES": code.problem.noises, "NUMBERS": len(formula.names(code.problem.noises)),
         "INVARIANTS": len(invariants), "COMPENSATED": int(compensated), "HAS_DOMAIN": int(code.inside is not None),
         "LEFT_DOMAIN": int(Status.LEFT_DOMAIN),
-        "OVERFLOW_": int(Status.OVERFLOW), "EPS": EPS, "TINY": TINY, "ROUNDING_STEP": ROUNDING_STEP,
+        "OVERFLOW_": int(Status.OVERFLOW), "EPS": EPS, "TINY": TINY, "ZERO_RESIDUAL": ZERO_RESIDUAL,
         "STAGNATION": STAGNATION, "ROUNDING": ROUNDING, "STOP_ERROR": STOP_ERROR, "DIRECTIONS": 0,
         "FIRST_GRADIENTS": 0, "FIRST_STRUCTURES": 0,
         "FIRST": FIRST, "EARLY": 0.0, **constants,
