@@ -199,7 +199,7 @@ def of_step(scheme: Scheme, problem: Problem, h: float, around: Stationary) -> S
 
 
 def does_not_decay(scheme: Scheme, problem: Problem, around: Stationary, sizes: Array) -> str:
-    """What a step does that should forget its start, but does not: it is empty if every short step does.
+    """Say where a short step does not forget its start, as the exact solution does; "" if all do.
 
     The step is Φ = 1 − hA + O(h²). So 1 − ρ(Φ) is near ah at h = a/(64|λ|²), with the slowest decay a and the fastest
     rate |λ| of A: the O(h²) is at most a share of (h|λ|²/a)^½ = ⅛ of ah for a double eigenvalue, and less for others.
