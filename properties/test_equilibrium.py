@@ -30,7 +30,7 @@ from sepv.schemes import Scheme, order_of
 
 # Step sizes in units of 1/|λ| for the fastest eigenvalue λ of the drift. Coarser ones are unstable for some schemes.
 SIZES = 2.0 ** -np.arange(0.0, 9.0)
-# The sizes, all of which the covariance of q is measured at. An order is measured at all but the first.
+# Sizes at which the covariance of q is compared. An order is measured at all of SIZES but the first.
 SIZES_OF_POSITIONS = SIZES[[0, 1, 3]]
 # Half of the distance of orders: the error is a series in whole powers of h.
 MARGIN = 0.5

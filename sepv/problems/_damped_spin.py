@@ -15,6 +15,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from sepv._arguments import is_number
+from sepv.errors import ProblemError
 from sepv.problem import PolynomialSystem, Problem, Structure
 from sepv.problems._common import HAT
 from sepv.problems._polynomial_system import started
@@ -27,7 +29,20 @@ def damped_spin(
     field: Sequence[float] = (0.0, 0.25, 0.5),
     anisotropy: float = 1.0,
 ) -> Problem:
-    """A spin with damping α and field noise at kT; E = −½K y₃² − b·y, from the state (0.6, 0, 0.8); H is ½|y|²."""
+    """A spin with damping α and field noise at kT; E = −½K y₃² − b·y, from the state (0.6, 0, 0.8); H is ½|y|².
+
+    Raises
+    ------
+    ProblemError
+        Unless α and kT are numbers from 0 up, and b has three numbers.
+    """
+    given = (damping, temperature, anisotropy, *field)
+    if len(given) != 6 or not all(map(is_number, given)) or min(damping, temperature) < 0:
+        raise ProblemError(
+            expected="damping and temperature from 0 up, anisotropy, and a field of three numbers",
+            received=f"damping={damping!r}, temperature={temperature!r}, field={field!r}, anisotropy={anisotropy!r}",
+            remedy="give damped_spin(0.5, 0.25, field=(0, 0, 1))",
+        )
     y = [poly.variable(3, k) for k in range(3)]
     slope = [poly.constant(3, -b) for b in field]
     slope[2] = poly.add(slope[2], poly.scale(-anisotropy, y[2]))

@@ -1,9 +1,12 @@
 """A spin with damping and field noise: its fields, what its steps keep, and the distribution that it samples."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 import sepv
+from sepv.errors import ProblemError
 from sepv.problem import StructuresProblem, vector_field
 from sepv.problems import damped_spin
 from sepv.schemes import by_name
@@ -48,3 +51,9 @@ def test_it_samples_the_boltzmann_distribution_on_the_sphere() -> None:
     assert np.mean(ends) == pytest.approx(1 / np.tanh(2.0) - 0.5, abs=5 * np.std(ends) / np.sqrt(2048))
     # With half of the noise it would be coth 4 − ¼.
     assert np.mean(ends) < 1 / np.tanh(4.0) - 0.25 - 5 * np.std(ends) / np.sqrt(2048)
+
+
+@pytest.mark.parametrize("wrong", [{"damping": -1.0}, {"temperature": float("nan")}, {"field": (1.0, 0.0)}])
+def test_wrong_numbers_are_refused(wrong: dict[str, Any]) -> None:
+    with pytest.raises(ProblemError, match="from 0 up"):
+        damped_spin(**wrong)
