@@ -1,4 +1,4 @@
-"""The small core: a step of the energy-preserving scheme (2.1), from the functions of a problem to y1. NumPy alone.
+"""The small core: a step of (2.1) from the functions of a problem to y1. It needs NumPy alone.
 
 To be read from top to bottom, in this order; a file imports only from files above it:
 
@@ -11,6 +11,7 @@ To be read from top to bottom, in this order; a file imports only from files abo
 7. `equations`: z = R(z) given by R and ∂R/∂z, with ∂R/∂z from differences where there is no formula
 8. `step`: y1 = y0 + R(y0, y1) solved for each path of a batch
 
-What is not the mathematics stands above: who derives, checks and stores a problem's functions (`sepv.problem`), shapes
-and messages (`sepv.schemes`), recorded code that is faster (`sepv.schemes._from_record`), and the compiled engine.
+What is not the mathematics stands above: who derives, checks and stores a problem's functions
+(`sepv.problem`), shapes and messages (`sepv.schemes`), recorded code that is faster
+(`sepv.schemes._from_record`), and the compiled engine.
 """

@@ -1,7 +1,7 @@
-"""The small dense algebra of batches: a state is (d,), a batch of M states (d, M), B(y) is (d, d) or (d, d, M).
+"""Dense algebra of batches: a state is (d,), a batch of M states (d, M), B(y) (d, d) or (d, d, M).
 
-Sums over components are added in a fixed order, by one vectorised operation for each component and never by BLAS. So
-the bits of one path do not depend on the number of paths computed in the same batch.
+Sums over components are added in a fixed order, by one vectorised operation for each component and
+never by BLAS. So the bits of a path do not depend on the number of paths in its batch.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-# Arrays (M,) with a value for each lane, a path of a batch: its number in the batch, a flag (True or False), a count.
+# Arrays (M,) with a value for each lane, a path of a batch: its number in the batch, a flag (True
+# or False), a count.
 Lanes = NDArray[np.intp]
 Flags = NDArray[np.bool_]
 Counts = NDArray[np.int64]
@@ -23,20 +24,20 @@ OfLanes = Callable[[Array, Lanes], Any]
 
 # The spacing of binary64 at 1, and its smallest normal number.
 EPS, TINY = 2.0**-52, 2.0**-1022
-# The largest size of a term for which one NumPy call adds all terms. It was measured, and matters for speed alone.
+# The largest size of a term for which one NumPy call adds all terms: measured, for speed alone.
 ONE_SUM_MAX_SIZE = 96
-# The width of forward differences, relative to the state, and the most states in one batch of them. Larger batches
-# need more memory and are not faster.
+# The width of forward differences, relative to the state, and the most states in one batch of them.
+# Larger batches need more memory and are not faster.
 WIDTH, TOGETHER = 2.0**-26, 256
 
 
 def _is_small(A: Array, products: int) -> bool:
-    """True if A holds numbers (not symbols), and `products` are few: one NumPy call is then faster than a loop."""
+    """True if A holds numbers, not symbols, and one NumPy call is faster than a loop."""
     return products <= ONE_SUM_MAX_SIZE * A.shape[1] and isinstance(A, np.ndarray) and A.dtype != object
 
 
 def summed(terms: Array) -> Array:
-    """The sum Σ_j terms[:, j], (n, ...), over the second axis of terms (n, d, ...), added in the order of j."""
+    """The sum Σ_j terms[:, j], (n, ...), of terms (n, d, ...), added in the order of j."""
     if _is_small(terms, terms.size):
         totals: Array = np.add.accumulate(terms, axis=1)
         return totals[:, -1]
@@ -47,9 +48,9 @@ def summed(terms: Array) -> Array:
 
 
 def matvec(A: Array, v: Array) -> Array:
-    """The product A v, a sum over the second axis of A (n, d, ...) and the first axis of v (d, ...).
+    """The product A v over the second axis of A (n, d, ...) and the first axis of v (d, ...).
 
-    For A_ijk = ∂B_ij/∂y_k (d, d, d, ...) the product Σ_j A_ijk v_j is the derivative of B(y)v by y for fixed v.
+    For A_ijk = ∂B_ij/∂y_k (d, d, d, ...) the product Σ_j A_ijk v_j is ∂(B(y)v)/∂y for fixed v.
     """
     if _is_small(A, A.size):
         return summed(A * v.reshape(len(v), *(1,) * (A.ndim - 1 - v.ndim), *v.shape[1:]))
@@ -70,10 +71,11 @@ def matmul(A: Array, B: Array) -> Array:
 
 
 def linear_solve(A: Array, b: Array) -> Array:
-    """The solutions x (d, M) of A x = b for M matrices A (d, d, M) and b (d, M); not finite where A is singular.
+    """The solutions x (d, M) of A x = b, A (d, d, M) and b (d, M); not finite if A is singular.
 
-    For d ≤ 3 Cramer's rule is used elementwise, because it is several times faster than a LAPACK call for each matrix.
-    It is not backward stable, which Newton's iteration does not need, because it computes each residual afresh.
+    For d ≤ 3 Cramer's rule is used elementwise, because it is several times faster than a LAPACK
+    call for each matrix. It is not backward stable, which Newton's iteration does not need, because
+    it computes each residual afresh.
     """
     if len(b) <= 3:
         if b.shape[1] == 1:  # Python's numbers: NumPy would take ten times as long for a few elements
@@ -96,7 +98,7 @@ def _solve_one(matrix: Array, side: Array) -> Array:
 
 
 def cramer(A: Any, b: Any) -> tuple[list[Any], Any]:
-    """The numerators and the determinant of Cramer's rule for A x = b, d ≤ 3, with numbers, arrays or symbols."""
+    """Numerators and determinant of Cramer's rule, A x = b, d ≤ 3, also with symbols."""
     if len(b) == 1:
         return [b[0]], A[0][0]
     if len(b) == 2:
@@ -114,10 +116,11 @@ def cross_entries(u: Any, v: Any) -> tuple[Any, Any, Any]:
 
 
 def forward_differences(R: OfLanes, inside: OfLanes | None, z: Array, base: Array, reach: Array) -> Array:
-    """The derivative ∂R/∂z (n, d, M) by forward differences at z (d, M), at which R has the value `base` (n, M).
+    """The derivative ∂R/∂z (n, d, M) by forward differences at z (d, M); `base` (n, M) is R(z).
 
-    Where `inside` is False at z + width, the difference is backward. The width is proportional to `reach` (M,), the
-    size of z. One call has several shifted copies of a path, so R and `inside` also get the path number of each copy.
+    Where `inside` is False at z + width, the difference is backward. The width is proportional to
+    `reach` (M,), the size of z. One call has several shifted copies of a path, so R and `inside`
+    also get the path number of each copy.
     """
     n, M = z.shape
     width = WIDTH * np.maximum(reach, TINY)
@@ -138,6 +141,6 @@ def forward_differences(R: OfLanes, inside: OfLanes | None, z: Array, base: Arra
 
 
 def majorant(function: Any, y: Array) -> Array:
-    """The scale of rounding errors of function(y): function.majorant(y) if there is this method, else |function(y)|."""
+    """The scale of the rounding of function(y): its majorant(y) if it has one, else its size."""
     stated = getattr(function, "majorant", None)
     return np.asarray(np.abs(function(y)) if stated is None else stated(y))

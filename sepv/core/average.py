@@ -1,8 +1,9 @@
-"""The averaged gradient ∫₀¹ ∇H(y0 + τ(y1 − y0)) dτ of the energy-preserving scheme (2.1), exact to rounding.
+"""The averaged gradient ∫₀¹ ∇H(y0 + τ(y1 − y0)) dτ of the scheme (2.1), exact to rounding.
 
-A closed form is used if the problem gives one. For a polynomial H of degree ν, Gauss-Legendre quadrature with ⌈ν/2⌉
-nodes is exact, because the integrand has degree ν − 1 in τ. For any other H, adaptive quadrature estimates its error.
-No fixed number of nodes suffices for all H: with eight Gauss nodes, the energy of a logarithmic H has an error of 8e-5.
+A closed form is used if the problem gives one. For a polynomial H of degree ν, Gauss-Legendre
+quadrature with ⌈ν/2⌉ nodes is exact, because the integrand has degree ν − 1 in τ. For any other H,
+adaptive quadrature estimates its error. No fixed number of nodes suffices for all H: with eight
+Gauss nodes, the energy of a logarithmic H has an error of 8e-5.
 """
 
 from __future__ import annotations
@@ -16,19 +17,19 @@ import numpy as np
 from sepv.core.arrays import EPS, Array, Flags, summed
 from sepv.core.problem import Averaged
 
-# Numbers of nodes of the adaptive quadrature: the next is tried until two results agree. 128 nodes resolve integrands
-# that are analytic within about a tenth of the segment's length. The error of rougher integrands is reported.
+# Numbers of nodes of the adaptive quadrature: the next is tried until two results agree. 128 nodes
+# resolve integrands that are analytic within about a tenth of the segment's length.
 _LADDER = (4, 8, 16, 32, 64, 128)
-# The largest y.size for which one call evaluates H″ at all nodes. For larger y one call needs memory and is no faster.
+# The largest y.size for which one call evaluates H″ at all nodes; a larger one is no faster.
 ONE_CALL_MAX_SIZE = 512
 
 
 class Average(NamedTuple):
-    """An averaged gradient, `value` (d, M), with the number of evaluations of ∇H and an estimate of its error.
+    """An averaged gradient, `value` (d, M), its evaluations of ∇H and an estimate of its error.
 
-    `error` is 0 for a closed form or a polynomial H, else the difference between the last two quadrature results.
-    `reliable` is True where the error is of the size of rounding. All but `value` are numbers, or arrays (M,) if paths
-    differ.
+    `error` is 0 for a closed form or a polynomial H, else the difference between the last two
+    quadrature results. `reliable` is True where the error is of the size of rounding. All but
+    `value` are numbers, or arrays (M,) if paths differ.
     """
 
     value: Array
@@ -38,7 +39,7 @@ class Average(NamedTuple):
 
 
 def average_gradient(problem: Averaged, y0: Array, y1: Array) -> Average:
-    """The average of ∇H along the segment from y0 to y1, ∫₀¹ ∇H(y0 + τ(y1 − y0)) dτ, for states (d, ...)."""
+    """The average ∫₀¹ ∇H(y0 + τ(y1 − y0)) dτ of ∇H from y0 to y1, for states (d, ...)."""
     if problem.mean_gradient is not None:
         value = problem.mean_gradient(y0, y1)
         return Average(value, 1, 0.0, True)
@@ -50,10 +51,10 @@ def average_gradient(problem: Averaged, y0: Array, y1: Array) -> Average:
 
 
 def average_hessian(problem: Averaged, y0: Array, y1: Array) -> Array | None:
-    """The derivative (d, d, ...) of the averaged gradient by y1, ∫₀¹ τ H″(y0 + τ(y1 − y0)) dτ; None without H″.
+    """The average's derivative (d, d, ...) by y1, ∫₀¹ τ H″(y0 + τ(y1 − y0)) dτ; None without H″.
 
-    Only Newton's Jacobian uses the result. Three nodes therefore suffice if H is not a polynomial: the quadrature error
-    changes the speed of Newton's iteration, but not its limit.
+    Only Newton's Jacobian uses the result. Three nodes therefore suffice if H is not a polynomial:
+    the quadrature error changes the speed of Newton's iteration, but not its limit.
     """
     if problem.hessian is None:
         return None
@@ -76,9 +77,9 @@ def _on_segment(y0: Array, y1: Array, points: Array) -> Array:
 
 
 def _quadratures(problem: Averaged, y0: Array, y1: Array, *rules: int) -> list[tuple[Array, Array]]:
-    """The average of ∇H from y0 to y1 by several Gauss rules, given by their numbers of nodes, `rules`.
+    """The average of ∇H from y0 to y1 by several Gauss rules; `rules` are their numbers of nodes.
 
-    For each rule the list has the value (d, ...) and its summands (d, nodes, ...). One call evaluates ∇H at all nodes.
+    For each rule the list has the value (d, ...) and its summands (d, nodes, ...).
     """
     tabulated = [gauss_legendre(nodes) for nodes in rules]
     all_points = tabulated[0][0] if len(rules) == 1 else np.concatenate([points for points, _ in tabulated])
@@ -92,15 +93,15 @@ def _quadratures(problem: Averaged, y0: Array, y1: Array, *rules: int) -> list[t
 
 
 def _size(terms: Array) -> Array:
-    """The scale (...) of rounding errors in quadrature sums: Σ|terms| over the nodes, the largest of d components."""
+    """The scale (...) of rounding in quadrature sums: max over components of Σ|terms|."""
     return np.asarray(np.max(summed(np.abs(terms)), axis=0))
 
 
 def argument_rounding(problem: Averaged, *states: Array) -> Array:
-    """The change (M,) of ∇H(y) by one rounding of y, about eps |H″(y) y|, maximised over the given `states` y.
+    """The largest change (M,) of ∇H(y) by one rounding of y, about eps |H″(y) y|, at `states` y.
 
-    If ∇H varies over lengths far below |y|, as sin q does at q = 10⁸, two quadrature rules differ by a few such
-    changes, because their nodes are rounded differently.
+    If ∇H varies over lengths far below |y|, as sin q does at q = 10⁸, two quadrature rules differ
+    by a few such changes, because their nodes are rounded differently.
     """
     worst = np.zeros(states[0].shape[1:])
     with np.errstate(all="ignore"):
@@ -111,7 +112,7 @@ def argument_rounding(problem: Averaged, *states: Array) -> Array:
 
 
 def _adaptive(problem: Averaged, y0: Array, y1: Array) -> Average:
-    """The average of ∇H by Gauss rules of more and more nodes, until two results agree to rounding."""
+    """The average of ∇H by Gauss rules of more nodes, until two agree to rounding."""
     shape = y0.shape[1:]
     a, b = y0.reshape(y0.shape[0], -1), y1.reshape(y1.shape[0], -1)
     # The first two rules are always needed, so one call evaluates both.
@@ -137,21 +138,21 @@ def _adaptive(problem: Averaged, y0: Array, y1: Array) -> Average:
 
 
 def _agree(difference: Array, terms: Array) -> Flags:
-    """True for each path on which two quadrature results have a `difference` within the rounding of their `terms`."""
+    """True for each path on which two rules' `difference` is rounding of their `terms`."""
     agree: Flags = difference <= terms.shape[1] * EPS * _size(terms)
     return agree
 
 
 @lru_cache(maxsize=64)
 def gauss_legendre(nodes: int) -> tuple[Array, Array]:
-    """Nodes and weights of Gauss-Legendre quadrature on [0, 1], symmetric to the bit: x_k = 1 − x_{n+1−k}.
+    """Gauss-Legendre nodes and weights on [0, 1], symmetric to the bit: x_k = 1 − x_{n+1−k}.
 
     The nodes above ½ and the weights are correctly rounded. If each node were, Σ w_k x_k would be
-    ½ + ε/2. Then the averaged gradient of a quadratic H would be taken at ȳ + ε(y1 − y0)/2, and each
-    step would change H by −½ε(y1 − y0)ᵀH″(y1 − y0), always in one direction: with two nodes by a
-    tenth of a rounding. NumPy's weights at the ends have relative errors of 40 eps for 12 nodes and
-    of 60000 eps for 128. Newton's method in decimal arithmetic, which is the same on every platform,
-    corrects NumPy's nodes.
+    ½ + ε/2. Then the averaged gradient of a quadratic H would be taken at ȳ + ε(y1 − y0)/2, and
+    each step would change H by −½ε(y1 − y0)ᵀH″(y1 − y0), always in one direction: with two nodes
+    by a tenth of a rounding. NumPy's weights at the ends have relative errors of 40 eps for 12
+    nodes and of 60000 eps for 128. Newton's method in decimal arithmetic, which is the same on
+    every platform, corrects NumPy's nodes.
     """
     with localcontext() as context:
         context.prec = 40
@@ -162,7 +163,7 @@ def gauss_legendre(nodes: int) -> tuple[Array, Array]:
 
 
 def _polished(nodes: int, guess: float) -> tuple[Decimal, Decimal]:
-    """The Gauss node (1 + x)/2 and weight 1/((1 − x²)P_n′(x)²) on [0, 1], for the zero x of P_n near `guess`."""
+    """The Gauss node (1 + x)/2 and weight 1/((1 − x²)P_n′(x)²), P_n(x) = 0 near `guess`."""
     x = Decimal(guess)
     for _ in range(3):  # with 16, 32 and 64 right digits; the derivative is that of the last iteration
         p, previous = x, Decimal(1)
@@ -174,5 +175,5 @@ def _polished(nodes: int, guess: float) -> tuple[Decimal, Decimal]:
 
 
 def mean_nodes(degree: int) -> int:
-    """The number ⌈ν/2⌉ of nodes that average the gradient of a polynomial H of degree ν along a segment exactly."""
+    """The ⌈ν/2⌉ nodes that average ∇H exactly along a segment, for a polynomial H of degree ν."""
     return max(1, -(-degree // 2))

@@ -1,4 +1,4 @@
-"""Damped Newton steps for F(z) = 0 from z = 0, for lanes (paths of a batch) whose full steps did not converge."""
+"""Damped Newton steps for F(z) = 0 from z = 0, for lanes whose full steps did not converge."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ Derivative = Callable[[Array, Lanes, Array], Array]
 
 
 def approach(F: Residual, derivative: Derivative, inside: Inside | None, n: int, numbers: Lanes) -> Root:
-    """Iterate from z = 0 by damped Newton steps until full steps shrink fast, so that Newton's method can go on.
+    """Iterate from z = 0 by damped Newton steps until Newton's method can go on with full ones.
 
-    The status is then CONVERGED, although z is not yet a solution to rounding. `numbers` are the numbers of the paths.
-    With small damping factors λ the iteration follows the curve on which all components of F shrink by the same factor.
-    This curve ends at a solution, or at a point where the Jacobian is singular.
+    The status is then CONVERGED, although z is not yet a solution to rounding. `numbers` are the
+    numbers of the paths. With small damping factors λ the iteration follows the curve on which all
+    components of F shrink by the same factor. This curve ends at a solution or a singular Jacobian.
     """
     count = numbers.size
     none = np.zeros(count, dtype=np.int64)
@@ -53,11 +53,11 @@ def approach(F: Residual, derivative: Derivative, inside: Inside | None, n: int,
 def take_share(
     F: Residual, inside: Inside | None, numbers: Lanes, root: Root, share: Array, active: Lanes, A: Array, p: Array
 ) -> Flags:  # fmt: skip
-    """Move the active paths to z − λp, with Newton's correction p = A⁻¹F, and return True for paths that moved.
+    """Move active paths to z − λp, where p = A⁻¹F is Newton's correction; True where moved.
 
-    A is the derivative of F. The factor λ is halved until z − λp is in the domain, F is finite there, and the
-    simplified correction A⁻¹F(z − λp) is at most (1 − λ/4)|p|. A product of F with a matrix does not change this test
-    (P. Deuflhard, Newton Methods for Nonlinear Problems, 2004, §3.3).
+    A is the derivative of F. The factor λ is halved until z − λp is in the domain, F is finite
+    there, and the simplified correction A⁻¹F(z − λp) is at most (1 − λ/4)|p|. A matrix times F
+    passes the same test (P. Deuflhard, Newton Methods for Nonlinear Problems, 2004, §3.3).
     """
     z, length = root.value[:, active], np.abs(p).max(axis=0)
     moved = np.zeros(active.size, dtype=bool)

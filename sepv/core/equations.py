@@ -1,7 +1,8 @@
-"""The equations z = R(z) of a batch, given by R and its derivative, and their solution by Newton's method.
+"""The equations z = R(z) of a batch, from R and its derivative, and their solution by Newton.
 
-Newton's matrix comes from a formula where there is one, else from differences of R, whose error of about √eps costs the
-iteration one more correction, and no accuracy. A lane (a path of the batch) that fails by full steps is tried again.
+Newton's matrix comes from a formula where there is one, else from differences of R, whose error of
+about √eps costs the iteration one more correction, and no accuracy. A lane (a path of the batch)
+that fails by full steps is tried again.
 """
 
 from __future__ import annotations
@@ -17,13 +18,13 @@ from sepv.core.arrays import EPS, Array, Lanes, forward_differences, linear_solv
 from sepv.core.damped import approach
 from sepv.core.newton import ROUNDING, STAGNATION, Flagged, Inside, Root, Status, newton
 
-# The rounding of a sum of a dozen terms, relative to the sum of their absolute values: far below the constant K of
-# `sepv.law.tolerance`.
+# The rounding of a sum of a dozen terms, relative to the sum of their absolute values: far below
+# the constant K of `sepv.law.tolerance`.
 TERMS = 16 * EPS
 
 
 class Evaluation(NamedTuple):
-    """R(z) (n, M), True for each lane whose quadratures reached rounding, and a function that returns ∂R/∂z (n, n, M).
+    """R(z) (n, M), True where quadratures reached rounding, and a function for ∂R/∂z (n, n, M).
 
     The function returns None if there is no formula for ∂R/∂z.
     """
@@ -35,7 +36,7 @@ class Evaluation(NamedTuple):
 
 @dataclass(frozen=True)
 class Equations:
-    """The equations z = R(z) of M lanes, each with n unknowns; a call is for the lanes with numbers `lanes`.
+    """The equations z = R(z) of M lanes, each with n unknowns; a call is for the lanes `lanes`.
 
     Attributes
     ----------
@@ -57,7 +58,7 @@ class Equations:
     magnitude: Callable[[Array, Lanes], Array] | None = None
 
     def advance(self, differences: bool, values: Any, lanes: Lanes) -> tuple[Array, Array, Flagged]:
-        """F = z − R, Newton's correction and flags; with `differences` ∂R/∂z is from differences, whatever there is."""
+        """F = z − R, Newton's correction and flags; `differences` is as for `slope`."""
         z = np.reshape(values, (len(values), -1))
         R = self.evaluate(z, lanes)
         F, K = z - R.value, self.slope(z, lanes, R, differences)
@@ -82,11 +83,11 @@ class Equations:
         return forward_differences(value, inside, z, R.value, reach)
 
     def rounding(self, z: Array, lanes: Lanes) -> Array:
-        """The largest residual that rounding explains, (M,): a rounding of y, its effect on R, and that of R's terms.
+        """The largest residual (M,) that rounding explains: of y, of R by it, and of R's terms.
 
-        A rounding of y moves R by |K||y0|, K = ∂R/∂z, which matters for stiff equations, in which terms of R cancel. K
-        is taken at z = 0, and a factor 16 allows for its change along the step. K at z would allow any residual next to
-        a singularity of ∇H, although R can no longer be computed there.
+        A rounding of y moves R by |K||y0|, K = ∂R/∂z, which matters for stiff equations, in which
+        terms of R cancel. K is taken at z = 0, and a factor 16 allows for its change along the
+        step. K at z would allow any residual next to a singularity of ∇H.
         """
         start, size = np.zeros_like(z), self.size[:, lanes]
         K = self.slope(start, lanes, self.evaluate(start, lanes), differences=False)
@@ -103,13 +104,13 @@ def identity(n: int) -> Array:
 
 
 def iterate(equations: Equations, start: Array, lanes: Lanes | None = None) -> Root:
-    """Solve z = R(z) by Newton's method to stagnation, from `start` (n, M), with further attempts for lanes that fail.
+    """Solve z = R(z) by Newton's method to stagnation, from `start` (n, M); try failed lanes again.
 
     `lanes` are the numbers of the M lanes (paths) in `equations`, by default 0 … M − 1.
 
-    A lane may end close to a solution, but not at rounding: a formula of ∂R/∂z may average H″ with too few nodes for a
-    long step. Such a lane goes on with ∂R/∂z from differences of R. A lane that still fails starts again from z = 0 by
-    damped steps (`sepv.core.damped`), and then also goes on with differences.
+    A lane may end close to a solution, but not at rounding: a formula of ∂R/∂z may average H″ with
+    too few nodes for a long step. Such a lane goes on with ∂R/∂z from differences of R. A lane that
+    still fails starts again from z = 0 by damped steps (`sepv.core.damped`), and goes on likewise.
     """
     numbers = np.arange(start.shape[1]) if lanes is None else lanes
     size = equations.size[:, numbers]
@@ -137,7 +138,7 @@ def derivative_of_residual(equations: Equations, z: Array, lanes: Lanes, F: Arra
 
 
 def finish(equations: Equations, root: Root, numbers: Lanes, lanes: Lanes) -> None:
-    """Iterate the paths `lanes` from their current z with ∂R/∂z from differences, and merge the results."""
+    """Iterate `lanes` from their current z with ∂R/∂z from differences; merge the results."""
     if lanes.size:
         size, advance = equations.size[:, numbers[lanes]], partial(equations.advance, True)
         start = root.value[:, lanes]

@@ -1,10 +1,11 @@
-"""The formula of a scheme: a function (fields, y, z, step) -> R for the step y1 = y + R, where z = y1 − y0.
+"""The formula of a scheme: a function (fields, y, z, step) -> R for the step y1 = y + R.
 
-A formula is written once, and evaluated on arrays, on symbols, and on values that carry their derivative. `fields` has
-the functions of a problem. `CountedFields` evaluates them on arrays and counts the evaluations. `Linearised` evaluates
-the formula a second time, for Newton's matrix ∂R/∂z: a derivative by z is a number times the identity until a function
-of the problem turns it into a matrix. `step` (k, ...) has the numbers of a step that the scheme uses, such as the
-random step Δ = h + Σ c_j ΔW_j (`sepv.core.problem`).
+Here z = y1 − y. A formula is written once, and evaluated on arrays, on symbols, and on values that
+carry their derivative. `fields` has the functions of a problem. `CountedFields` evaluates them on
+arrays and counts the evaluations. `Linearised` evaluates the formula a second time, for Newton's
+matrix ∂R/∂z: a derivative by z is a number times the identity until a function of the problem turns
+it into a matrix. `step` (k, ...) has the numbers of a step that the scheme uses, such as the random
+step Δ = h + Σ c_j ΔW_j (`sepv.core.problem`).
 """
 
 from __future__ import annotations
@@ -17,20 +18,14 @@ import numpy as np
 
 from sepv.core.arrays import Array, matmul, matvec
 from sepv.core.average import Average, average_gradient, average_hessian
-from sepv.core.problem import (
-    System,
-    combined,
-    combined_gradient,
-    combined_hessian,
-    combined_slope,
-)
+from sepv.core.problem import System, combined, combined_gradient, combined_hessian, combined_slope
 
 
 class Increment(NamedTuple):
-    """The right side R of y1 = y0 + R(y0, y1), (d, M), with the numbers of evaluations of ∇H and of B.
+    """The right side R of y1 = y0 + R(y0, y1), (d, M), with its evaluations of ∇H and of B.
 
-    `reliable` is True where the quadrature of ∇H reached rounding. `parts` are values that the Jacobian reuses. All but
-    `value` are numbers, or arrays (M,) if paths differ.
+    `reliable` is True where the quadrature of ∇H reached rounding. `parts` are values that the
+    Jacobian reuses. All but `value` are numbers, or arrays (M,) if paths differ.
     """
 
     value: Array
@@ -47,14 +42,14 @@ Values = Any
 class Fields(Protocol):
     """The functions of a problem that a formula may use, on arrays (d, M) or on symbols (d,)."""
 
-    # The problem (`System`, or a wider record), for numbers such as the coefficients c and the degree of H.
+    # The problem (`System`, or a wider record), for numbers such as c and the degree of H.
     problem: Any
 
     def structure(self, y: Any) -> Any:
         """The structure matrix B(y), (d, d, ...)."""
 
     def combined(self, y: Any, step: Any) -> Any:
-        """The structure h B(y) + Σ c_jΔW_j G_j(y), (d, d, ...), G_j for noise j; `step` holds h and the c_jΔW_j."""
+        """The structure h B(y) + Σ c_jΔW_j G_j(y), (d, d, ...); `step` holds h, c_jΔW_j."""
 
     def apply(self, y: Any, v: Any) -> Any:
         """The product B(y)v, (d, ...)."""
@@ -68,7 +63,7 @@ class Fields(Protocol):
         """The gradient ∇H(y), (d, ...)."""
 
     def combined_gradient(self, y: Any, step: Any) -> Any:
-        """The gradient (d, ...) of a step's Hamiltonian hH_0 + Σ c_jΔW_jH_j; `step` holds h and the c_jΔW_j."""
+        """The gradient (d, ...) of hH_0 + Σ c_jΔW_jH_j; `step` holds h and the c_jΔW_j."""
 
     def field(self, y: Any) -> Any:
         """The field f(y) = B(y)∇H(y), (d, ...)."""
@@ -81,7 +76,7 @@ class Fields(Protocol):
         """The average of ∇H along the segment from y to y + z, ∫₀¹∇H(y + τz)dτ, (d, ...)."""
 
     def edge_means(self, starts: Any, z: Any) -> Any:
-        """The averages of ∂_iH along d edges, (d, ...); edge i has the length z_i along axis i from starts[:, i]."""
+        """The averages (d, ...) of ∂_iH along d edges, of length z_i from starts[:, i]."""
 
     def factor(self, y: Any) -> Any:
         """The factor g(y) in B(y)v = g(y)(v × ∇C(y)), (...)."""
@@ -94,7 +89,7 @@ Formula = Callable[[Fields, Any, Any, Any], Any]
 
 
 class CountedFields(Fields):
-    """The functions of a problem computed on arrays for steps from y0 to y1 (d, M), with counts of their evaluations.
+    """The functions of a problem on arrays, for steps from y0 to y1 (d, M), counted.
 
     `gradients` counts evaluations of ∇H, `structures` those of B or h B + Σ c_jΔW_j G_j. `reliable`
     is True for each path if all its quadratures reached rounding. They are numbers, or arrays (M,)
@@ -135,7 +130,7 @@ class CountedFields(Fields):
         return self.problem.derivative_along(y, v)
 
     def mean_gradient(self, y: Array, z: Array) -> Array:  # noqa: ARG002 - y + z may differ from y1 by a rounding
-        """The average of ∇H along the segment from y0 to y1, for which a formula passes y = y0 and z = y1 − y0."""
+        """The average of ∇H from y0 to y1; a formula passes y = y0 and z = y1 − y0."""
         self.means.append(self._means(self._y0, self._y1))
         return self.means[-1]
 
@@ -150,13 +145,13 @@ class CountedFields(Fields):
         return factor
 
     def mean_casimir_gradient(self, y: Array, z: Array) -> Array:  # noqa: ARG002 - as for H
-        """The average of ∇C along the segment from y0 to y1, counted as evaluations of a structure."""
+        """The average of ∇C from y0 to y1, counted as evaluations of a structure."""
         average = average_gradient(self.problem.nambu, self._y0, self._y1)
         self.structures = self.structures + average.evaluations
         return self._value_of(average)
 
     def _means(self, y0: Array, y1: Array) -> Array:
-        """The averages of ∇H along segments from y0 to y1 (d, M), or along n segments (d, n, M) for each path."""
+        """The averages of ∇H from y0 to y1 (d, M), or along n segments a path (d, n, M)."""
         average = average_gradient(self.problem, y0, y1)
         evaluations = average.evaluations
         if y0.ndim > 2:
@@ -173,7 +168,8 @@ class CountedFields(Fields):
 def counted(formula: Formula, problem: System, y0: Array, y1: Array, step: Array) -> Increment:
     """R of a formula for steps from y0 to y1 (d, M), with counts of evaluations.
 
-    The `parts` of the result are averages and structures that Newton's matrix reuses (`Linearised`).
+    The `parts` of the result are averages and structures that Newton's matrix reuses
+    (`Linearised`).
     """
     fields = CountedFields(problem, y0, y1)
     value = formula(fields, y0, y1 - y0, step)
@@ -187,7 +183,7 @@ JacobianFunction = Callable[..., Array | None]
 
 
 class Tangent:
-    """A vector and its derivative by z, which is a matrix, or a number that stands for its product with the identity.
+    """A vector and its derivative by z: a matrix, or a number for its product with the identity.
 
     The vector is None if only the derivative is needed.
     """
@@ -216,10 +212,10 @@ class NoDerivative(Exception):
 
 
 class Linearised:
-    """The functions of `Fields` for which there are derivatives by z, for steps from y0 to y1 (d, M).
+    """The functions of `Fields` with derivatives by z, for steps from y0 to y1 (d, M).
 
     If `computed` is given, it has the lists of averaged gradients and of structures that `counted`
-    made for this step. The result of B(y)v has a derivative but no value, because R is not needed here.
+    made for this step. The result of B(y)v has a derivative but no value.
     """
 
     def __init__(self, problem: System, y0: Array, y1: Array, *computed: Sequence[Array]) -> None:
@@ -257,12 +253,12 @@ class Linearised:
 
 
 def _product(B: Array, slope: Array, y: Tangent, v: Tangent) -> Tangent:
-    """The derivative of B(y)v by the product rule, for B (d, d, M) and its derivative B′ = `slope` (d, d, d, M)."""
+    """The derivative of B(y)v, with B (d, d, M) and B′ = `slope` (d, d, d, M)."""
     return Tangent(None, y.slope * matvec(slope, v.value) + matmul(B, v.slope))
 
 
 def derivative(formula: Formula) -> JacobianFunction:
-    """The function that computes ∂R/∂y1 of a formula, for the argument `jacobian` of `sepv.core.step.solve`.
+    """The function that computes a formula's ∂R/∂y1, the `jacobian` of `sepv.core.step.solve`.
 
     The returned function gives None for a problem without B′ or without H″.
     """

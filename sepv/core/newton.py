@@ -1,19 +1,22 @@
-"""Newton's iteration for the equations z = R(z) of a batch, iterated until corrections stagnate: one loop.
+"""Newton's iteration for z = R(z) of a batch, until corrections stagnate: one loop.
 
-A solver that stops at a tolerance leaves a residual that acts as a force: with a tolerance of 1e-12 the energy drifts
-linearly. After iteration to stagnation the energy makes only a random walk of roundings. Each lane (a path of a batch)
-ends by itself and has its own status, so that convergence is reported and never assumed.
+A solver that stops at a tolerance leaves a residual that acts as a force: with a tolerance of 1e-12
+the energy drifts linearly. After iteration to stagnation the energy makes only a random walk of
+roundings. Each lane (a path of a batch) ends by itself and has its own status, so that convergence
+is reported and never assumed.
 
-The loop knows nothing of R but one call, `advance(z, lanes) -> F, correction, flags`: the residual F = z − R(z),
-Newton's correction (1 − ∂R/∂z)⁻¹F and three flags. It is written once for arrays, (n, M), and for Python's numbers,
-which are several times faster for a single lane. `Arrays` and `Numbers` have the operations that differ.
+The loop knows nothing of R but one call, `advance(z, lanes) -> F, correction, flags`: the residual
+F = z − R(z), Newton's correction (1 − ∂R/∂z)⁻¹F and three flags. It is written once for arrays,
+(n, M), and for Python's numbers, which are several times faster for a single lane. `Arrays` and
+`Numbers` have the operations that differ.
 
-**The stop rule.** A correction is measured twice. `move` is its largest component, to be compared with `scale`, the
-largest component of the state. `size` is the largest relative change of a component. A correction must be small in both
-measures, because one component may be 1 while |y| is 10⁸. Names with `last_` belong to the previous correction.
-The final correction is applied too, here and in the compiled engine. If Newton's matrix differs from ∂R/∂z by a
-rounding, corrections below half an ulp can have the same sign in every step. To leave them out would act as a force: on
-the oscillator the energy would drift by a tenth of a rounding a step.
+**The stop rule.** A correction is measured twice. `move` is its largest component, to be compared
+with `scale`, the largest component of the state. `size` is the largest relative change of a
+component. A correction must be small in both measures, because one component may be 1 while |y| is
+10⁸. Names with `last_` belong to the previous correction. The final correction is applied too, here
+and in the compiled engine. If Newton's matrix differs from ∂R/∂z by a rounding, corrections below
+half an ulp can have the same sign in every step. To leave them out would act as a force: on the
+oscillator the energy would drift by a tenth of a rounding a step.
 """
 
 from __future__ import annotations
@@ -29,19 +32,19 @@ from sepv.core.arrays import EPS, TINY, Array, Counts, Flags, Lanes
 
 # The most iterations. Newton's method needs 3 to 5 for usual steps, and more after a damped start.
 NEWTON_MAXITER = 40
-# The most halvings of a correction that leaves the domain, and how many are tested in one call of the domain.
+# The most halvings of a correction that leaves the domain, and how many are tested in one call.
 MAX_HALVINGS, HALVINGS_TOGETHER = 40, 8
 # The most unknowns of a single lane for which Python's numbers are faster than arrays.
 NUMBERS_MOST = 64
 # The largest residual that counts as zero: a few of the smallest positive numbers.
 ZERO_RESIDUAL = 4 * float(np.finfo(np.float64).smallest_subnormal)
-# Corrections that stop shrinking mean rounding, not divergence, if they are at most √eps relative to the state.
+# Corrections of at most √eps of the state that stop shrinking mean rounding, not divergence.
 STAGNATION = float(np.sqrt(EPS))
-# The largest residual, relative to the state, that counts as rounding: R has a few hundred operations, each rounded at
-# the scale of y. Without this bound, corrections that shrink slowly, because Newton's matrix is approximate for some H,
-# would count as stagnation.
+# The largest residual, relative to the state, that counts as rounding: R has a few hundred
+# operations, each rounded at the scale of y. Without this bound, corrections that shrink slowly,
+# because Newton's matrix is approximate for some H, would count as stagnation.
 ROUNDING = 256 * EPS
-# The largest error after a correction, relative to the state, with which the iteration may stop: 2⁻¹⁰ of a rounding.
+# The largest relative error with which the iteration may stop: 2⁻¹⁰ of a rounding.
 STOP_ERROR = 2.0**-62
 
 
@@ -71,8 +74,8 @@ class Status(Worded):
 class Flagged(NamedTuple):
     """The flags that `advance` returns for each lane: True, False, or an array (M,) of these.
 
-    `quadrature`: a quadrature in R did not reach rounding. `singular`: the correction is not finite, although ∂R/∂z is.
-    `left`: z minus the correction belongs to a state outside the domain.
+    `quadrature`: a quadrature in R did not reach rounding. `singular`: the correction is not
+    finite, although ∂R/∂z is. `left`: z minus the correction belongs to a state outside the domain.
     """
 
     quadrature: Any = False
@@ -82,15 +85,15 @@ class Flagged(NamedTuple):
 
 # The status of a lane while it goes on.
 GOES_ON: Any = Status.NO_CONVERGENCE
-# (z, lanes) -> F, correction, flags, for the lanes with the numbers `lanes`. z, F and the correction are arrays (n, M),
-# or for one lane sequences of n numbers.
+# (z, lanes) -> F, correction, flags, for the lanes with the numbers `lanes`. z, F and the
+# correction are arrays (n, M), or for one lane sequences of n numbers.
 Advance = Callable[[Any, Lanes], tuple[Any, Any, Flagged]]
 Inside = Callable[[Array, Lanes], Flags]
 Rounding = Callable[[Array, Lanes], Array]
 
 
 class Root(NamedTuple):
-    """The result for each lane: the last z (n, M), the residual |F| before it (M,), the iterations, the `Status`."""
+    """For each lane: the last z (n, M), the residual |F| before it (M,), iterations, `Status`."""
 
     value: Array
     residual: Array
@@ -109,20 +112,21 @@ def newton(
 ) -> Root:
     """Newton's iteration for z = R(z) by full steps, shortened only to stay in the domain.
 
-    Each lane is iterated until it has ended, with the same bits whatever the other lanes are. A lane with residual zero
-    is solved even if its matrix is singular, as at a rest point.
+    Each lane is iterated until it has ended, with the same bits whatever the other lanes are. A
+    lane with residual zero is solved even if its matrix is singular, as at a rest point.
 
     Parameters
     ----------
     advance : (z, lanes) -> F, correction, flags
     size : (n, M)
-        The size |y_i| of the component to which each unknown is added. Corrections are compared with |y| + |z|.
+        The size |y_i| of the component to which each unknown is added. Corrections are relative to
+        |y| + |z|.
     start : (n, M)
     lanes : (M,)
         The numbers of the M lanes, for the functions.
     inside : (z, lanes) -> (M,) of bool, optional
-        True for each lane for which the states that belong to z lie in the domain of the problem. A correction that
-        leaves the domain is then shortened; without this function the lane ends.
+        True for each lane for which the states that belong to z lie in the domain of the problem. A
+        correction that leaves the domain is then shortened; without this function the lane ends.
     rounding : (z, lanes) -> (M,), optional
         The largest residual that the rounding of R explains, if it can exceed that of the state.
     most : int
@@ -184,7 +188,7 @@ class Arrays:
 
     @staticmethod
     def sizes(F: Array, correction: Array, y: Array, z: Array) -> tuple[Array, Array, Array, Array]:
-        """The residual |F|, the scale of the state, the largest component of a correction, and its relative size."""
+        """The residual |F|, the state's scale, a correction's largest component and size."""
         magnitude, moves = y + np.abs(z), np.abs(correction)
         scale = magnitude.max(axis=0)
         # A magnitude below a rounding of `scale` counts as a rounding of `scale`.
@@ -193,7 +197,7 @@ class Arrays:
 
 
 class Numbers:
-    """The operations of `newton` for one lane: a state is a list of n numbers. The bits are those of `Arrays`."""
+    """The operations of `newton` for one lane, a list of n numbers; the bits are `Arrays`'."""
 
     any = bool
 
@@ -235,19 +239,20 @@ def largest(values: list[float]) -> float:
 def is_last(size: Any, last_size: Any, residual: Any, scale: Any) -> Any:
     """True where a correction is the final one, because after it the error is only rounding.
 
-    This holds for a correction below half an ulp of every component. After a larger correction the next is at most
-    size²/last_size, because corrections shrink at least as fast as before (E. Hairer, G. Wanner, Solving Ordinary
-    Differential Equations II, 1996, IV.8). This bound must be far below a rounding, and the residual below a rounding.
+    This holds for a correction below half an ulp of every component. After a larger correction the
+    next is at most size²/last_size, because corrections shrink at least as fast as before (E.
+    Hairer, G. Wanner, Solving Ordinary Differential Equations II, 1996, IV.8). This bound must be
+    far below a rounding, and the residual below a rounding.
     """
     shrinks = (last_size < np.inf) & (size * size <= STOP_ERROR * last_size)
     return (size <= 0.5 * EPS) | shrinks & (residual <= EPS * scale)
 
 
 def is_stuck(size: Any, move: Any, scale: Any, last_size: Any, last_move: Any) -> Any:
-    """True where corrections stagnate: a small correction is at least half of the one before, in both measures.
+    """True where a small correction is at least half of the one before, in both measures.
 
-    Both measures must have stopped shrinking, because the relative change of a component near zero may stay large long
-    before the other components have converged.
+    Both measures must have stopped shrinking, because the relative change of a component near zero
+    may stay large long before the other components have converged.
     """
     return (move <= STAGNATION * scale) & (size >= 0.5 * last_size) & (move >= 0.5 * last_move)
 
@@ -255,7 +260,7 @@ def is_stuck(size: Any, move: Any, scale: Any, last_size: Any, last_move: Any) -
 def is_rounding(
     residual: Any, scale: Any, rounding: Rounding | None, z: Array, lanes: Lanes, closely: Any
 ) -> Any:
-    """True where the residual is no larger than the rounding of y or, in lanes flagged in `closely`, than that of R."""
+    """True where the residual is rounding of y, or in lanes flagged in `closely` of R."""
     small = residual <= ROUNDING * scale + ZERO_RESIDUAL
     larger = np.flatnonzero(closely & (small ^ True))
     if rounding is not None and larger.size:
@@ -267,7 +272,7 @@ def is_rounding(
 def shortened(
     inside: Inside | None, z: Array, correction: Array, lanes: Lanes, left: Any
 ) -> tuple[Array, Flags]:
-    """z minus the correction, shortened if need be, and True, for each lane that stays in the domain; else z, False."""
+    """z minus the correction, shortened if need be, and True for lanes that stay in the domain."""
     if inside is None:
         moved, stays = z - correction, np.logical_not(left)
     else:
@@ -276,7 +281,7 @@ def shortened(
 
 
 def into_domain(inside: Inside | None, z: Array, correction: Array, lanes: Lanes) -> tuple[Array, Flags]:
-    """z − λ·correction with the largest λ = 2⁻ⁿ for which it lies in the domain, and True for lanes with such a λ."""
+    """z − λ·correction in the domain, with the largest λ = 2⁻ⁿ; True for lanes with a λ."""
     moved, stays = z - correction, np.ones(z.shape[1], dtype=bool)
     if inside is None or not z.shape[1]:
         return moved, stays
@@ -285,7 +290,7 @@ def into_domain(inside: Inside | None, z: Array, correction: Array, lanes: Lanes
         outside = np.flatnonzero(~stays)
         if not outside.size:
             break
-        # Several λ of each lane are tested at once, because a domain takes as long for one state as for a few.
+        # Several λ are tested at once: a domain takes as long for one state as for a few.
         factors = 0.5 ** np.arange(first, min(first + HALVINGS_TOGETHER, MAX_HALVINGS + 1))
         tried = z[:, outside, None] - factors * correction[:, outside, None]
         fits = inside(tried.reshape(len(z), -1), np.repeat(lanes[outside], factors.size))

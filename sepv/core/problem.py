@@ -1,8 +1,9 @@
-"""The part of a problem dy = F_0 dt + Σ_j c_j F_j∘dW_j that a step uses: functions, sums over a step, derivatives.
+"""The part of a problem dy = F_0 dt + Σ_j c_j F_j∘dW_j that a step uses.
 
-Each field is F_k = S_k(y)∇H_k(y). In (1.1) there is one structure B and one Hamiltonian H, so that each F_k is B∇H. The
-first axis of every array is that of components: a state is an array (d,), a batch of M states (d, M), and B(y) is
-(d, d) or (d, d, M). `sepv.problem.Problem` derives, checks and stores these functions.
+Each field is F_k = S_k(y)∇H_k(y). In (1.1) there is one structure B and one Hamiltonian H, so that
+each F_k is B∇H. The first axis of every array is that of components: a state is an array (d,), a
+batch of M states (d, M), and B(y) is (d, d) or (d, d, M). `sepv.problem.Problem` derives and checks
+them.
 """
 
 from __future__ import annotations
@@ -90,7 +91,7 @@ class System:
 
     @property
     def structures(self) -> Sequence[Function]:
-        """The structures S_0, …, S_m of the drift and of each noise, for one Hamiltonian H: F_k = S_k∇H."""
+        """The structures S_0, …, S_m of the drift and of each noise, F_k = S_k∇H."""
         return (self.structure,) * (1 + self.noises)
 
     @property
@@ -100,12 +101,12 @@ class System:
 
     @property
     def gradients(self) -> Sequence[Function]:
-        """The gradients ∇H_0, …, ∇H_m of the drift and of each noise, for one structure B: F_k = B∇H_k."""
+        """The gradients ∇H_0, …, ∇H_m of the drift and of each noise, F_k = B∇H_k."""
         return (self.gradient,) * (1 + self.noises)
 
     @property
     def hessians(self) -> Sequence[Function]:
-        """The second derivatives of H_0, …, H_m, by differences of ∇H_k where they are not given."""
+        """The second derivatives of H_0, …, H_m, by differences of ∇H_k if not given."""
         return (partial(hessian, self),) * (1 + self.noises)
 
     def derivative_along(self, y: Array, v: Array) -> Array:
@@ -123,13 +124,13 @@ class System:
 
 
 def require_undamped(problem: System) -> None:
-    """Raise Skipped for a damped problem, because a formula without a term for damping would ignore the damping."""
+    """Raise Skipped for a damped problem: a formula without a term for damping ignores it."""
     if problem.damping:
         raise Skipped(f"the scheme leaves out the damping of {getattr(problem, 'name', 'the problem')}")
 
 
 def combined(problem: System, y: Array, parts: Array) -> Array:
-    """The structure h B(y) + Σ_j c_j ΔW_j G_j(y) of a step, (d, d, M); `parts` (1 + m, M) holds h and the c_j ΔW_j."""
+    """The structure h B(y) + Σ_j c_j ΔW_j G_j(y), (d, d, M); `parts` (1 + m, M): h, c_j ΔW_j."""
     require_undamped(problem)
     drift, *noises = problem.structures
     total: Array = parts[0] * drift(y)
@@ -140,19 +141,19 @@ def combined(problem: System, y: Array, parts: Array) -> Array:
 
 
 def combined_slope(problem: System, y: Array, parts: Array) -> Array | None:
-    """The derivative of h B + Σ_j c_j ΔW_j G_j by y, (d, d, d, M); None if a structure's derivative is not given."""
+    """The derivative of h B + Σ_j c_j ΔW_j G_j by y, (d, d, d, M); None if one is not given."""
     derivatives = problem.structure_derivatives
     return None if derivatives is None else _sum(derivatives, y, parts)
 
 
 def combined_gradient(problem: System, y: Array, parts: Array) -> Array:
-    """The gradient (d, M) of the Hamiltonian hH_0 + Σ_j c_j ΔW_j H_j of a step; `parts` (1 + m, M): h, c_j ΔW_j."""
+    """The gradient (d, M) of hH_0 + Σ_j c_j ΔW_j H_j at y; `parts` (1 + m, M): h, c_j ΔW_j."""
     require_undamped(problem)
     return _sum(problem.gradients, y, parts)
 
 
 def combined_hessian(problem: System, y: Array, parts: Array) -> Array:
-    """The Hessian (d, d, M) of hH_0 + Σ_j c_j ΔW_j H_j at y; `parts` (1 + m, M) holds h and the c_j ΔW_j."""
+    """The Hessian (d, d, M) of hH_0 + Σ_j c_j ΔW_j H_j at y; `parts` (1 + m, M): h, c_j ΔW_j."""
     return _sum(problem.hessians, y, parts)
 
 
@@ -164,7 +165,7 @@ def _sum(functions: Sequence[Function], y: Array, parts: Array) -> Array:
 
 
 def each_noise(problem: System, h: float, noise: Array) -> Array:
-    """The numbers h and c_j ΔW_j of a step of M paths, (1 + m, M), for schemes that treat each noise by itself."""
+    """The `parts` (1 + m, M) of a step of M paths: the numbers h and c_j ΔW_j."""
     return np.concatenate([np.full((1, noise.shape[1]), float(h)), problem.c[:, None] * noise])
 
 
@@ -174,7 +175,7 @@ def vector_field(problem: System, y: Array) -> Array:
 
 
 def field_jacobian(problem: System, y: Array) -> Array | None:
-    """The derivative f′(y) of the field f = B∇H, (d, d, ...); None unless the problem gives both B′ and H″."""
+    """The derivative f′(y) of the field f = B∇H, (d, d, ...); None without B′ or H″."""
     if problem.hessian is None or problem.structure_derivative is None:
         return None
     g = problem.gradient(y)
@@ -182,21 +183,21 @@ def field_jacobian(problem: System, y: Array) -> Array | None:
 
 
 def hessian(problem: System, y: Array) -> Array:
-    """The second derivatives H″(y), (d, d, ...): as given, else by forward differences, enough for Newton's matrix."""
+    """The second derivatives H″(y), (d, d, ...): as given, else by forward differences."""
     if problem.hessian is not None:
         return problem.hessian(y)
     return differences(problem, problem.gradient, y)
 
 
 def differences(problem: System, function: Function, y: Array) -> Array:
-    """The derivative (n, d, ...) by y of a function of states, by forward differences at y (d, ...)."""
+    """The derivative (n, d, ...) of a function of states at y (d, ...), by forward differences."""
     return differences_of_lanes(problem, lambda at, _: function(at), y)
 
 
 def differences_of_lanes(problem: System, function: OfLanes, y: Array) -> Array:
-    """The derivative (n, d, ...) by y of a function of a problem's states, by forward differences at y (d, ...).
+    """The derivative (n, d, ...) of a function of a problem's states at y, by forward differences.
 
-    `function` gets shifted states (d, M) and M integers: the number of each state's path in the flattened batch y.
+    `function` gets shifted states (d, M) and M integers: the numbers of their paths.
     """
     flat, domain = y.reshape(len(y), -1), problem.domain
     inside = None if domain is None else lambda at, _: domain(at)

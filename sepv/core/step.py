@@ -26,9 +26,9 @@ class Solution:
     value : (d, M)
         y1 for each path that converged, and the last iterate for the others.
     residual : (M,)
-        The largest component of |y1 − y0 − R(y0, y1)|. If the path converged, y1 is here the iterate before `value`.
+        The largest |y1 − y0 − R(y0, y1)|, at the last iterate but one if the path converged.
     iterations, gradient_evaluations, structure_evaluations : (M,)
-        Newton iterations, and evaluations of ∇H and B. Evaluations for an analytic Jacobian are not counted.
+        Newton iterations, and evaluations of ∇H and B but for an analytic Jacobian.
     status : (M,)
         `Status` of each path.
     change : (d, M), optional
@@ -51,7 +51,7 @@ class Solution:
 
 
 class Code(NamedTuple):
-    """A faster `advance` for the equations of a step, and the evaluations of ∇H and of B in one call of it.
+    """A faster `advance` for the equations of a step, and its evaluations of ∇H and of B.
 
     It ends a lane that leaves the domain, and does not report quadratures.
     """
@@ -84,13 +84,12 @@ def solve(
     start : (d, M), optional
         A guess of y1 − y0; by default 0.
     code : Code, optional
-        Recorded code for Newton's corrections. A path that it does not solve in RECORDED_MAXITER iterations starts
-        again without it. So if there are several solutions, the one that is found does not depend on the code.
+        Recorded code for Newton's corrections. A path that it does not solve in RECORDED_MAXITER
+        iterations starts again without it. So if there are several solutions, the one that is found
+        does not depend on the code.
 
-    Notes
-    -----
-    The unknown is z = y1 − y0. The iteration stops if the error after a correction is only rounding, or if
-    corrections no longer shrink (`sepv.core.newton`).
+    Notes ----- The unknown is z = y1 − y0. The iteration stops if the error after a correction is
+    only rounding, or if corrections no longer shrink (`sepv.core.newton`).
     """
     count = y0.shape[1]
     everything, start = np.arange(count), np.zeros_like(y0) if start is None else start
