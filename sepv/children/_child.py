@@ -22,7 +22,7 @@ from contextlib import suppress
 from tempfile import TemporaryFile
 from typing import Any
 
-from sepv.children._journal import BYTES, Notes, ended_with
+from sepv.children._journal import BYTES, KEY, KEY_NAME, Notes, ended_with, packed, unpacked
 from sepv.children._parent import end_with_parent, told_by_signal
 
 _CHUNK = 1 << 16
@@ -96,7 +96,7 @@ class Child:
         """
         # The current folder is left out: it comes last on the path of a target, after sepv is imported.
         path = os.pathsep.join(p for p in sys.path if p and p != os.getcwd())
-        environment = {**os.environ, "PYTHONPATH": path, **(environment or {})}
+        environment = {**os.environ, "PYTHONPATH": path, KEY_NAME: KEY.decode(), **(environment or {})}
         return cls([sys.executable, "-P", "-m", module], env=environment, **options)
 
     def exchange(self, message: bytes, seconds: float) -> bytes:
@@ -111,6 +111,13 @@ class Child:
             if self.gone or left <= 0:
                 raise NoLine("gone" if self.gone else "late")
             self.pump(left)
+
+    def ask(self, message: Any, seconds: float) -> Any:
+        """Send an object to a process of this package and return the one that answers it; raises NoLine."""
+        deadline, line = time.monotonic() + seconds, packed(message)
+        while (answer := unpacked(self.exchange(line, deadline - time.monotonic()))) is None:
+            line = b""
+        return answer
 
     def send(self, message: bytes) -> None:
         """Begin to send a message after those before; `pump` sends what the pipe does not take at once."""

@@ -10,11 +10,14 @@ from __future__ import annotations
 
 import gc
 import math
+import os
 import pickle
 import signal
+import sys
 import time
-from binascii import a2b_base64, b2a_base64
+from binascii import a2b_base64, b2a_base64, crc32
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from mmap import mmap
@@ -23,14 +26,31 @@ from typing import Any, TypeVar
 T = TypeVar("T")
 
 
+# What this process and its children have in common, and nobody else knows. It leaves the environment at once, so that
+# no program of a scheme inherits it.
+KEY_NAME = "SEPV_LINES"
+KEY = os.environ.pop(KEY_NAME, "").encode() or os.urandom(16).hex().encode()
+
+
 def packed(message: Any) -> bytes:
-    """Any object that can be pickled, as one line."""
-    return b2a_base64(pickle.dumps(message))
+    """Any object that can be pickled, as one line: the key, a checksum and the pickle."""
+    data = b2a_base64(pickle.dumps(message))
+    return b"%b%08x%b" % (KEY, crc32(data), data)
 
 
 def unpacked(line: bytes) -> Any:
-    """The object of a line of `packed`; only for lines of this package's own processes."""
-    return pickle.loads(a2b_base64(line))
+    """The object of a line of `packed`, without its end; None for another line, which goes to stderr.
+
+    A scheme's code, or what an interpreter runs as it starts, may write into a pipe of this package. Only a line with
+    the key is unpickled, as a pickle can call any function. Text before the key is another's, and was not ended.
+    """
+    before, key, rest = line.rpartition(KEY)
+    data = rest[8:] + b"\n"
+    whole = bool(key) and b"%08x" % crc32(data) == rest[:8]
+    if others := before if whole else line:
+        with suppress(OSError, AttributeError):  # sys.stderr is None if it was closed
+            sys.stderr.write(others.decode(errors="replace") + "\n")
+    return pickle.loads(a2b_base64(data)) if whole else None
 
 
 # The size of the shared memory in bytes, and how many of these bytes hold the length of the note that follows.

@@ -3,6 +3,9 @@
 Python delivers Ctrl-C to whatever code runs: a destructor swallows it, a long call into compiled code does not see it.
 A segmentation fault ends everything. So the watcher, the parent, runs no other code. It forks before any import that
 could start threads, and stores the child's messages (`sepv.children`), with which a new child continues after a crash.
+
+The child is a fork and no `sepv.children.Child`: it keeps the terminal's process group and stdin, on which break points
+and Ctrl-Z depend. A new interpreter would also import all again, which is most of the time of a quick command.
 """
 
 from __future__ import annotations
@@ -66,7 +69,7 @@ class _Heard:
     def hear(self, data: bytes) -> None:
         """Add the next bytes of the pipe to the rest of the last ones, and record the messages that are complete."""
         *lines, self.rest = (self.rest + data).split(b"\n")
-        for kind, what in map(unpacked, lines):
+        for kind, what in filter(None, map(unpacked, lines)):
             if kind == Message.STARTED:
                 self.started = True
             elif kind == Message.BEGIN:

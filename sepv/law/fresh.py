@@ -18,7 +18,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
-from sepv.children import Child, NoLine, packed, unpacked
+from sepv.children import Child, NoLine
 from sepv.errors import SepvError
 from sepv.law._law import Finding, Run, Verdict
 from sepv.law.cases.case import Case, from_json, has_words
@@ -112,9 +112,7 @@ def _process(worker: str, **environment: str) -> Child:
 def _answered(child: Child, question: Question) -> list[Any]:
     """The new process's answers; [] if none came. The process is ended."""
     try:
-        kind, answer = unpacked(
-            child.exchange(packed((sys.path, os.getcwd(), pickle.dumps(question))), SECONDS)
-        )
+        kind, answer = child.ask((sys.path, os.getcwd(), pickle.dumps(question)), SECONDS)
     except NoLine:
         return []
     finally:

@@ -103,7 +103,8 @@ def run(
             pump_all([worker.child for worker in busy], TICK)
             for worker in list(busy):
                 while (line := worker.child.line()) is not None:
-                    _hear(worker, unpacked(line), task.timeout, receive)
+                    if word := unpacked(line):
+                        _hear(worker, word, task.timeout, receive)
                 if worker.left and (crash := worker.lost(task.timeout)):
                     receive(worker.left.pop(0), crash)
                     waiting[:0] = [worker.left] if worker.left else []

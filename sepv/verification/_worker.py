@@ -75,10 +75,13 @@ def answer(say: Any) -> None:
 
 def _next() -> Any:
     """The next message; EOFError at the end of stdin."""
-    line = sys.stdin.buffer.readline()
-    if not line.endswith(b"\n"):
-        raise EOFError
-    return unpacked(line)
+    message = None
+    while message is None:
+        line = sys.stdin.buffer.readline()
+        if not line.endswith(b"\n"):
+            raise EOFError
+        message = unpacked(line[:-1])
+    return message
 
 
 def _read(groups: SimpleQueue[list[str]], end: Callable[[], None]) -> None:
