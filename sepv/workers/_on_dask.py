@@ -94,6 +94,13 @@ def versions(alike: tuple[str, ...]) -> dict[str, str]:
     return {"sepv": __version__, **installed}
 
 
+def threads(client: Any) -> int:
+    """The number of threads of a client's cluster; 0 if the scheduler does not say within CONNECT_SECONDS."""
+    with suppress(Exception):  # Dask raises many kinds for a scheduler that is gone
+        return sum(client.sync(client.scheduler.ncores, callback_timeout=CONNECT_SECONDS).values())
+    return 0
+
+
 @contextmanager
 def dask_crew(workers: Any, function: Callable[[Any], Any], alike: tuple[str, ...]) -> Iterator[DaskCrew]:
     """A context with a crew: the workers of a Dask client, of a Dask cluster, or of the scheduler at an address.

@@ -44,7 +44,9 @@ def count(workers: Any) -> int:
     if isinstance(workers, int):
         return workers
     if hasattr(_dask(workers), "nthreads"):
-        return sum(_dask(workers).nthreads().values())
+        from sepv.workers._on_dask import threads
+
+        return threads(_dask(workers))
     return int(getattr(_executor(workers), "_max_workers", 0))
 
 
