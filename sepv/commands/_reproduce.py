@@ -16,7 +16,7 @@ QUICK = 1 / 32
 
 @click.command(short_help="The paper's figures again, with verdicts.")
 @click.argument("figures", nargs=-1, metavar="[FIGURE]...")
-@click.option("-o", "--out", type=cli.FOLDER, help="Folder for JSON, CSV, SVG and PNG.")
+@click.option("-o", "--out", type=cli.FOLDER, help="Folder for JSON, CSV, SVG, PNG and PDF.")
 @click.option("--json", "json_file", type=cli.OUT, help="Write the whole record to this file.")
 @click.option("--errata", is_flag=True, help="Only what does not hold as printed, with its evidence.")
 @click.option("--no-figures", is_flag=True, help="With --out: numbers only, matplotlib is not needed.")

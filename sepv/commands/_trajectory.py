@@ -73,9 +73,12 @@ def trajectory(
     if wrong is None:
         screen.print(f"All {rows.steps:,} rows are steps of {chosen.name}, to the digits of the table.")
         return
+    early = rows.dW is not None and wrong.row == 2  # a usual reason: dW one row too early
     screen.print(
         f"Row {wrong.row} is not a step of {chosen.name} from row {wrong.row - 1}: y{wrong.component} is "
-        f"{wrong.found!r}, the step gives {wrong.expected!r}, and digits and rounding allow {wrong.bound:.1e}.",
+        f"{wrong.found!r}, the step gives {wrong.expected!r}, and digits and rounding allow {wrong.bound:.1e}."
+        + " Each row has the dW of the step that ends in it."
+        * early,
         soft_wrap=True,
     )
     raise SystemExit(1)

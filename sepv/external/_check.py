@@ -16,6 +16,10 @@ from sepv.external._messages import MOST_STEPS, Hello
 from sepv.external._program import GOOD_END, Program
 from sepv.problem import Array, PolynomialSystem, Problem
 
+_AS_READ = (
+    "print y, h and dW as the program read them: they are strings with hex floats (docs/protocol.md, Numbers)"
+)
+
 
 class Check(NamedTuple):
     """One check of the protocol: the line sent, True if the answer is right, and the answer or its defect."""
@@ -73,8 +77,7 @@ def _of_refused(refused: StepRefused) -> str:
         f"{refused.status}\n"
         f'This is the "error" of the program for a step of {refused.problem} from y = {y} with Δ = '
         f"{refused.delta!r}, which a scheme can make.\n"
-        "Remedy: print y, h and dW as the program read them: they are strings with hex floats "
-        "(docs/protocol.md, Numbers)."
+        f"Remedy: {_AS_READ}."
     )
 
 
@@ -130,6 +133,12 @@ def _sample_trials(greeting: Hello) -> Iterator[Callable[[Program], str]]:
 def _try_step(problem: Problem, y: Array, h: float, dW: Array, program: Program) -> str:
     first, second = program.step(problem, y, h, dW), program.step(problem, y, h, dW)
     _same(first, second, "the same bits for the same message sent again", "keep no state between messages")
+    if not first.any():
+        raise SchemeFault(
+            expected=f"a state near y = {y.tolist()} after a step of h = {h:g}",
+            received="y_next = 0 in each component",
+            remedy=_AS_READ,
+        )
     return f"{problem.name}: y_next = {first.tolist()}, and the same again"
 
 

@@ -23,6 +23,8 @@ from sepv.schemes import Look
 # The size of a drawing, its margins, and the size of a sample in its legend, in points (1/72 inch).
 WIDTH, HEIGHT = 520, 330
 LEFT, RIGHT, TOP, BOTTOM = 62, 14, 12, 44
+# What is left of the numbers of the vertical axis, and their distance from it: its label, and air.
+BESIDE = 30
 SAMPLE = 34, 12
 # The width at the right of a drawing for the names of reference slopes, in points.
 NAMES = 50
@@ -79,7 +81,11 @@ class Pictures:
             axes = drawn.add_axes(tuple(v / of for v, of in zip(frame, unit, strict=True)))
             drawing.draw_curves(axes, series, self.looks, x, y, size=MARKER, most=MOST, **more)
             if not more.get("equal"):  # with equal axes the frame is narrower
-                axes.yaxis.set_label_coords((14 - LEFT) / frame[2], 0.5)
+                numbers = max(t.get_window_extent().width for t in axes.get_yticklabels()) * 72 / drawn.dpi
+                left = max(LEFT, BESIDE + numbers)
+                width = WIDTH - left - right
+                axes.set_position((left / WIDTH, BOTTOM / HEIGHT, width / WIDTH, frame[3] / HEIGHT))
+                axes.yaxis.set_label_coords((14 - left) / width, 0.5)
             drawn.patch.set_visible(False)
             axes.patch.set_visible(False)
             used = drawing.looks_of(series, self.looks)

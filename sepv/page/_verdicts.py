@@ -182,7 +182,7 @@ def _course(course: View, unit: str) -> View | None:
     to draw.
     """
     steps, conserved = len(course["drift"]) - 1, course["kept"]
-    names = [f"component {i} of y" for i in course["components"]]
+    names = [f"component {i}" for i in course["components"]]
     path, exact = course["states"], course["exact"]
     if len(path) == 1:  # one component is drawn over the steps
         names, path = ["step", *names], [list(range(steps + 1)), *path]

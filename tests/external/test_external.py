@@ -362,6 +362,8 @@ STAYS = "hello()\nwhile m := read(): states(m)"
         ("hello()\nwhile m := read(): say(id=m['id'], y_next=[['nan', 'nan']])", '"type":"step"', "finite"),
         ("hello(max_steps=8)\nn = 0\nwhile m := read():\n    n += 1\n    say(id=m['id'], "
          "y_next=[[(n * 1.0).hex()] * 2 for s in m['steps']])", '"type":"step"', "keep no state"),
+        ("hello()\nwhile m := read(): say(id=m['id'], y_next=[['0x0p+0'] * 2 for s in m['steps']])",
+         '"type":"step"', "print y, h and dW"),
         (STAYS, "no-such-problem", '"skip"'),
         (STAYS, "no-such-type", "KeyError"),
         (STAYS, '"type":"stop"', "exit code 0"),

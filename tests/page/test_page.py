@@ -37,7 +37,7 @@ import sepv
 from sepv import Effort, UsageError, exact_flow
 from sepv.commands._cli import main
 from sepv.files import fault, made, schema
-from sepv.page import Sources, changes, load, render
+from sepv.page import Sources, _text, changes, load, render
 from sepv.page._pictures import Pictures
 from sepv.page._render import fingerprint
 from sepv.page._verdicts import _scale
@@ -252,6 +252,15 @@ def drawn(series: list[Series], x: Axis, y: Axis, **more: Any) -> str:
     return str(Pictures(s.scheme for s in series).draw(series, x, y, **more).inside)
 
 
+def test_long_numbers_of_an_axis_do_not_touch_its_name() -> None:
+    """The name is centred at x = 14 - 3; a digit of 12 points is at least 7 wide."""
+    for low, high, longest in ((-0.5205, -0.5185, 7), (0.0, 1.0, 3)):
+        inside = drawn([Series("c", [0.0, 1.0], [low, high])], Axis("x"), Axis("H"))
+        numbers = re.findall(r'<text x="([\d.]+)"[^>]*text-anchor="end"[^>]*>([^<]*)<', inside)
+        assert max(len(words) for _, words in numbers) == longest
+        assert all(float(x) - 7 * len(words) > 22 for x, words in numbers)
+
+
 def test_a_picture_leaves_out_what_cannot_be_drawn_and_keeps_spikes() -> None:
     n = 5000
     y: list[float | None] = [1.0] * n
@@ -369,6 +378,17 @@ def test_a_law_that_keeps_no_invariant_draws_its_own_defect_above_its_bound() ->
     assert "H(y) − H(y₀)" not in words
     (energy,) = with_courses(_of_heun("energy"))["laws"]
     assert "defects" not in energy["course"]
+    assert_the_longest_numbers_fit_beside(words)
+
+
+def assert_the_longest_numbers_fit_beside(page: str) -> None:
+    """A sign of 12 px is at most 8 px wide; `number` makes nine, as in −2.55e+04."""
+    assert len(_text.number(-25512.0)) == len(_text.number(-1.25e-300)) == 9
+    panels = re.findall(r'<svg viewBox="(\S+) 0 \S+ 190".*?</svg>', page, re.DOTALL)
+    assert len(panels) == 4
+    texts = re.findall(r'<text class="soft" x="(\d+)" y="\d+" text-anchor="end">', page)
+    for left in map(float, panels):
+        assert min(map(float, texts)) - 9 * 8 >= left
 
 
 def _of_heun(laws: str) -> sepv.Report:

@@ -106,6 +106,20 @@ def test_exit_code_1_is_a_row_that_is_no_step(tmp_path: Path) -> None:
     code, text = run(*asked, "euler-heun")
     assert code == 1
     assert "Row 2 is not a step of euler-heun from row 1" in text
+    assert "dW" not in text
+
+
+def test_increments_one_row_too_early_are_named_as_a_reason(tmp_path: Path) -> None:
+    path = sepv.integrate("midpoint", "pendulum", h=0.05, steps=30, seed=3)
+    none = np.zeros((1, 2))
+    for dW, code, words in (
+        ([none, path.dW], 0, "All 30"),
+        ([path.dW, none], 1, "the dW of the step that ends in"),
+    ):
+        np.save(tmp_path / "a.npy", np.column_stack([path.t, path.y.T, np.vstack(dW)]))
+        given, text = run(tmp_path / "a.npy", "-p", "pendulum", "--scheme", "midpoint")
+        assert given == code
+        assert words in text
 
 
 WRONG = {
