@@ -26,9 +26,10 @@ from typing import Any, TypeVar
 T = TypeVar("T")
 
 
-# What this process and its children have in common, and nobody else knows. It leaves the environment at once, so that
-# no program of a scheme inherits it.
+# The name of the environment variable with which a child gets the key.
 KEY_NAME = "SEPV_LINES"
+# A random text that this process and its children alone know. It leaves the environment at once,
+# so that no program of a scheme inherits it.
 KEY = os.environ.pop(KEY_NAME, "").encode() or os.urandom(16).hex().encode()
 
 
@@ -41,8 +42,9 @@ def packed(message: Any) -> bytes:
 def unpacked(line: bytes) -> Any:
     """The object of a line of `packed`, without its end; None for another line, which goes to stderr.
 
-    A scheme's code, or what an interpreter runs as it starts, may write into a pipe of this package. Only a line with
-    the key is unpickled, as a pickle can call any function. Text before the key is another's, and was not ended.
+    A scheme's code, or what an interpreter runs as it starts, may write into a pipe of this package.
+    Only a line with the key is unpickled, as a pickle can call any function. Text before the key is
+    another's, and was not ended.
     """
     before, key, rest = line.rpartition(KEY)
     data = rest[8:] + b"\n"

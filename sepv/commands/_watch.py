@@ -4,8 +4,9 @@ Python delivers Ctrl-C to whatever code runs: a destructor swallows it, a long c
 A segmentation fault ends everything. So the watcher, the parent, runs no other code. It forks before any import that
 could start threads, and stores the child's messages (`sepv.children`), with which a new child continues after a crash.
 
-The child is a fork and no `sepv.children.Child`: it keeps the terminal's process group and stdin, on which break points
-and Ctrl-Z depend. A new interpreter would also import all again, which is most of the time of a quick command.
+The child is a fork and no `sepv.children.Child`: it keeps the terminal's process group and stdin, on
+which break points and Ctrl-Z depend. A new interpreter would also import all again, which is most of
+the time of a quick command.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """Crews of workers that compute numbered tasks and report each result: threads, processes, or an executor.
 
-The processes are those of a pool and no `sepv.children.Child`: `multiprocessing` gives them a scheme that the user's
-script or notebook defines, which an interpreter of our own cannot import. Results are arrays of megabytes, which lines of text would copy three times.
+The processes are those of a pool and no `sepv.children.Child`: `multiprocessing` gives them a scheme
+that the user's script or notebook defines, which an interpreter of our own cannot import. Results
+are arrays of megabytes, which lines of text would copy three times.
 """
 
 from __future__ import annotations
