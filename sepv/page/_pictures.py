@@ -23,7 +23,7 @@ from sepv.schemes import Look
 # The size of a drawing, its margins, and the size of a sample in its legend, in points (1/72 inch).
 WIDTH, HEIGHT = 520, 330
 LEFT, RIGHT, TOP, BOTTOM = 62, 14, 12, 44
-# What is left of the numbers of the vertical axis, and their distance from it: its label, and air.
+# The space for the name of the vertical axis, left of its numbers, in points.
 BESIDE = 30
 SAMPLE = 34, 12
 # The width at the right of a drawing for the names of reference slopes, in points.
