@@ -1,6 +1,6 @@
 """Does cost grow as the work does? ``python -m benchmarks.growth``: fitted powers of cost, with intervals.
 
-Each row varies one size and fits cost = fixed + a·size^p. The cost is processor time; for cores it is the time on the
+Each row varies one size and fits cost = fixed + a·size^p. The cost is processor time; for cores also the time on the
 clock. Sizes are visited in alternation, several times, and the power is fitted to each round: the interval is Student's
 over the rounds (95 %), so a machine that is busy for a while widens the interval and moves no size alone.
 Paths choose only final states, so 2²⁴ of them need 1.5 GB. `--quick` takes smaller sizes.
@@ -146,6 +146,7 @@ def rows(quick: bool) -> list[Row]:
         Row("d, steps in NumPy", (4, 8, 12, 16, 24, 32, 40), stepped),
         Row("terms of a problem file", (1000, 4000, 16_000, 64_000), terms),
         Row("cases of a law", (25, 100) if quick else (25, 100, 400), cases),
+        Row("cores, processor time", some, lambda n: ensemble(paths=2**20, workers=n), fixed=False),
         Row("cores (seconds)", some, lambda n: ensemble(paths=2**20, workers=n), perf_counter, False),
     ]  # fmt: skip
 
