@@ -9,7 +9,7 @@ needs reversible steps.
 from __future__ import annotations
 
 from sepv.properties._reversal import momentum_flip
-from sepv.properties._way_back import measured
+from sepv.properties._way_back import measured, no_memory
 
 from sepv.law import Case, Cases, Effort, Measurement, Middle, require, searched
 from sepv.problem import Systems
@@ -44,6 +44,7 @@ law = searched(
     cost=0.6,
     steps=174,
     middle=Middle.MAP,
+    premise=no_memory,
     cases=Cases(
         adapt=reversible,
         why="H or B of the problems changes with the sign of the momenta, or nothing tells which half of y they are",

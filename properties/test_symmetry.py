@@ -5,7 +5,7 @@ The law "random-step" tests separately that h and ΔW act through the random ste
 
 from __future__ import annotations
 
-from sepv.properties._way_back import measured
+from sepv.properties._way_back import measured, no_memory
 
 from sepv.law import Case, Cases, Effort, Measurement, Middle, require, searched
 from sepv.schemes import Scheme
@@ -30,6 +30,7 @@ law = searched(
     cost=0.6,
     steps=174,
     middle=Middle.MAP,
+    premise=no_memory,
     cases=Cases(adapt=in_time, damped=True, blind={"degree of B": ("0",)}),
     check=check,
 )

@@ -15,6 +15,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain
 from random import Random
 from typing import Any
@@ -62,6 +63,8 @@ DESIGNS = 64
 # The list of cases ends early after this many cases that cannot be measured: each may last until a call's time limit.
 MOST_FAULTS = 4
 
+Premise = Callable[[Scheme, Case], None]
+
 
 class _Violation(Exception):
     """Raised inside a search: the case violates the law."""
@@ -95,6 +98,7 @@ class _Question:
     check: Check
     faults_violate: bool
     known: tuple[Case, ...]  # witnesses of the corpus, which are tried first
+    premise: Check | None
     key: str = ""  # the name under which designs are stored between runs, if the law is the suite's own
 
 
@@ -110,6 +114,7 @@ def searched(
     always_claimed: bool = False,
     not_applicable: Callable[[Scheme], str] = lambda _: "",
     middle: Middle | str = Middle.STEPS,
+    premise: Premise | None = None,
     cost: float = 1.0,
     steps: int = 0,
     preserves: bool = False,
@@ -128,10 +133,14 @@ def searched(
         The reason why the law does not apply to this scheme; empty if it does.
     middle : Middle or str
         How the law is measured in the middle of a path of a scheme with memory, or why it is about first steps only.
+    premise : (scheme, case) -> None
+        Raises Unasked at a case which shows that the law says nothing of the scheme, wherever else it is measured. All
+        listed cases are asked before the first is measured.
     cost, steps, preserves
         As for `sepv.verification.Law`.
     """
     own_check, check = check, anywhere(middle, check)
+    asked_first = None if premise is None else anywhere(middle, partial(_of_premise, premise))
 
     def run(law: Law, scheme: Scheme, this_run: Run) -> Finding:
         listed = sources(scheme)
@@ -167,7 +176,7 @@ def searched(
         if carries:
             space = along_paths(space)
         key = f"{name} {kind} {carries}" if own and not listed else ""
-        question = _Question(space, check, faults_violate, known, key)
+        question = _Question(space, check, faults_violate, known, asked_first, key)
         return in_units(scheme, _search(law, scheme, this_run.effort, question))
 
     def replay(law: Law, scheme: Scheme, witness: dict[str, Any]) -> Finding:
@@ -178,6 +187,8 @@ def searched(
                 received="a case of which it says nothing",
                 remedy="copy the whole command from the report: a token belongs to its law",
             )
+        if why := _refuted(scheme, [case], asked_first):
+            return law.finding(Verdict.NOT_APPLICABLE, message=why)
         with suppress(_Violation, _Fault, Skipped):
             _measure(log, scheme, case, check, faults_violate)
         return in_units(scheme, conclude(law, scheme, log, check))
@@ -194,6 +205,8 @@ def _search(law: Law, scheme: Scheme, effort: Effort, question: _Question) -> Fi
     fixed = question.where.fixed
     first = _designed(question, effort.seed, 0)
     further = (_designed(question, effort.seed, n) for n in range(1, effort.designs))
+    if why := _refuted(scheme, chain(known, first, fixed), question.premise):
+        return law.finding(Verdict.NOT_APPLICABLE, message=why, seconds=time.perf_counter() - start)
     _visit(log, scheme, chain(known, first, chain.from_iterable(further), fixed), question)
     if log.lacking and log.checks:
         log.share = log.checks / (log.checks + log.lacking)
@@ -209,6 +222,28 @@ def _search(law: Law, scheme: Scheme, effort: Effort, question: _Question) -> Fi
         if log.failed and (unchanged or strange):
             _simplify(log, scheme, effort, question)
     return replace(conclude(law, scheme, log, question.check), seconds=time.perf_counter() - start)
+
+
+def _of_premise(premise: Premise, scheme: Scheme, case: Case) -> Measurement:
+    premise(scheme, case)
+    return Measurement(0.0, 0.0)
+
+
+def _refuted(scheme: Scheme, cases: Iterable[Case], premise: Check | None) -> str:
+    """The reason of the first case which shows that the law says nothing of the scheme; empty if there is none."""
+    if premise is None or not has_memory(scheme):
+        return ""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for case in cases:
+            note_case(lambda case=case: cases_of.to_json(case))  # type: ignore[misc]
+            try:
+                _measured(scheme, case, premise)
+            except Unasked as unasked:
+                return unasked.reason
+            except (SepvError, ArithmeticError):
+                continue  # the law itself tells what became of the case
+    return ""
 
 
 def _design(where: Question, key: str, number: int) -> list[Case]:

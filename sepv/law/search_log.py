@@ -18,8 +18,8 @@ from sepv.schemes import Scheme
 
 Check = Callable[[Scheme, Case], Measurement]
 # The share of a law's cases that must be measured if the scheme states its longest step, or if the law says nothing of
-# the others: a path that goes back by nothing known still returns where it rests. No share is required of a scheme that
-# skips cases because of their problems: it may be made for few problems.
+# the others. No share is required of a scheme that skips cases because of their problems: it may be made for few
+# problems. If one case shows that a law says nothing of the scheme, its premise is asked first (`sepv.law.search`).
 LEAST_SHARE = 0.25
 
 
