@@ -70,6 +70,8 @@ FORMER = {
     "conformal-casimir": "invariant:casimir",
     "energy-drift": "invariant:energy",
     "conformal-energy": "invariant:energy",
+    "conformal-symplecticity": "poisson-map:conformal",
+    "configurational-equilibrium": "equilibrium:positions",
 }
 
 

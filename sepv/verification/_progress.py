@@ -102,12 +102,13 @@ class Course:
 
     def doing(self, journal: Journal | None, name: str) -> str:
         """The current work in words, such as: 3 of 27 laws, energy for 21 s where 2 s were expected, case 7 for 8 s."""
-        late, running = self.late(), list(self.began)
+        late, running, left = self.late(), list(self.began), self.left
         words = [f"{len(self.found)} of {len(self.found) + len(self.left)} laws"]
         for law in running:
             spent, expected = late.get(law, (0.0, 0.0))
             words.append(law)
-            if spent and self.found:  # the pace is unknown before the first law is done
+            # The pace is unknown before the first law is done, and a step's seconds may be unknown after it.
+            if spent and self.found and (self.rates()[1] or law not in left or not left[law].steps):
                 words[-1] += f" for {spent:.0f} s where {max(1.0, expected):.0f} s were expected"
         since = time.monotonic() - journal.since if journal and journal.cases and len(running) == 1 else 0.0
         if journal and since > SLOW:

@@ -98,12 +98,17 @@ def test_ctrl_c_at_two_hundred_random_moments_is_answered(arguments: str, tmp_pa
 
 
 def at_random_moments(folder: Path, arguments: str, count: int) -> None:
-    whole, rng, longest = length_of(folder, arguments), random.Random(7), 0.0
-    for _ in range(count):
+    """Interrupt a run at random moments until `count` answers have come; a run that ended before is begun again.
+
+    The interval of moments becomes shorter with each such run, so that the moments come in the end.
+    """
+    whole, rng, answers = length_of(folder, arguments), random.Random(7), list[float]()
+    for _ in range(4 * count):
         child = started(folder, arguments)
         time.sleep(rng.uniform(0.0, 0.9 * whole))
         if child.poll() is not None:  # it was faster than the first
             child.communicate()
+            whole *= 0.9
             continue
         out, err, seconds = interrupted(child)
         if child.returncode == 0 and "sepv: interrupted" not in err:
@@ -111,8 +116,11 @@ def at_random_moments(folder: Path, arguments: str, count: int) -> None:
             assert seconds < 0.5 + 0.25 * whole, (seconds, whole, out, err)
             continue
         require_answered(child, out, err)
-        longest = max(longest, seconds)
-    print(f"{arguments}: {count} moments, the longest answer took {longest:.2f} s")
+        answers.append(seconds)
+        if len(answers) == count:
+            break
+    assert len(answers) == count, f"{len(answers)} of {4 * count} runs were still there to be interrupted"
+    print(f"{arguments}: {count} moments, the longest answer took {max(answers):.2f} s")
 
 
 SCHEMES = Path(hostile_steps.__file__).read_text(encoding="utf-8")
