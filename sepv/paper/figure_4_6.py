@@ -28,6 +28,7 @@ ORDER = order.Setting(
 # Errors on the interval of the energy plot, against a scheme with a fine step, the kind of reference that §4.4 names.
 FINE_REFERENCE = order.Setting(
     "4.6", PROBLEM, T=5.0, steps=(1280, 2560, 5120, 10240, 20480), samples=128, schemes=("midpoint", "milstein"),
+    title="Lotka-Volterra: what a fine-step reference hides",
     source="Figure 4.6, right, on the interval of its left plot", place="§4.4",
 )  # fmt: skip
 

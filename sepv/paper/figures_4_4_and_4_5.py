@@ -32,6 +32,7 @@ ORDER = order.Setting(
 )  # fmt: skip
 FINE_REFERENCE = order.Setting(
     "4.5", PROBLEM, T=2.0, steps=(128, 512, 1024, 2048, 4096, 8192), samples=256, schemes=("midpoint", "milstein"),
+    title="Pendulum: what a fine-step reference hides",
     source="Figure 4.5, the paper's own kind of reference", place="§4.3",
 )  # fmt: skip
 

@@ -172,7 +172,7 @@ def fine_panel(setting: Setting, results: Results) -> Panel:
     )  # fmt: skip
     return Panel(
         key=f"{setting.figure}-fine-step-reference",
-        title=f"{setting.title.partition(':')[0]}: what a fine-step reference hides",
+        title=setting.title,
         source=setting.source,
         series=tuple(curves),
         parameters={"problem": setting.problem, "T": setting.T, "samples": truth.shape[1], "h": h.tolist()},

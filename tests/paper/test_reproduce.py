@@ -334,6 +334,11 @@ def test_the_page_shows_what_is_computed() -> None:
     assert doc("errata.md") == to_markdown(), "python -m benchmarks.errata > docs/errata.md"
 
 
+def test_pictures_of_fine_step_references_are_named_like_the_others() -> None:
+    titles = re.findall(r"<h3>(.*?: what a fine-step reference hides)</h3>", doc("report.html"))
+    assert [title.partition(":")[0] for title in titles] == ["Oscillator", "Pendulum", "Lotka-Volterra"]
+
+
 def test_the_committed_report_refutes_nothing_of_the_paper_but_the_errata() -> None:
     """What is not the paper's says "(ours)". Where it fails: python -m benchmarks.page"""
     refuted = [html.unescape(t) for t in re.findall(r"does not hold</span> (.*?) <span", doc("report.html"))]
