@@ -22,7 +22,6 @@ class Harm:
         return RAN.append, ("ran",)
 
 
-@pytest.mark.quick
 def test_a_line_of_another_is_shown_and_not_unpickled(capfd: pytest.CaptureFixture[str]) -> None:
     harm = b2a_base64(pickle.dumps(Harm()))[:-1]
     for line in (
@@ -37,7 +36,6 @@ def test_a_line_of_another_is_shown_and_not_unpickled(capfd: pytest.CaptureFixtu
     assert not RAN
 
 
-@pytest.mark.quick
 def test_text_before_a_line_is_another_s(capfd: pytest.CaptureFixture[str]) -> None:
     for before in (b"", b"no end of line: "):
         assert unpacked(before + packed(("law", 3))[:-1]) == ("law", 3)
