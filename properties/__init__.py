@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from sepv.properties._orders.integrable import users_orbits
     from sepv.properties._orders.local_errors import local_errors
     from sepv.properties._orders.long_times import EnergyPath, Stopped, allowed_rounding, trend
-    from sepv.properties._orders.several_fields import heun
 
 __getattr__, __dir__ = lazily(
     __name__,
@@ -40,6 +39,5 @@ __getattr__, __dir__ = lazily(
         "_orders.integrable": "users_orbits",
         "_orders.local_errors": "local_errors",
         "_orders.long_times": "EnergyPath Stopped allowed_rounding trend",
-        "_orders.several_fields": "heun",
     },
 )

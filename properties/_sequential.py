@@ -160,12 +160,11 @@ def judge(
 
     If `at_least`, bounds are lower bounds.
 
-    `setups` are setups of the law's own problems. By default those of the scheme are used. A violation is
-    measured again at finer steps, and judged by `confirm` (by default `assess`), but not a violation on the
-    law's own problems.
+    `setups` are by default those of the scheme. A violation is measured again at finer steps, and judged by
+    `confirm` (by default `assess`).
     """
     assert law.statistical, f"{law.name} judges paths, but has no part of FALSE_ALARM"
-    confirm = (confirm or assess) if setups is None else None
+    confirm = confirm or assess
     setups = [_taken(scheme, s) for s in (setups_for(scheme, run.effort) if setups is None else setups)]
     alpha = share(scheme, run.effort, len(setups))
     judged: list[tuple[Setup, StrongErrors, Assessment]] = []

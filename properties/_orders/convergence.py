@@ -20,10 +20,10 @@ from typing import Any
 import numpy as np
 from sepv.properties._failed_step import failed_step
 from sepv.properties._orders.several_fields import ends as exact_ends
-from sepv.properties._orders.several_fields import finer, refined
+from sepv.properties._orders.several_fields import refined
 
 from sepv.core.newton import Status
-from sepv.problem import Array, HamiltoniansProblem, Problem, column
+from sepv.problem import Array, Problem, column
 from sepv.record import EPS
 from sepv.schemes import Scheme, order_of
 from sepv.simulate import Ensemble, Watch, areas, run_chunk, seen, wiener
@@ -102,13 +102,10 @@ def strong_errors(
         fine = wiener.increments(seed, T=T, steps=finest, noises=noises, paths=numbers)
         exact, rough = exact_ends(problem, start, T, fine.sum(axis=0)), None
         known = exact is not None
-        if not known and isinstance(problem, HamiltoniansProblem):
+        if not known:
             order = order_of(scheme.mean_square_order, column(problem))
             rough, exact, apart = refined(problem, start, T, finest, numbers, seed, order)
             fine, reference = rough.coarse(finest).dW, max(reference, apart)
-        elif not known:
-            fine, exact, apart = finer(problem, start, T, finest, numbers, seed)
-            reference = max(reference, apart)
         if scheme.asks and rough is None:
             rough = areas.drawn(seed, T=T, steps=areas.FINE_STEPS * finest, noises=noises, paths=numbers)
             fine = rough.coarse(finest).dW

@@ -7,8 +7,8 @@ import numpy as np
 from sepv import problems, schemes
 from sepv.law import Run
 from sepv.pictures import Axis
-from sepv.problem import Array
-from sepv.properties import heun, local_errors
+from sepv.problem import Array, Problem, combined, each_noise, matvec
+from sepv.properties import local_errors
 from sepv.record import EPS
 from sepv.schemes import weakly
 from sepv.simulate import wiener
@@ -35,6 +35,23 @@ def areas(fine: Array, steps: int) -> Array:
     before = np.cumsum(parts, axis=1) - parts
     product = np.einsum("nkim,nkjm->nijm", before, parts)
     return np.asarray(0.5 * (product - np.swapaxes(product, 1, 2)))
+
+
+def heun(problem: Problem, y0: Array, T: float, dW: Array) -> Array:
+    """Solve the Stratonovich equation by Heun's method with increments dW (N, m, M), and return y(T) (d, M).
+
+    A step is y ← y + ½(F(y) + F(ŷ)) with ŷ = y + F(y) and F = [h B + Σ c_j ΔW_j G_j]∇H.
+    """
+
+    def field(y: Array, parts: Array) -> Array:
+        return matvec(combined(problem, y, parts), problem.gradient(y))
+
+    y = np.repeat(y0[:, None], dW.shape[2], axis=1)
+    for increment in dW:
+        parts = each_noise(problem, T / len(dW), increment)
+        slope = field(y, parts)
+        y = y + 0.5 * (slope + field(y + slope, parts))
+    return y
 
 
 def errors(samples: int, seed: int) -> dict[str, list[float]]:

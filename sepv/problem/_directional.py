@@ -53,9 +53,16 @@ def derivative_along(problem: System, y: Array, v: Array) -> Array:
     return np.asarray(best * size, dtype=np.float64)
 
 
-def structure_slope(problem: System, y: Array, v: Array) -> Array:
-    """The derivative of B(y)v by y for fixed v, (d, d, ...): from B′ if it is given, else by forward differences."""
-    if problem.structure_derivative is not None:
-        return matvec(problem.structure_derivative(y), v)
+def structure_slope(problem: System, y: Array, v: Array, k: int = 0) -> Array:
+    """The derivative of S_k(y)v by y for fixed v, (d, d, ...): from S_k′ if it is given, else by differences.
+
+    S_0 is the structure B of the drift, S_k that of noise number k − 1.
+    """
+    structure, slope = problem.structure, problem.structure_derivative
+    if k:
+        derivatives = problem.structure_derivatives
+        structure, slope = problem.structures[k], derivatives[k] if derivatives else None
+    if slope is not None:
+        return matvec(slope(y), v)
     flat = v.reshape(len(v), -1)
-    return differences_of_lanes(problem, lambda at, lanes: matvec(problem.structure(at), flat[:, lanes]), y)
+    return differences_of_lanes(problem, lambda at, lanes: matvec(structure(at), flat[:, lanes]), y)

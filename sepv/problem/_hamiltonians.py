@@ -189,6 +189,11 @@ def is_several(problem: Problem) -> bool:
     return isinstance(problem, (StructuresProblem, HamiltoniansProblem, DampedProblem))
 
 
+def has_structures(problem: Problem) -> bool:
+    """True if the fields of the noises are G_j∇H, where not every G_j comes from a Hamiltonian H_j."""
+    return not all(isinstance(G, CommutingStructure) for G in getattr(problem, "noise_structures", ()))
+
+
 def noise_vectors(problem: Problem) -> Array:
     """The constant vectors g_j of additive noise, as rows (m, d); shape (0, d) if the noise is not given by vectors."""
     return np.reshape(getattr(problem, "noise_vectors", ()), (-1, problem.dimension))
@@ -219,14 +224,19 @@ def noise_hessian(problem: Problem, j: int, y: Array) -> Array:
 
 
 def noise_field(problem: Problem, j: int, y: Array) -> Array:
-    """The field of noise number j = 0, …, m − 1 without its c_j, (d, ...): f_j = B∇H_j, or the vector g_j."""
+    """The field of noise number j = 0, …, m − 1 without its c_j, (d, ...): B∇H_j, G_j∇H, or the vector g_j."""
+    if has_structures(problem):
+        return matvec(problem.structures[1 + j](y), problem.gradient(y))
     if len(vectors := noise_vectors(problem)):
         return np.broadcast_to(vectors[j].reshape(-1, *(1,) * (y.ndim - 1)), y.shape)
     return matvec(problem.structure(y), noise_gradients(problem)[j](y))
 
 
 def noise_slope(problem: Problem, j: int, y: Array) -> Array:
-    """The derivative f_j′(y) of the field f_j = B∇H_j (or a constant vector) of noise number j, (d, d, ...)."""
+    """The derivative f_j′(y), (d, d, ...), of the field f_j of noise number j (`noise_field`)."""
+    if has_structures(problem):
+        turned = structure_slope(problem, y, problem.gradient(y), 1 + j)
+        return turned + matmul(problem.structures[1 + j](y), hessian(problem, y))
     if len(noise_vectors(problem)):
         return np.zeros((problem.dimension, *y.shape))
     turned = structure_slope(problem, y, noise_gradients(problem)[j](y))
@@ -270,8 +280,6 @@ def column(problem: Problem) -> str:
     """
     if not is_several(problem):
         return "one"
-    if not all(isinstance(G, CommutingStructure) for G in getattr(problem, "noise_structures", ())):
-        return "general"
     acting = [int(j) for j in np.flatnonzero(problem.c)]
     if acting and _vanish(problem, lambda y: [noise_slope(problem, j, y) for j in acting], per_field=True):
         return "additive"

@@ -51,7 +51,6 @@ LAWS = (
     "mean-square-order",
     "weak-order",
     "right-limit",
-    "commutation",
 )
 
 # Laws about a scheme and its twin, a second program: they are measured only if one is given (`Scheme.twin`).
@@ -59,7 +58,7 @@ OF_TWINS = ("agreement",)
 ALL_LAWS = (*LAWS, *OF_TWINS)
 
 # Laws about paths, which do not apply to increments that match only some moments of the normal distribution.
-PATHWISE = frozenset(("mean-square-order", "right-limit", "local-mean", "local-mean-square", "commutation"))
+PATHWISE = frozenset(("mean-square-order", "right-limit", "local-mean", "local-mean-square"))
 
 
 # Names of former versions, and the laws that say now what they said. They work for one version more.
@@ -72,6 +71,7 @@ FORMER = {
     "conformal-energy": "invariant:energy",
     "conformal-symplecticity": "poisson-map:conformal",
     "configurational-equilibrium": "equilibrium:positions",
+    "commutation": "mean-square-order",
 }
 
 

@@ -214,7 +214,7 @@ class Scheme:
         carries = isinstance(self.step, StatefulStep)
         if self.mean_square_order is not None:
             of_one_step = ("local-mean", "local-mean-square") if carries else ()
-            claims |= PATHWISE - {"commutation", *of_one_step}
+            claims |= PATHWISE - {*of_one_step}
         if self.weak_order is not None:
             claims |= {"weak-order"} if carries else {"weak-order", "local-weak"}
         if self.order is not None:

@@ -29,6 +29,7 @@ from sepv.problem import (
     undefined,
 )
 from sepv.schemes._one_step import ENERGY_PRESERVING, implicit, one_step
+from sepv.schemes._order_claims import Orders
 
 
 def formula(fields: Fields, y: Values, z: Values, step: Values) -> Values:
@@ -61,7 +62,8 @@ step = implicit(formula, derivative(formula), parts=each_noise, examine=mark_und
 scheme = one_step(
     "several-structures",
     step,
-    (ENERGY_PRESERVING | {"commutation"}) - {"midpoint", "random-step"},
+    ENERGY_PRESERVING - {"midpoint", "random-step"},
     "Cohen and Dujardin (2014), §1",
     systems=Systems.SEVERAL,
+    mean_square_order=Orders(0.5, commutative=1.0),
 )

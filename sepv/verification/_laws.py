@@ -11,7 +11,7 @@ from sepv.schemes import LAWS, OF_TWINS
 from sepv.verification._profiles import Requirement, laws_for
 
 # Laws that share the paths they draw (`Run.paths`): one process measures them, in this order.
-SAMPLED = ("mean-square-order", "weak-order", "right-limit", "commutation")
+SAMPLED = ("mean-square-order", "weak-order", "right-limit")
 # Laws that share the computed errors of one step (`Run.steps`).
 LOCAL = ("local-mean", "local-mean-square", "local-weak")
 # Laws measured first: they need a second or two, and show most faults. The contract is the very first: if every step

@@ -62,10 +62,13 @@ def test_the_kind_of_noise_is_told_by_brackets() -> None:
         "random-inertia": "general", "two-spins": "commutative", "noisy-henon-heiles": "additive",
         "pushed-henon-heiles": "additive", "commuting-twists": "commutative", "twisted-top": "one",
         "random-maxwell-bloch": "one", "point-vortices": "general", "random-lotka-volterra": "general",
-        "kubo-oscillator": "one", "rigid-body": "one", "pendulum": "one",
+        "kubo-oscillator": "one", "rigid-body": "one", "pendulum": "one", "commuting-rotations": "commutative",
+        "noncommuting-drift": "commutative", "noncommuting-tops": "general",
     }  # fmt: skip
     assert {name: column(problems.by_name(name)) for name in expected} == expected
     assert commutes(problems.kubo_oscillator())
+    assert commutes(problems.commuting_oscillators())
+    assert not commutes(problems.noncommuting_drift())
     assert not commutes(problems.two_spins())
 
 
@@ -134,7 +137,9 @@ def test_the_log_flow_is_exact_where_fields_commute() -> None:
     y0, W = np.asarray(problem.initial), np.array([[0.7, -1.3]])
     exact = problem.closed_form(y0, 0.5, W)
     free = replace(problem, closed_form=None, check=False)
-    assert ends(free, y0, 0.5, W) is None  # several structures: a scheme may not take them as Hamiltonians
+    derived = ends(free, y0, 0.5, W)
+    assert derived is not None
+    assert np.max(np.abs(derived - exact)) <= 1e-13
     parts = np.concatenate([np.full((1, 2), 0.5), problem.c[:, None] * W])
     found, error = log_flow(problem, np.repeat(y0[:, None], 2, axis=1), parts, np.zeros((0, 2)))
     assert np.max(np.abs(found - exact)) <= 1e-13

@@ -149,7 +149,7 @@ def test_no_law_asks_for_noise() -> None:
     silent = {f.law for f in report.findings if f.message == NO_NOISE}
     assert silent == {
         "noise-sum", "random-step", "expansion", "truncation", "local-mean", "local-mean-square", "local-weak",
-        "mean-square-order", "weak-order", "right-limit", "commutation",
+        "mean-square-order", "weak-order", "right-limit",
     }  # fmt: skip
 
 

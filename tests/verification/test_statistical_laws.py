@@ -10,7 +10,6 @@ from doors import but_deep, finding, measured, says, verdicts
 from drawn import euler, louder
 from scipy.special import bdtr, fdtri, stdtrit
 from sepv.properties import _sequential as sequential
-from sepv.properties import test_commutation as commutation
 from sepv.properties import test_mean_square_order as mean_square
 from sepv.properties import test_right_limit as limit
 from sepv.properties import test_rounding as rounding
@@ -33,7 +32,7 @@ from benchmarks.right_schemes import RIGHT
 from sepv import Scheme, problems, schemes, verify
 from sepv.core.newton import Status
 from sepv.core.step import Solution
-from sepv.problem import Array, Problem, vector_field
+from sepv.problem import Array, Problem, ito_drift, noise_field, vector_field
 from sepv.schemes._one_step import Solved
 from sepv.statistics import binomial, fishers_f, students_t
 from sepv.verification import Effort, Run, Verdict, load_laws
@@ -211,13 +210,53 @@ def test_the_shares_of_the_limit_are_what_the_fault_is() -> None:
 
 
 def test_noises_that_commute_give_order_one_with_a_drift_that_does_not() -> None:
-    (setup,) = [s for s in commutation.SETUPS if s.problem == "noncommuting-drift"]
+    setup, _ = mean_square.noncommuting(schemes.several_structures)
     run = {"T": setup.T, "steps": setup.steps, "paths": range(192), "seed": 0}
     errors = strong_errors(schemes.several_structures, setup.build(), **run)
     value, low, _ = mean_square_order(errors, 0.01)
     assert 0.8 < value < 1.05
     assert low > 0.6
     assert errors.reference < 0.5 * errors.rms()[-1]
+
+
+def test_several_structures_have_order_one_for_commuting_noises_and_a_half_for_others() -> None:
+    holds = finding(schemes.several_structures, "mean-square-order")
+    assert holds.verdict is Verdict.HOLDS, holds.message
+    for name in ("commuting-rotations", "commuting-oscillators", "noncommuting-drift", "noncommuting-tops"):
+        assert name in holds.message
+    assert "reference wrong by" in holds.message
+
+    def ito(problem: Problem, y: Array, h: float, dW: Array) -> Array:
+        """Euler-Maruyama on the Itô form, of order ½ with the right limit."""
+        parts = problem.c.reshape(-1, *(1,) * (dW.ndim - 1)) * dW
+        noise = sum(parts[j] * noise_field(problem, j, y) for j in range(problem.noises))
+        return y + h * ito_drift(problem, y) + noise
+
+    half = Scheme("ito", ito, systems="several", batched=True)
+
+    def verdict(scheme: Scheme, name: str, order: float | None) -> Verdict:
+        """The verdict for a claimed order on one problem, with a false alarm in 1,000."""
+        problem = problems.by_name(name)
+        errors = strong_errors(scheme, problem, T=0.5, steps=(4, 16, 64), paths=range(384), seed=0)
+        return mean_square.assessing(order, False)(problem, errors, 1e-3, 1.0).verdict
+
+    # Without a claim of an order, 1 is required for noises that commute, and ½ for others.
+    for name in ("commuting-rotations", "commuting-oscillators"):
+        assert verdict(half, name, None) is Verdict.VIOLATED
+    # No scheme that uses increments alone has order 1 for all noises.
+    for scheme in (half, schemes.several_structures):
+        assert verdict(scheme, "noncommuting-tops", None) is Verdict.HOLDS
+        assert verdict(scheme, "noncommuting-tops", 1.0) is Verdict.VIOLATED
+
+
+def test_a_claim_of_flows_that_commute_is_not_measured_on_others() -> None:
+    asked = lambda order: [  # noqa: E731
+        s.problem
+        for s in mean_square.noncommuting(replace(schemes.several_structures, mean_square_order=order))
+    ]
+    assert asked(None) == ["noncommuting-drift", "noncommuting-tops"]
+    assert asked(2.0) == []
+    assert mean_square.noncommuting(schemes.energy_preserving) == ()
 
 
 def test_a_scheme_for_one_state_is_asked_for_few_steps() -> None:

@@ -126,7 +126,7 @@ def _of_structures(formula: Formula) -> Callable[[], Scheme]:
     "the G_j are taken at y0: the energy is kept, and the limit is the Itô one",
     (
         *("casimir", "symmetry", "expansion", "reference", "local-mean", "local-mean-square", "local-weak"),
-        *("mean-square-order", "right-limit", "commutation"),
+        *("mean-square-order", "right-limit"),
     ),
     _of_structures,
 )
