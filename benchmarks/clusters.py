@@ -176,7 +176,7 @@ def throughput() -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0])
     parser.add_argument("what", choices=["memory", "overhead", "scheduler", "throughput"])
     parser.add_argument("--paths", type=float, default=1e6)
     parser.add_argument("--steps", type=int, default=0, help="[default: 4 for memory, 128 for overhead]")

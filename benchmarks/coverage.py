@@ -177,7 +177,7 @@ def deep(scheme: Scheme, problem: Problem, batches: int, seed: int) -> tuple[int
 
 def main() -> None:
     """Print the table as Markdown."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0])
     parser.add_argument("--batches", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--scheme", action="append", choices=list(SCHEMES))

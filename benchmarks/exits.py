@@ -159,7 +159,7 @@ def rows(paths: int) -> list[list[str]]:
 
 def main() -> None:
     """Print the table as Markdown."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0])
     parser.add_argument("--paths", type=int, default=4000)
     heads = ["problem", "scheme", "bound", "paths that left", "rms error of those that stay"]
     print(markdown(heads, rows(parser.parse_args().paths)))

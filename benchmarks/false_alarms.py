@@ -38,7 +38,7 @@ GROUPS: dict[str, dict[str, Scheme]] = {
 
 def main() -> None:
     """Add runs to the file, and print the count."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0])
     parser.add_argument("--runs", type=int, default=20, help="runs to add")
     parser.add_argument("--log", type=Path, default=Path("false_alarms.jsonl"))
     parser.add_argument("-j", "--workers", default="1", help="processes, or a Dask scheduler's address")

@@ -358,7 +358,7 @@ def trials(fault: Fault) -> list[Outcome]:
 
 def main() -> None:
     """Print the table as Markdown; exit code 1 if a fault is not survived."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0])
     parser.add_argument("--only", default="", help="kinds that begin so")
     chosen = [
         fault

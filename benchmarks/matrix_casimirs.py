@@ -59,7 +59,7 @@ def rows(paths: int) -> list[list[str]]:
 
 def main() -> None:
     """Print the table as Markdown."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0])
     parser.add_argument("--paths", type=int, default=100)
     print(
         markdown(["problem", "noise", "scheme", "tr P²", "tr P³", "tr P⁴"], rows(parser.parse_args().paths))

@@ -49,7 +49,7 @@ def defects(scheme: sepv.Scheme, name: str, h: float, steps: int, seed: int = 0)
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0])
     parser.add_argument("schemes", nargs="*", default=["energy-preserving", "midpoint", "discrete-gradient"])
     table = Table(title="largest relative defect at any step, in eps·√N", title_justify="left")
     for heading in ("scheme", "problem", "h", "N", "energy", "Casimir"):

@@ -180,7 +180,7 @@ def power(fault: Fault, seen: dict[tuple[int, ...], bool]) -> tuple[int, int, in
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0])
     parser.add_argument("--seeds", type=int, default=3, help="how many")
     parser.add_argument(
         "--start", type=int, default=0, help="the first: one that nobody has looked at while tuning"

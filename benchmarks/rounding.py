@@ -124,7 +124,7 @@ def measure(name: str, h: float, steps: int, paths: int, seed: int, table: Table
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0])
     parser.add_argument("--steps", type=float, default=1e6)
     parser.add_argument("--paths", type=int, default=32)
     parser.add_argument("--seed", type=int, default=0)

@@ -64,7 +64,7 @@ def verdicts(scheme: Scheme, laws: list[str], seeds: range) -> Counter[tuple[str
 
 def main() -> None:
     """Print a line for each scheme."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0])
     parser.add_argument("--seeds", type=int, default=10)
     parser.add_argument("--start", type=int, default=0)
     parser.add_argument("--scheme", action="append", choices=RIGHT, help="right ones; without --fault all")

@@ -35,7 +35,7 @@ def counted(name: str) -> Counter[str]:
 
 def main() -> None:
     """Print the table as Markdown."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0])
     parser.add_argument("schemes", nargs="*", default=["midpoint", "energy-preserving"])
     print("| scheme | steps | most of them |\n|---|--:|---|")
     for name in over(parser.parse_args().schemes):

@@ -49,7 +49,7 @@ def smallest(law: str, of: str) -> tuple[int | None, Verdict]:
 
 def main() -> None:
     """Print the table as Markdown."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0])
     parser.add_argument("--law", action="append", choices=LAWS)
     options = parser.parse_args()
     print(

@@ -158,7 +158,7 @@ def judged(
 
 def main() -> None:
     """Print the table as Markdown."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0])
     parser.add_argument("--problem", action="append", choices=list(PROBLEMS))
     parser.add_argument("--scheme", action="append", help=f"by default {', '.join(SCHEMES)}")
     parser.add_argument("--law", action="append", help=f"by default {', '.join(LAWS)}")

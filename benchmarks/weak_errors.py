@@ -98,7 +98,7 @@ def picture(found: list[WeakError], path: Path) -> None:
 
 def main() -> None:
     """Print the table, and draw the picture if one is asked for."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0])
     parser.add_argument("--problem", default="pendulum")
     parser.add_argument("--paths", type=lambda text: int(float(text)), default=1_000_000)
     parser.add_argument("--engine", default="auto")

@@ -48,7 +48,7 @@ def broken(wrong: Step, low: float, high: float) -> Scheme:
 
 def main() -> None:
     """Print the table as Markdown."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0])
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--start", type=int, default=0)
     options = parser.parse_args()

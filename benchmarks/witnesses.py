@@ -142,7 +142,7 @@ def text_of(data: dict[str, Any]) -> str:
 
 def main() -> None:
     """Write the files."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n\n")[0])
     parser.add_argument("--law", action="append", choices=searched_laws())
     parser.add_argument("-j", type=int, default=1, help="processes")
     options = parser.parse_args()

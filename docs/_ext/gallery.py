@@ -71,7 +71,7 @@ def _problems(folder: Path, T: float) -> Iterator[str]:
             frame(axes, Axis("t"), Axis("y"))
             drawn.legend(loc="outside upper right", ncols=problem.dimension)
             (folder / f"{name}.png").write_bytes(content(drawn, ".png", dpi=120))
-        what = (inspect.getdoc(inspect.getmodule(_maker(name))) or "").splitlines()[0]
+        what = (inspect.getdoc(inspect.getmodule(_maker(name))) or "").partition("\n\n")[0]
         facts = f"d = {problem.dimension}, {problem.noises} noise" + ("s" if problem.noises > 1 else "")
         yield f"## {name}\n\n{what} {facts}.\n\n![The components of one path of {name} against time]({name}.png)"
 

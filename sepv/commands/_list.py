@@ -65,7 +65,7 @@ def list_(words: tuple[str, ...]) -> None:
 
 
 def _problem_rows(factories: dict[str, Any], modules: list[str]) -> list[tuple[str, str, str]]:
-    """The rows of a table of problems, described by the first line of the docstring of a problem's file or function.
+    """The rows of a table of problems, described by the first paragraph of the docstring of a problem's file or function.
 
     `modules` lists the file of each problem. The docstring of a file with several problems describes none of them.
     """
@@ -73,7 +73,7 @@ def _problem_rows(factories: dict[str, Any], modules: list[str]) -> list[tuple[s
     for name, factory in factories.items():
         alone = modules.count(factory.__module__) == 1
         module = sys.modules[factory.__module__].__doc__ if alone else None
-        words = (module or factory.__doc__ or "").strip()
+        words = (module or factory.__doc__ or "").strip().partition("\n\n")[0]
         problem = factory()
-        rows.append((name, f"{problem.dimension}, {problem.noises}", words.partition("\n")[0]))
+        rows.append((name, f"{problem.dimension}, {problem.noises}", " ".join(words.split())))
     return rows

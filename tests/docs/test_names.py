@@ -141,7 +141,7 @@ def is_riddle(text: str) -> bool:
 def docstrings(tree: ast.Module) -> Iterator[tuple[int, str]]:
     for node in ast.walk(tree):
         if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef)) and (doc := ast.get_docstring(node)):
-            yield node.body[0].lineno, doc.splitlines()[0]
+            yield node.body[0].lineno, " ".join(doc.partition("\n\n")[0].split())
 
 
 def comments_on_constants(tree: ast.Module, lines: list[str]) -> Iterator[tuple[int, str]]:
